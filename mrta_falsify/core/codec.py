@@ -1,0 +1,323 @@
+"""Frozen dataclasses to and from JSON-shaped data, with messages that name the field.
+
+The type hints of a dataclass are its schema. ``quantity`` adds limits and array shapes to
+a field; ``decode`` checks them and reports the first violation as
+``world.json: robots[2].max_speed is -1.0 m/s; it must be > 0``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import enum
+import functools
+import hashlib
+import json
+import types
+import typing
+from pathlib import Path
+from typing import Any, Literal, TypeVar, Union
+
+import numpy as np
+import yaml
+
+from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.errors import FormatError, InputError
+
+T = TypeVar("T")
+
+MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Rule:
+    """What a field allows beyond its type."""
+
+    shape: tuple[int | str, ...] | None = None  #: array shape; letters match any length
+    low: float | None = None  #: smallest value allowed
+    above: float | None = None  #: values must be strictly greater
+    high: float | None = None  #: largest value allowed
+    unit: str = ""  #: written after the value in messages
+    allow_infinite: bool = False
+
+    def violation(self, value: Array | float) -> str:
+        """Reason why ``value`` is not allowed, empty if it is."""
+        numbers = np.asarray(value, dtype=np.float64)
+        if np.isnan(numbers).any() or (not self.allow_infinite and np.isinf(numbers).any()):
+            return "it must be finite"
+        if self.low is not None and (numbers < self.low).any():
+            return f"it must be >= {self.low:g}"
+        if self.above is not None and (numbers <= self.above).any():
+            return f"it must be > {self.above:g}"
+        if self.high is not None and (numbers > self.high).any():
+            return f"it must be <= {self.high:g}"
+        return ""
+
+
+def quantity(
+    *,
+    shape: tuple[int | str, ...] | None = None,
+    low: float | None = None,
+    above: float | None = None,
+    high: float | None = None,
+    unit: str = "",
+    allow_infinite: bool = False,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen."""
+    rule = Rule(shape, low, above, high, unit, allow_infinite)
+    metadata = {"rule": rule}
+    if default is dataclasses.MISSING:
+        return dataclasses.field(metadata=metadata)
+    if isinstance(default, (list, np.ndarray)):
+        return dataclasses.field(
+            default_factory=functools.partial(frozen_array, default), metadata=metadata
+        )
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+# --- out -------------------------------------------------------------------------------
+
+
+def encode(value: Any) -> Any:
+    """JSON-shaped data (dicts, lists, str, numbers, bool, None) for a value of this project."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
+        return {name: encode(item) for name, item in pairs}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, dict):
+        return {str(key): encode(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [encode(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value
+
+
+def canonical_json(value: Any) -> str:
+    """One text per value: sorted keys, shortest round-trip floats, -0.0 written as 0.0."""
+    return json.dumps(_without_negative_zero(encode(value)), sort_keys=True, separators=(",", ":"))
+
+
+def _without_negative_zero(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_negative_zero(item) for key, item in data.items()}
+    if isinstance(data, list):
+        return [_without_negative_zero(item) for item in data]
+    if isinstance(data, float):
+        return data + 0.0
+    return data
+
+
+def digest(value: Any) -> str:
+    """sha256 (hex) of the canonical JSON of ``value``."""
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()
+
+
+# --- in --------------------------------------------------------------------------------
+
+
+def decode(cls: type[T], data: Any, *, where: str = "input") -> T:
+    """Build ``cls`` from JSON-shaped data.
+
+    Args:
+        cls: a dataclass of this project.
+        data: what ``json.load`` or ``yaml.safe_load`` returned.
+        where: file name that starts every error message.
+
+    Returns:
+        The value, arrays frozen.
+
+    Raises:
+        InputError: unknown, missing or ill-typed field, wrong shape, limit broken, NaN.
+    """
+    return typing.cast(T, _decode(cls, data, where, "", None))
+
+
+def _fail(where: str, path: str, problem: str) -> typing.NoReturn:
+    raise InputError(f"{where}: {path or 'top level'} {problem}")
+
+
+def _show(data: Any) -> str:
+    text = repr(data)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    origin = typing.get_origin(hint)
+    if hint is Any:
+        return data
+    if origin in (Union, types.UnionType):
+        return _decode_union(hint, data, where, path, rule)
+    if origin is Literal:
+        allowed = typing.get_args(hint)
+        if data not in allowed:
+            names = ", ".join(map(repr, allowed))
+            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+        return data
+    if dataclasses.is_dataclass(hint):
+        return _decode_dataclass(typing.cast(type, hint), data, where, path)
+    if origin is tuple:
+        return _decode_tuple(hint, data, where, path, rule)
+    if origin is dict:
+        return _decode_dict(hint, data, where, path, rule)
+    if origin is np.ndarray or hint is np.ndarray:
+        return _decode_array(data, where, path, rule or Rule())
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        try:
+            return hint(data)
+        except ValueError:
+            names = ", ".join(repr(item.value) for item in hint)
+            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+    return _decode_scalar(hint, data, where, path, rule)
+
+
+def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    wanted = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}[hint]
+    if hint is float and isinstance(data, int) and not isinstance(data, bool):
+        data = float(data)
+    if not isinstance(data, hint) or (hint is int and isinstance(data, bool)):
+        _fail(where, path, f"is {_show(data)}; it must be {wanted}")
+    if hint in (float, int):
+        rule = rule or Rule()
+        problem = rule.violation(float(data))
+        if problem:
+            unit = f" {rule.unit}" if rule.unit else ""
+            _fail(where, path, f"is {data!r}{unit}; {problem}")
+    return data
+
+
+def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    options = typing.get_args(hint)
+    if data is None and type(None) in options:
+        return None
+    options = tuple(option for option in options if option is not type(None))
+    if len(options) == 1:
+        return _decode(options[0], data, where, path, rule)
+    tagged = {getattr(option, "KIND", None): option for option in options}
+    if not isinstance(data, dict) or data.get("kind") not in tagged:
+        names = ", ".join(sorted(str(name) for name in tagged))
+        given = data.get("kind") if isinstance(data, dict) else data
+        _fail(where, f"{path}.kind", f"is {_show(given)}; it must be one of {names}")
+    return _decode(tagged[data["kind"]], data, where, path, rule)
+
+
+def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
+    if not isinstance(data, dict):
+        _fail(where, path, f"is {_show(data)}; it must be an object with named fields")
+    fields = {f.name: f for f in dataclasses.fields(cls)}
+    for key in data:
+        if key not in fields:
+            nearest = difflib.get_close_matches(str(key), fields, n=1)
+            hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+            known = ", ".join(fields)
+            _fail(where, _join(path, str(key)), f"is not a known field{hint} Known: {known}")
+    hints = _type_hints(cls)
+    values = {}
+    for name, field in fields.items():
+        if name in data:
+            rule = field.metadata.get("rule")
+            values[name] = _decode(hints[name], data[name], where, _join(path, name), rule)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            _fail(where, _join(path, name), "is missing")
+    try:
+        return cls(**values)
+    except InputError as error:
+        error.args = (f"{where}: {path + ': ' if path else ''}{error}",)
+        raise error from None
+
+
+@functools.cache
+def _type_hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    if not isinstance(data, (list, tuple)):
+        _fail(where, path, f"is {_show(data)}; it must be a list")
+    args = typing.get_args(hint)
+    if len(args) == 2 and args[1] is Ellipsis:
+        return tuple(
+            _decode(args[0], item, where, f"{path}[{i}]", rule) for i, item in enumerate(data)
+        )
+    if len(data) != len(args):
+        _fail(where, path, f"has {len(data)} entries; it must have {len(args)}")
+    items = zip(args, data, strict=True)
+    return tuple(
+        _decode(arg, item, where, f"{path}[{i}]", rule) for i, (arg, item) in enumerate(items)
+    )
+
+
+def _decode_dict(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    if not isinstance(data, dict):
+        _fail(where, path, f"is {_show(data)}; it must be an object")
+    _, value_hint = typing.get_args(hint)
+    return {
+        str(key): _decode(value_hint, item, where, _join(path, str(key)), rule)
+        for key, item in data.items()
+    }
+
+
+def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
+    try:
+        array = frozen_array(data)
+    except (TypeError, ValueError):
+        _fail(where, path, f"is {_show(data)}; it must be numbers")
+    if rule.shape is not None:
+        # An empty list carries no trailing dimensions; give it the declared ones.
+        if array.size == 0 and any(isinstance(n, str) for n in rule.shape):
+            empty = tuple(0 if isinstance(n, str) else n for n in rule.shape)
+            array = frozen_array(np.zeros(empty))
+        fits = len(array.shape) == len(rule.shape) and all(
+            isinstance(wanted, str) or wanted == given
+            for wanted, given in zip(rule.shape, array.shape, strict=False)
+        )
+        if not fits:
+            wanted = "(" + ", ".join(map(str, rule.shape)) + ")"
+            _fail(where, path, f"has shape {array.shape}; it must be {wanted}")
+    problem = rule.violation(array)
+    if problem:
+        unit = f" {rule.unit}" if rule.unit else ""
+        _fail(where, path, f"is {_show(array.tolist())}{unit}; {problem}")
+    return array
+
+
+def _join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+# --- files -----------------------------------------------------------------------------
+
+
+def read_text(path: Path) -> str:
+    """Text of a file the user named; every failure is a :class:`FormatError`."""
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            limit = MAX_FILE_BYTES // 2**20
+            raise FormatError(f"{path}: the file has {size / 2**20:.0f} MB; at most {limit} MB")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise FormatError(f"{path}: cannot be read: {reason}") from None
+
+
+def read_json(path: Path) -> Any:
+    """JSON of a file; NaN and infinity are refused by :func:`decode`, not here."""
+    try:
+        return json.loads(read_text(path))
+    except (json.JSONDecodeError, RecursionError) as error:
+        detail = str(error) if isinstance(error, json.JSONDecodeError) else "it is nested too deep"
+        raise FormatError(f"{path}: is not valid JSON: {detail}") from None
+
+
+def read_yaml(path: Path) -> Any:
+    """YAML of a file, by the safe loader only."""
+    try:
+        return yaml.safe_load(read_text(path))
+    except (yaml.YAMLError, RecursionError) as error:
+        detail = " ".join(str(error).split())
+        raise FormatError(f"{path}: is not valid YAML: {detail}") from None

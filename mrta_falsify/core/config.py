@@ -1,0 +1,130 @@
+"""Which implementation of each layer an episode uses, and with which options."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.errors import ConfigError, UnknownNameError
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One implementation by its registered name (or ``module:Class``), with its options."""
+
+    name: str
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StackConfig:
+    """The whole stack under test; YAML in and out."""
+
+    allocator: Choice = Choice("insertion")
+    queue_policy: Choice = Choice("fifo")
+    priority_rule: Choice = Choice("fixed")
+    waypoint_generator: Choice = Choice("roadways")
+    planner: Choice = Choice("astar")
+    costmap: Choice = Choice("layered")
+    controller: Choice = Choice("cluster_cbf")
+    human_model: Choice = Choice("social_force")
+    engine: Choice = Choice("bullet")
+    control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
+    defects: tuple[str, ...] = ()  #: planted defects switched on, sorted
+
+    def __post_init__(self) -> None:
+        for name in self.defects:
+            if name not in DEFECTS:
+                raise UnknownNameError("defect", name, DEFECTS, where="defects")
+
+    def digest(self) -> str:
+        """sha256 of the canonical JSON."""
+        return codec.digest(self)
+
+    def has(self, defect: str) -> bool:
+        """Whether a planted defect is switched on."""
+        return defect in self.defects
+
+
+LAYERS: tuple[str, ...] = tuple(
+    field.name for field in dataclasses.fields(StackConfig) if field.type == "Choice"
+)
+
+
+def decode_config(data: Any, *, where: str) -> StackConfig:
+    """Stack configuration from YAML-shaped data.
+
+    A layer is written as a name (``planner: astar``) or as a name with options
+    (``planner: {name: astar, resolution: 0.1}``).
+
+    Raises:
+        ConfigError: unknown layer or ill-typed value.
+    """
+    if data is None:
+        return StackConfig()
+    if not isinstance(data, dict):
+        raise ConfigError(f"{where}: is {type(data).__name__}; it must map layers to names")
+    shaped: dict[str, Any] = {}
+    for key, value in data.items():
+        if key not in LAYERS:
+            shaped[key] = value
+        elif isinstance(value, str):
+            shaped[key] = {"name": value}
+        elif isinstance(value, dict) and set(value) == {"name", "options"}:
+            shaped[key] = value
+        elif isinstance(value, dict) and isinstance(value.get("name"), str):
+            options = {name: item for name, item in value.items() if name != "name"}
+            shaped[key] = {"name": value["name"], "options": options}
+        elif isinstance(value, dict):
+            default: Choice = getattr(StackConfig(), key)
+            shaped[key] = {"name": default.name, "options": value}
+        else:
+            raise ConfigError(f"{where}: {key} is {value!r}; it must be a name or an object")
+    if isinstance(shaped.get("defects"), list):
+        shaped["defects"] = sorted(set(map(str, shaped["defects"])))
+    return codec.decode(StackConfig, shaped, where=where)
+
+
+def read_config(path: Path) -> StackConfig:
+    """Stack configuration from a YAML file."""
+    return decode_config(codec.read_yaml(path), where=str(path))
+
+
+def apply_setting(config: StackConfig, setting: str) -> StackConfig:
+    """``config`` with one ``layer=name``, ``layer.option=value`` or ``defects=[a,b]`` applied.
+
+    Raises:
+        ConfigError: the text is not of that form.
+        UnknownNameError: no such layer.
+    """
+    where = f"--set {setting}"
+    key, separator, text = setting.partition("=")
+    if not separator or not key:
+        raise ConfigError(f"{where}: it must read layer=NAME or layer.option=VALUE")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"{where}: {text!r} is not a YAML value") from None
+    layer, _, option = key.strip().partition(".")
+    known = (*LAYERS, "control_rate", "defects")
+    if layer not in known:
+        raise UnknownNameError("layer", layer, known, where=where)
+    data: dict[str, Any] = codec.encode(config)
+    if option and layer in LAYERS:
+        data[layer]["options"][option] = value
+    elif option:
+        raise ConfigError(f"{where}: {layer} has no options")
+    elif layer in LAYERS:
+        data[layer] = {"name": str(value), "options": {}}
+    elif layer == "defects":
+        data[layer] = [value] if isinstance(value, str) else value
+    else:
+        data[layer] = value
+    return decode_config(data, where=where)

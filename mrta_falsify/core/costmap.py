@@ -1,0 +1,45 @@
+"""The costmap type; building one is the business of ``simulator_interface.costmap_layers``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, ByteArray, IntArray
+
+FREE = 0
+INSCRIBED = 253  #: a disc robot centred here touches an obstacle
+LETHAL = 254  #: the cell meets an obstacle
+UNKNOWN = 255
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Costmap:
+    """Grid of Nav2 cost bytes.
+
+    Row 0 is the southernmost row: cell ``(row, col)`` covers
+    ``origin + resolution * [col, row]`` to ``origin + resolution * [col + 1, row + 1]``.
+    """
+
+    cost: ByteArray  #: (rows, cols) Nav2 bytes: 0 free, 1-252 scaled, 253, 254, 255
+    resolution: float  #: cell size [m]
+    origin: Array  #: (2,) south-west corner [m], map frame
+
+    def cells(self, points: Array) -> IntArray:
+        """Cells ``(..., 2)`` as (row, col) of map points ``(..., 2)`` [m]; may lie outside."""
+        col_row = np.floor((np.asarray(points) - self.origin) / self.resolution)
+        return col_row[..., ::-1].astype(np.int64)
+
+    def centers(self, cells: IntArray) -> Array:
+        """Map points ``(..., 2)`` [m] at the centres of cells ``(..., 2)`` (row, col)."""
+        return self.origin + (np.asarray(cells)[..., ::-1] + 0.5) * self.resolution
+
+    def cost_at(self, points: Array) -> IntArray:
+        """Cost of map points ``(..., 2)`` [m]; outside the grid it is ``LETHAL``."""
+        cells = self.cells(points)
+        rows, cols = self.cost.shape
+        row, col = cells[..., 0], cells[..., 1]
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        values = self.cost[np.clip(row, 0, rows - 1), np.clip(col, 0, cols - 1)].astype(np.int64)
+        return np.where(inside, values, LETHAL)

@@ -1,0 +1,122 @@
+"""What engine and stack exchange each tick, and what the observer sees of it.
+
+N robots, H humans, A obstacle rays per robot.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+
+
+class Phase(enum.IntEnum):
+    """What a robot is doing, as its stack says."""
+
+    OFF = 0  #: has not joined yet
+    IDLE = 1  #: no task
+    DRIVING = 2  #: on the way to a room with a task
+    QUEUEING = 3  #: waits for a resource, or is on its way to a waiting spot without the grant
+    PLANNING = 4  #: waits for a valid path
+    SERVING = 5  #: loads or unloads
+    MAKING_ROOM = 6  #: idle, on the way to a parking spot
+
+
+#: Phases in which a robot counts as active: it has a task and does not wait in a queue.
+ACTIVE_PHASES = (Phase.DRIVING, Phase.PLANNING, Phase.SERVING)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sensed:
+    """The world after a step, as the engine measures it; ground truth, no noise."""
+
+    tick: int  #: control ticks since the start
+    time: float  #: simulation time [s]
+    pose: Array  #: (N, 3) x [m], y [m], yaw [rad]
+    velocity: Array  #: (N, 3) forward [m/s], left [m/s], turn rate [rad/s], body frame
+    human_position: Array  #: (H, 2) [m]
+    human_velocity: Array  #: (H, 2) [m/s], map frame
+    obstacle_points: Array  #: (N, A, 2) nearest static hit per ray [m], map frame; inf: none
+    gap_robot: Array  #: (N,) narrowest surface gap to a robot over the sub-steps [m], inf: far
+    gap_human: Array  #: (N,) the same to a human
+    gap_static: Array  #: (N,) the same to walls, furniture and blockages
+    nearest_robot: IntArray  #: (N,) robot number of ``gap_robot``, -1: none
+    nearest_human: IntArray  #: (N,) human number of ``gap_human``, -1: none
+    contact: BoolArray  #: (N, 3) touched a robot, human, static during the sub-steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FleetState:
+    """What the stack is told: localisation with its noise, humans, obstacle points."""
+
+    tick: int
+    time: float  #: [s]
+    pose: Array  #: (N, 3) as localised
+    velocity: Array  #: (N, 3) as in ``Sensed``
+    human_position: Array  #: (H, 2) [m]
+    human_velocity: Array  #: (H, 2) [m/s]
+    human_radius: Array  #: (H,) [m]
+    obstacle_points: Array  #: (N, A, 2) [m], map frame; inf: none
+    parked_for: Array  #: (N,) time since the robot last moved [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Command:
+    """Set points for the bases until the next tick."""
+
+    twist: Array  #: (N, 3) forward [m/s], left [m/s], turn rate [rad/s], body frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StackEvent:
+    """One line of the event table: what happened and why."""
+
+    time: float  #: [s]
+    kind: str  #: for example "granted", "picked-up", "no-path"; see docs/trace.md
+    robot: int = -1  #: robot number, -1: none
+    task: int = -1  #: task number, -1: none
+    resource: str = ""  #: name of the room or resource
+    other: int = -1  #: a second robot that is involved
+    detail: str = ""  #: in words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Intent:
+    """What the stack says of itself each tick; the oracle uses goals and paths, no claims."""
+
+    phase: IntArray  #: (N,) values of :class:`Phase`
+    goal: Array  #: (N, 2) room point or spot the robot finally heads for [m], nan: none
+    waypoint: Array  #: (N, 2) next waypoint [m], nan: none
+    path: tuple[
+        Array, ...
+    ]  #: N polylines (L, 2) still ahead, empty: none; same object if unchanged
+    cluster: IntArray  #: (N,) smallest robot number of the robot's cluster
+    leader: IntArray  #: (N,) robot number that computes this robot's command
+    slack: Array  #: (N,) largest barrier slack of the robot's QP, 0: none used
+    tasks_left: IntArray  #: (N,) stops still in the robot's itinerary
+    queue: IntArray  #: (N,) place in the queue it waits in, 0 = head, -1: none
+    waits_for: tuple[str, ...]  #: N names of the resource waited for, "" if none
+
+
+@dataclass(frozen=True, slots=True)
+class BlockedBy:
+    """One blocked-by edge: ``robot`` cannot go on because of ``other``."""
+
+    robot: int
+    cause: str  #: queue, cluster, barrier, human, wall, no-path, task
+    other: int = -1  #: robot number or human number, -1: something without a number
+    resource: str = ""  #: for cause "queue"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One tick of the trace: what specifications fold over."""
+
+    sensed: Sensed
+    command: Command
+    intent: Intent
+    events: tuple[StackEvent, ...]
+    blocked_by: tuple[BlockedBy, ...] = ()
+    signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals

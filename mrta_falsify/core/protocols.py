@@ -1,0 +1,249 @@
+"""The extension points: what a method must offer to take a layer's place.
+
+Every component is built as ``Component(options)`` from its frozen dataclass
+``Component.Options`` (the YAML options of the layer), by :mod:`mrta_falsify.core.registry`.
+N robots, H humans, A obstacle rays, R rooms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from mrta_falsify.core.allocation import Allocation, AllocationProblem
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.fleet import Command, Frame, Sensed
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Lane, World
+
+# --- allocation ------------------------------------------------------------------------
+
+
+@runtime_checkable
+class Allocator(Protocol):
+    """Decides which robot serves which task, and in which order."""
+
+    def allocate(self, problem: AllocationProblem) -> Allocation:
+        """Itineraries for all robots; never raises for an overloaded fleet, never None."""
+
+
+# --- queues ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiter:
+    """A robot that asks for a resource."""
+
+    robot: int
+    since: float  #: when it asked [s]
+    distance: float  #: straight distance to the resource's entry [m]
+    deadline: float  #: of its next drop-off [s], inf: none
+
+
+@runtime_checkable
+class QueuePolicy(Protocol):
+    """Decides who gets a resource next."""
+
+    def order(self, waiters: Sequence[Waiter]) -> tuple[int, ...]:
+        """Robot numbers, the next holder first; a permutation of the waiters' numbers."""
+
+
+# --- waypoints -------------------------------------------------------------------------
+
+
+@runtime_checkable
+class WaypointGenerator(Protocol):
+    """Turns "go from room i to room j" into waypoints."""
+
+    def to_queue(self, lane: Lane, tail: Array) -> Array:
+        """Waypoints ``(K, 2)`` [m] from the lane's start room to the waiting spot ``tail``."""
+
+    def to_room(self, lane: Lane) -> Array:
+        """Waypoints ``(K, 2)`` [m] from the lane's start room to the end room's point."""
+
+
+# --- planning --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """A planner's answer: a path, or the reason why there is none."""
+
+    path: Array  #: (L, 2) from start to goal [m], map frame; (0, 2) if there is none
+    length: float  #: [m], inf if there is no path
+    reason: str = ""  #: "", "start-blocked", "goal-blocked" or "unreachable"
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a path."""
+        return len(self.path) > 0
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Finds paths on a costmap; shared by all robots and by the humans."""
+
+    def use(self, costmap: Costmap) -> None:
+        """Plan on ``costmap`` from now on; may keep what it learned of an earlier one."""
+
+    def plan(self, start: Array, goal: Array) -> Plan:
+        """Path from ``start`` to ``goal``, both ``(2,)`` [m]; a pure function of map and points."""
+
+
+class CostmapSource(Protocol):
+    """Gives the costmap of the moment; the stack asks, the simulator interface builds."""
+
+    def costmap(self, time: float, parked: Array) -> Costmap:
+        """Costmap at ``time`` [s] with robots at rest at ``parked`` ``(P, 2)`` [m] as obstacles.
+
+        Returns the same object as long as nothing changed.
+        """
+
+
+# --- control ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlView:
+    """What the controllers of all robots may know at one tick."""
+
+    time: float  #: [s]
+    dt: float  #: control period [s]
+    pose: Array  #: (N, 3) as localised, map frame
+    velocity: Array  #: (N, 3) forward, left [m/s], turn rate [rad/s], body frame
+    target: Array  #: (N, 2) look-ahead point on the path [m]; nan: no reason to move
+    goal: Array  #: (N, 2) end of the current path [m]; nan: none
+    path: tuple[Array, ...]  #: N polylines (L, 2) ahead of the robot [m], empty: none
+    active: BoolArray  #: (N,) has a task and does not wait in a queue
+    present: BoolArray  #: (N,) has joined
+    rank: IntArray  #: (N,) priority, 0 first, a permutation
+    obstacle_points: Array  #: (N, A, 2) [m]; inf: none
+    human_position: Array  #: (H, 2) [m]
+    human_velocity: Array  #: (H, 2) [m/s]
+    human_radius: Array  #: (H,) [m]
+    states_link: BoolArray  #: (N,) robot shares its state with the others and hears theirs
+    leader_link: BoolArray  #: (N,) robot can send and receive remote commands
+    max_speed: Array  #: (N,) [m/s]
+    max_acceleration: Array  #: (N,) [m/s^2]
+    max_turn_rate: Array  #: (N,) [rad/s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlResult:
+    """Commands of all robots, and how they came about."""
+
+    command: Command
+    cluster: IntArray  #: (N,) smallest robot number of the robot's cluster
+    leader: IntArray  #: (N,) robot that computed this robot's command
+    slack: Array  #: (N,) largest barrier slack used, 0: none
+    fallback: BoolArray  #: (N,) no usable QP solution: braked instead
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """Computes every robot's command; what it remembers must survive ``copy.deepcopy``."""
+
+    def control(self, view: ControlView) -> ControlResult:
+        """Commands for one tick."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PriorityView:
+    """What a priority rule may use."""
+
+    time: float  #: [s]
+    pose: Array  #: (N, 3)
+    active: BoolArray  #: (N,)
+    distance_to_goal: Array  #: (N,) along the path [m], inf: none
+    waiting_since: Array  #: (N,) since when it made no progress [s], inf: makes progress
+
+
+@runtime_checkable
+class PriorityRule(Protocol):
+    """Orders the robots; the first active one of a cluster leads it."""
+
+    def ranks(self, view: PriorityView) -> IntArray:
+        """Rank ``(N,)`` of each robot, 0 first; a permutation."""
+
+
+# --- people ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CrowdView:
+    """What people perceive at one tick."""
+
+    dt: float  #: [s]
+    position: Array  #: (H, 2) [m]
+    velocity: Array  #: (H, 2) [m/s]
+    target: Array  #: (H, 2) next point of the own way [m]
+    desired_speed: Array  #: (H,) [m/s], 0: stands
+    radius: Array  #: (H,) [m]
+    reacts_to_robots: BoolArray  #: (H,)
+    present: BoolArray  #: (H,)
+    robot_position: Array  #: (N, 2) [m]
+    robot_velocity: Array  #: (N, 2) [m/s], map frame
+    robot_radius: Array  #: (N,) [m]
+    walls: Array  #: (S, 4) solid edges x1, y1, x2, y2 [m]
+
+
+@runtime_checkable
+class HumanModel(Protocol):
+    """Moves people."""
+
+    def velocities(self, view: CrowdView) -> Array:
+        """Velocities ``(H, 2)`` [m/s] for the next tick, map frame."""
+
+
+# --- the world's physics ---------------------------------------------------------------
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """Carries robots and people through the world; one object per episode."""
+
+    def start(self, world: World, dt: float, human_position: Array) -> Sensed:
+        """Build the world for control period ``dt`` [s] and measure it at time 0.
+
+        ``human_position`` ``(H, 2)`` [m] is where the people of ``world.humans`` begin.
+        """
+
+    def step(self, command: Command, human_velocity: Array) -> Sensed:
+        """Advance one control period; ``human_velocity`` ``(H, 2)`` [m/s], map frame."""
+
+    def close(self) -> None:
+        """Free everything; may be called twice."""
+
+
+# --- search ----------------------------------------------------------------------------
+
+
+@runtime_checkable
+class Sampler(Protocol):
+    """Proposes points of the unit cube and learns from their scores."""
+
+    def ask(self) -> Proposal:
+        """The next proposal, numbered from 0 without gaps."""
+
+    def tell(self, number: int, u: Array, score: float | None) -> None:
+        """Result of proposal ``number``: realised ``u`` ``(k,)``, score (None: rejected).
+
+        Called once per proposal, in number order.
+        """
+
+
+@runtime_checkable
+class Specification(Protocol):
+    """A fold over frames; built anew for each episode."""
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode with control period ``dt`` [s]."""
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+
+    def verdict(self) -> Verdict:
+        """Verdict to date; may be asked at any time."""

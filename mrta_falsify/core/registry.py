@@ -1,0 +1,91 @@
+"""Components by name: entry points for what is installed, ``module:Class`` for one's own.
+
+A component registers with one line of ``pyproject.toml``::
+
+    [project.entry-points."mrta_falsify.planner"]
+    my_planner = "my_package.my_module:MyPlanner"
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import importlib.metadata
+from typing import Any
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import ConfigError, UnknownNameError
+
+#: extension points; each is an entry-point group ``mrta_falsify.<name>``
+EXTENSION_POINTS = (
+    "allocator",
+    "queue_policy",
+    "priority_rule",
+    "waypoint_generator",
+    "planner",
+    "costmap",
+    "controller",
+    "dynamics",
+    "human_model",
+    "engine",
+    "sampler",
+    "specification",
+    "executor",
+)
+
+
+@functools.cache
+def _entry_points(point: str) -> dict[str, str]:
+    if point not in EXTENSION_POINTS:
+        raise UnknownNameError("extension point", point, EXTENSION_POINTS)
+    found = importlib.metadata.entry_points(group=f"mrta_falsify.{point}")
+    return {entry.name: entry.value for entry in sorted(found, key=lambda entry: entry.name)}
+
+
+def names(point: str) -> tuple[str, ...]:
+    """Registered names of an extension point, sorted."""
+    return tuple(_entry_points(point))
+
+
+def load(point: str, name: str, *, where: str = "") -> Any:
+    """Class (or function) registered as ``name``, or named as ``module:Class``.
+
+    Raises:
+        UnknownNameError: nobody registered the name.
+        ConfigError: ``module:Class`` cannot be imported.
+    """
+    known = _entry_points(point)
+    if name not in known and ":" not in name:
+        raise UnknownNameError(point, name, known, where=where)
+    target = known.get(name, name)
+    module_name, _, attribute = target.partition(":")
+    try:
+        return getattr(importlib.import_module(module_name), attribute)
+    except (ImportError, AttributeError) as error:
+        prefix = f"{where}: " if where else ""
+        raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from None
+
+
+def build(
+    point: str, choice: Choice, *, where: str = "stack", defects: tuple[str, ...] = ()
+) -> Any:
+    """Component of ``choice``, its options checked against ``Component.Options``.
+
+    Args:
+        point: extension point.
+        choice: registered name and options.
+        where: what error messages begin with.
+        defects: planted defects switched on; given to components whose options have
+            a field ``defects``.
+
+    Raises:
+        UnknownNameError: unknown name.
+        InputError: unknown or ill-typed option.
+    """
+    component = load(point, choice.name, where=f"{where}.{point}")
+    options = codec.decode(component.Options, choice.options, where=f"{where}.{point}")
+    if defects and any(f.name == "defects" for f in dataclasses.fields(component.Options)):
+        options = dataclasses.replace(options, defects=defects)
+    return component(options)

@@ -1,0 +1,251 @@
+"""The trace of an episode: columns over K ticks, path table, event table."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
+
+TRACE_VERSION = 1
+
+#: columns of a trace: name -> where the value is in a frame
+SENSED_COLUMNS = (
+    "time",
+    "pose",
+    "velocity",
+    "human_position",
+    "human_velocity",
+    "obstacle_points",
+    "gap_robot",
+    "gap_human",
+    "gap_static",
+    "nearest_robot",
+    "nearest_human",
+    "contact",
+)
+INTENT_COLUMNS = (
+    "phase",
+    "goal",
+    "waypoint",
+    "cluster",
+    "leader",
+    "slack",
+    "tasks_left",
+    "queue",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathChange:
+    """From ``tick`` on, ``robot`` follows ``points``."""
+
+    tick: int
+    robot: int
+    points: Array  #: (L, 2) [m], empty: no path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EdgeSpan:
+    """A blocked-by edge that held from tick ``first`` to tick ``last``, both included."""
+
+    first: int
+    last: int
+    edge: BlockedBy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """Everything that was seen of one episode.
+
+    ``columns`` maps the names of ``SENSED_COLUMNS``, ``INTENT_COLUMNS`` and ``command`` to
+    arrays whose first axis is the K recorded ticks, e.g. ``pose`` (K, N, 3).
+    """
+
+    world_digest: str
+    dt: float  #: control period [s]
+    robots: tuple[str, ...]  #: names, N
+    humans: tuple[str, ...]  #: names, H
+    columns: dict[str, np.ndarray]
+    paths: tuple[PathChange, ...]
+    events: tuple[StackEvent, ...]
+    edges: tuple[EdgeSpan, ...]
+    ended: str  #: why the episode ended: "all-tasks-done", "horizon", "decided", "interrupted"
+    digest: str  #: sha256 over every frame and the reason of the end
+
+    def __len__(self) -> int:
+        """Number of ticks K."""
+        return len(self.columns["time"])
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        times = self.columns["time"]
+        return float(times[-1]) if len(times) else 0.0
+
+
+@dataclass(slots=True)
+class TraceRecorder:
+    """Folds frames into a :class:`Trace`; with ``keep=False`` only into its digest."""
+
+    world_digest: str
+    dt: float
+    robots: tuple[str, ...]
+    humans: tuple[str, ...]
+    keep: bool = True
+    _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
+    _columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    _paths: list[PathChange] = field(default_factory=list)
+    _events: list[StackEvent] = field(default_factory=list)
+    _spans: list[EdgeSpan] = field(default_factory=list)
+    _open: dict[BlockedBy, tuple[int, int]] = field(default_factory=dict)
+    _last_paths: tuple[Array, ...] = ()
+
+    def add(self, frame: Frame) -> None:
+        """Take in one frame."""
+        tick = frame.sensed.tick
+        for name, value in _frame_columns(frame):
+            array = np.asarray(value)
+            self._hash.update(array.tobytes())
+            if self.keep:
+                kept = array.astype(np.float32) if name == "obstacle_points" else array
+                self._columns.setdefault(name, []).append(kept)
+        for event in frame.events:
+            self._hash.update(repr(event).encode())
+        self._add_paths(tick, frame.intent.path)
+        if self.keep:
+            self._events.extend(frame.events)
+            self._add_edges(tick, frame.blocked_by)
+
+    def _add_paths(self, tick: int, paths: tuple[Array, ...]) -> None:
+        for robot, points in enumerate(paths):
+            known = self._last_paths[robot] if robot < len(self._last_paths) else None
+            if points is known:
+                continue
+            self._hash.update(np.ascontiguousarray(points).tobytes())
+            if self.keep:
+                self._paths.append(PathChange(tick=tick, robot=robot, points=np.array(points)))
+        self._last_paths = paths
+
+    def _add_edges(self, tick: int, edges: tuple[BlockedBy, ...]) -> None:
+        still_open = {}
+        for edge in edges:
+            first, _ = self._open.pop(edge, (tick, tick))
+            still_open[edge] = (first, tick)
+        self._close_edges()
+        self._open = still_open
+
+    def _close_edges(self) -> None:
+        for edge, (first, last) in self._open.items():
+            self._spans.append(EdgeSpan(first=first, last=last, edge=edge))
+        self._open = {}
+
+    def finish(self, ended: str) -> Trace:
+        """The trace; the recorder is of no use afterwards."""
+        self._hash.update(ended.encode())
+        self._close_edges()
+        return Trace(
+            world_digest=self.world_digest,
+            dt=self.dt,
+            robots=self.robots,
+            humans=self.humans,
+            columns={name: np.stack(items) for name, items in self._columns.items()},
+            paths=tuple(self._paths),
+            events=tuple(self._events),
+            edges=tuple(sorted(self._spans, key=lambda span: (span.first, span.edge.robot))),
+            ended=ended,
+            digest=self._hash.hexdigest(),
+        )
+
+
+def _frame_columns(frame: Frame) -> Iterator[tuple[str, object]]:
+    for name in SENSED_COLUMNS:
+        yield name, getattr(frame.sensed, name)
+    yield "command", frame.command.twist
+    for name in INTENT_COLUMNS:
+        yield name, getattr(frame.intent, name)
+
+
+# --- files -----------------------------------------------------------------------------
+
+
+def write_trace(trace: Trace, path: Path) -> None:
+    """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle)."""
+    table = {
+        "version": TRACE_VERSION,
+        "world_digest": trace.world_digest,
+        "dt": trace.dt,
+        "robots": trace.robots,
+        "humans": trace.humans,
+        "paths": trace.paths,
+        "events": trace.events,
+        "edges": trace.edges,
+        "ended": trace.ended,
+        "digest": trace.digest,
+        "columns": sorted(trace.columns),
+    }
+    temporary = path.with_name(path.name + ".part")
+    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("table.json", json.dumps(codec.encode(table)))
+        for name, column in sorted(trace.columns.items()):
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, column, allow_pickle=False)
+            archive.writestr(f"{name}.npy", buffer.getvalue())
+    os.replace(temporary, path)
+
+
+def read_trace(path: Path) -> Trace:
+    """Read what :func:`write_trace` wrote.
+
+    Raises:
+        FormatError: not such a file, damaged, or of another version.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            table = json.loads(archive.read("table.json"))
+            if table.get("version") != TRACE_VERSION:
+                given = table.get("version")
+                raise FormatError(
+                    f"{path}: trace version {given}; this version reads {TRACE_VERSION}"
+                )
+            columns = {
+                name: np.lib.format.read_array(
+                    io.BytesIO(archive.read(f"{name}.npy")), allow_pickle=False
+                )
+                for name in table["columns"]
+            }
+    except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
+        raise FormatError(f"{path}: is not a readable trace: {error}") from None
+    return Trace(
+        world_digest=table["world_digest"],
+        dt=table["dt"],
+        robots=tuple(table["robots"]),
+        humans=tuple(table["humans"]),
+        columns=columns,
+        paths=tuple(
+            PathChange(
+                tick=row["tick"],
+                robot=row["robot"],
+                points=np.array(row["points"], dtype=np.float64).reshape(-1, 2),
+            )
+            for row in table["paths"]
+        ),
+        events=tuple(StackEvent(**row) for row in table["events"]),
+        edges=tuple(
+            EdgeSpan(first=row["first"], last=row["last"], edge=BlockedBy(**row["edge"]))
+            for row in table["edges"]
+        ),
+        ended=table["ended"],
+        digest=table["digest"],
+    )

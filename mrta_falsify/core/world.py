@@ -1,0 +1,313 @@
+"""The world of one episode as plain data: the artefact of record.
+
+A :class:`World` holds everything an episode needs and nothing that runs. A *layout* is a
+world without robots, humans, tasks and events; :func:`dataclasses.replace` adds them.
+All lengths in metres, angles in radians, times in seconds, in the map frame of REP-103.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.errors import FormatError, UnknownNameError, WorldError
+
+SCHEMA_VERSION = 1
+
+#: what a communication outage can cut
+LINKS = ("dispatcher", "planner", "states", "leader")
+Link = Literal["dispatcher", "planner", "states", "leader"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Wall:
+    """A solid that belongs to the building."""
+
+    name: str  #: unique among walls
+    polygon: Array = quantity(shape=("V", 2), unit="m")  #: outline, counter-clockwise, map frame
+    height: float = quantity(above=0.0, unit="m", default=3.0)
+    traced: bool = False  #: outlined from the occupancy map itself, so left out of map scores
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Furniture:
+    """A movable or built-in object that robots must not touch."""
+
+    name: str  #: unique among furniture
+    kind: str  #: for example "bed", "chair"
+    polygon: Array = quantity(shape=("V", 2), unit="m")  #: footprint, counter-clockwise, map frame
+    height: float = quantity(above=0.0, unit="m", default=1.0)
+    mesh: str = ""  #: name of a mesh to draw, empty for the extruded footprint
+    traced: bool = False  #: outlined from the occupancy map itself, so left out of map scores
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Room:
+    """A place that tasks name; its index in ``World.rooms`` is the room number."""
+
+    name: str
+    point: Array = quantity(shape=(2,), unit="m")  #: where pick-ups and drop-offs happen
+    door: Array = quantity(shape=("D", 2), unit="m", default=[])  #: segment across the entrance
+    area: Array = quantity(shape=("V", 2), unit="m", default=[])  #: outline, may be unknown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lane:
+    """Right-hand way from one room to another."""
+
+    start: int = quantity(low=0)  #: room number
+    end: int = quantity(low=0)  #: room number
+    to_queue: Array = quantity(shape=("K", 2), unit="m")  #: waypoints that end at the queue tail
+    to_room: Array = quantity(shape=("K", 2), unit="m")  #: waypoints that end at the room point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Resource:
+    """Something at most ``capacity`` robots may use at once: a room, corridor, door, lift, charger.
+
+    A robot asks for the resource when it is on its way there and inside ``request_area``;
+    while others hold it, it waits at the first free spot. It lets go when it is outside
+    ``release_area`` and no longer heading for the resource.
+    """
+
+    name: str
+    kind: Literal["room", "corridor", "door", "elevator", "charger"] = "room"
+    room: int | None = None  #: room number, for ``kind == "room"``
+    capacity: int = quantity(low=1, default=1)
+    spots: Array = quantity(shape=("S", 2), unit="m", default=[])  #: waiting spots, head first
+    entry: Array = quantity(
+        shape=("K", 2), unit="m", default=[]
+    )  #: waypoints from head spot inside
+    request_area: Array = quantity(shape=("V", 2), unit="m")  #: polygon
+    release_area: Array = quantity(shape=("V", 2), unit="m")  #: polygon
+    hold: Literal["until_left", "until_served"] = "until_left"  #: when the holder lets go
+    service_time: float = quantity(low=0.0, unit="s", default=0.0)  #: occupied this long per visit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RobotSpec:
+    """A robot as the world describes it; never changes during an episode."""
+
+    name: str  #: unique, used in traces and reports
+    model: str = "waffle"  #: robot model (URDF and body) known to the engine
+    pose: Array = quantity(shape=(3,), unit="m, m, rad")  #: start pose, map frame
+    radius: float = quantity(above=0.0, unit="m", default=0.22)  #: planning radius
+    max_speed: float = quantity(above=0.0, unit="m/s", default=1.5)
+    max_acceleration: float = quantity(above=0.0, unit="m/s^2", default=1.0)
+    max_turn_rate: float = quantity(above=0.0, unit="rad/s", default=2.0)
+    capacity: int = quantity(low=1, default=2)  #: items carried at once
+    position_noise: float = quantity(low=0.0, unit="m", default=0.0)  #: localisation, std per axis
+    heading_noise: float = quantity(low=0.0, unit="rad", default=0.0)  #: localisation, std
+    wheel_slip: float = quantity(
+        low=0.0, high=0.9, default=0.0
+    )  #: std of relative wheel speed loss
+    command_latency: float = quantity(low=0.0, high=2.0, unit="s", default=0.0)
+    joins_at: float = quantity(low=0.0, unit="s", default=0.0)  #: takes no task before this time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HumanSpec:
+    """A person who walks a route."""
+
+    name: str  #: unique
+    route: Array = quantity(shape=("K", 2), unit="m")  #: points visited in turn; K = 1: stands
+    repeat: bool = True  #: start again at the first point after the last
+    speed: float = quantity(low=0.0, unit="m/s", default=1.0)  #: desired walking speed
+    radius: float = quantity(above=0.0, unit="m", default=0.25)
+    reacts_to_robots: bool = True
+    start: float = quantity(
+        low=0.0, high=1.0, default=0.0
+    )  #: share of the route's length walked at 0
+    appears_at: float = quantity(low=0.0, unit="s", default=0.0)
+    leaves_at: float = quantity(low=0.0, unit="s", allow_infinite=False, default=1e9)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Task:
+    """One delivery; its index in ``World.tasks`` is the task number."""
+
+    arrival: float = quantity(low=0.0, unit="s")  #: known to the dispatcher from then on
+    start: int = quantity(low=0)  #: room number of the pick-up
+    end: int = quantity(low=0)  #: room number of the drop-off
+    deadline: float = quantity(low=0.0, unit="s")  #: absolute time of the drop-off
+    pickup_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
+    dropoff_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blockage:
+    """A solid that stands in the way for a time."""
+
+    KIND: ClassVar[str] = "blockage"
+    kind: Literal["blockage"] = "blockage"
+    name: str
+    polygon: Array = quantity(shape=("V", 2), unit="m")  #: counter-clockwise, map frame
+    start: float = quantity(low=0.0, unit="s")
+    end: float = quantity(low=0.0, unit="s")
+    height: float = quantity(above=0.0, unit="m", default=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommsOutage:
+    """Named links of some robots that are down for a time."""
+
+    KIND: ClassVar[str] = "comms_outage"
+    kind: Literal["comms_outage"] = "comms_outage"
+    name: str
+    robots: tuple[str, ...]  #: robot names; empty means all
+    links: tuple[Link, ...] = LINKS  # type: ignore[assignment]
+    start: float = quantity(low=0.0, unit="s")
+    end: float = quantity(low=0.0, unit="s")
+
+
+Event = Blockage | CommsOutage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class World:
+    """Everything one episode needs."""
+
+    schema: int = SCHEMA_VERSION
+    name: str
+    bounds: Array = quantity(shape=(4,), unit="m")  #: x min, y min, x max, y max
+    walls: tuple[Wall, ...] = ()
+    furniture: tuple[Furniture, ...] = ()
+    rooms: tuple[Room, ...] = ()
+    lanes: tuple[Lane, ...] = ()
+    resources: tuple[Resource, ...] = ()
+    parking: Array = quantity(shape=("P", 2), unit="m", default=[])  #: spots for idle robots
+    travel_times: Array = quantity(shape=("R", "R"), low=0.0, unit="s", default=[])  #: room to room
+    robots: tuple[RobotSpec, ...] = ()
+    humans: tuple[HumanSpec, ...] = ()
+    tasks: tuple[Task, ...] = ()
+    events: tuple[Event, ...] = ()
+    horizon: float = quantity(
+        above=0.0, unit="s", default=900.0
+    )  #: an episode ends here at the latest
+    ray_noise: float = quantity(low=0.0, unit="m", default=0.0)  #: std of obstacle distances
+    seed: int = quantity(low=0, default=0)  #: of all noise inside the episode
+
+    def digest(self) -> str:
+        """sha256 of the canonical JSON."""
+        return codec.digest(self)
+
+    def solid_polygons(self) -> tuple[Array, ...]:
+        """Outlines ``(V, 2)`` [m] of walls, then furniture."""
+        walls = tuple(wall.polygon for wall in self.walls)
+        return walls + tuple(item.polygon for item in self.furniture)
+
+    def __post_init__(self) -> None:
+        check_world(self)
+
+
+def check_world(world: World) -> None:
+    """Refuse worlds whose parts contradict each other.
+
+    Raises:
+        WorldError: the first contradiction found, with the field and both values. Geometry
+            (a start inside a wall) is checked where the costmap is known.
+    """
+    if world.schema != SCHEMA_VERSION:
+        raise WorldError(f"schema is {world.schema}; this version reads {SCHEMA_VERSION}")
+    x_min, y_min, x_max, y_max = world.bounds
+    if not (x_min < x_max and y_min < y_max):
+        raise WorldError(
+            f"bounds is {world.bounds.tolist()}; it must be [x min, y min, x max, y max]"
+        )
+    _check_unique(world)
+    _check_polygons(world)
+    rooms = len(world.rooms)
+    for i, task in enumerate(world.tasks):
+        for field in ("start", "end"):
+            number = getattr(task, field)
+            if number >= rooms:
+                raise WorldError(f"tasks[{i}].{field} is room {number}; rooms are 0 to {rooms - 1}")
+        if task.deadline < task.arrival:
+            raise WorldError(
+                f"tasks[{i}].deadline is {task.deadline} s, before its arrival at {task.arrival} s"
+            )
+    for i, lane in enumerate(world.lanes):
+        if max(lane.start, lane.end) >= rooms:
+            raise WorldError(
+                f"lanes[{i}] joins rooms {lane.start} and {lane.end}; rooms are 0 to {rooms - 1}"
+            )
+    for i, resource in enumerate(world.resources):
+        if resource.kind == "room" and (resource.room is None or not 0 <= resource.room < rooms):
+            raise WorldError(f"resources[{i}].room is {resource.room}; rooms are 0 to {rooms - 1}")
+    if world.tasks and world.travel_times.shape != (rooms, rooms):
+        raise WorldError(
+            f"travel_times has shape {world.travel_times.shape}; it must be ({rooms}, {rooms})"
+        )
+    names = {robot.name for robot in world.robots}
+    for i, event in enumerate(world.events):
+        if event.end < event.start:
+            raise WorldError(
+                f"events[{i}].end is {event.end} s, before its start at {event.start} s"
+            )
+        if isinstance(event, CommsOutage):
+            for name in event.robots:
+                if name not in names:
+                    raise UnknownNameError("robot", name, names, where=f"events[{i}].robots")
+
+
+def _check_unique(world: World) -> None:
+    groups: dict[str, tuple[Any, ...]] = {
+        "walls": world.walls,
+        "furniture": world.furniture,
+        "rooms": world.rooms,
+        "resources": world.resources,
+        "robots": world.robots,
+        "humans": world.humans,
+        "events": world.events,
+    }
+    for group, items in groups.items():
+        seen: dict[str, int] = {}
+        for i, item in enumerate(items):
+            if item.name in seen:
+                raise WorldError(
+                    f"{group}[{i}].name is {item.name!r}, the name of {group}[{seen[item.name]}]; "
+                    "names must differ"
+                )
+            seen[item.name] = i
+
+
+def _check_polygons(world: World) -> None:
+    solids: list[tuple[str, Array]] = [
+        *((f"walls[{i}]", wall.polygon) for i, wall in enumerate(world.walls)),
+        *((f"furniture[{i}]", item.polygon) for i, item in enumerate(world.furniture)),
+        *(
+            (f"events[{i}]", e.polygon)
+            for i, e in enumerate(world.events)
+            if isinstance(e, Blockage)
+        ),
+    ]
+    for where, polygon in solids:
+        if len(polygon) < 3:
+            raise WorldError(f"{where}.polygon has {len(polygon)} corners; it needs at least 3")
+
+
+def read_world(path: Path) -> World:
+    """World from a JSON file.
+
+    Raises:
+        InputError: the file cannot be read, is not JSON, or breaks the schema.
+    """
+    data = codec.read_json(path)
+    if not isinstance(data, dict) or "bounds" not in data:
+        raise FormatError(f"{path}: is not a world file (no field `bounds`)")
+    return codec.decode(World, data, where=str(path))
+
+
+def write_world(world: World, path: Path) -> None:
+    """Write ``world`` as canonical JSON; two equal worlds give equal bytes."""
+    path.write_text(codec.canonical_json(world) + "\n", encoding="utf-8")
+
+
+def without_actors(world: World) -> World:
+    """The layout of ``world``: no robots, humans, tasks or events."""
+    return dataclasses.replace(world, robots=(), humans=(), tasks=(), events=())

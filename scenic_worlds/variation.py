@@ -1,0 +1,80 @@
+"""What a seed changes in a fixed world: starts, people's pace and phase, sensor noise."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from shapely import STRtree
+from shapely.geometry import Point, Polygon
+
+from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.seeding import stream
+from mrta_falsify.core.world import RobotSpec, World
+
+START_OFFSET = 0.2  # m, robots start within this of their place
+WALKING_SPEED = (1.0, 0.15)  # m/s, mean and standard deviation of people's desired speed
+SLOWEST, FASTEST = 0.5, 1.5  # m/s, bounds of the desired speed
+RAY_NOISE = 0.01  # m, standard deviation of measured obstacle distances, as the Waffle's lidar
+ATTEMPTS = 200
+
+
+def vary_world(world: World, seed: int) -> World:
+    """``world`` as candidate 0 of a campaign with ``seed`` sees it.
+
+    Start poses move within 0.2 m (never into an obstacle or another robot), people get a
+    phase on their route and a desired speed, and obstacle distances get noise.
+
+    Args:
+        world: the fixed world.
+        seed: >= 0.
+
+    Returns:
+        A new world whose ``seed`` field is ``seed``.
+
+    Raises:
+        WorldError: a robot's start has no free place within 0.2 m.
+    """
+    random = stream(seed, "start_offsets")
+    solids = [Polygon(polygon) for polygon in world.solid_polygons()]
+    tree = STRtree(solids)
+    placed: list[RobotSpec] = []
+    for robot in world.robots:
+        placed.append(_moved_start(robot, placed, tree, random))
+    random = stream(seed, "people")
+    humans = tuple(
+        dataclasses.replace(
+            human,
+            start=float(random.uniform()) if len(human.route) > 1 else human.start,
+            speed=float(np.clip(random.normal(*WALKING_SPEED), SLOWEST, FASTEST)),
+        )
+        for human in world.humans
+    )
+    return dataclasses.replace(
+        world, robots=tuple(placed), humans=humans, ray_noise=RAY_NOISE, seed=seed
+    )
+
+
+def _moved_start(
+    robot: RobotSpec, placed: list[RobotSpec], tree: STRtree, random: np.random.Generator
+) -> RobotSpec:
+    for _ in range(ATTEMPTS):
+        angle, share = random.uniform(0.0, 2.0 * np.pi), np.sqrt(random.uniform())
+        offset = START_OFFSET * share * np.array([np.cos(angle), np.sin(angle)])
+        pose = np.append(robot.pose[:2] + offset, robot.pose[2])
+        if _is_free(pose, robot.radius, placed, tree):
+            return dataclasses.replace(robot, pose=frozen_array(pose))
+    raise WorldError(
+        f"robots.{robot.name}.pose is {robot.pose.tolist()}; within {START_OFFSET} m of it there "
+        f"is no place {robot.radius} m clear of obstacles and robots"
+    )
+
+
+def _is_free(pose: Array, radius: float, placed: list[RobotSpec], tree: STRtree) -> bool:
+    for other in placed:
+        if np.hypot(*(pose[:2] - other.pose[:2])) <= radius + other.radius:
+            return False
+    point = Point(pose[:2])
+    near = tree.query(point, predicate="dwithin", distance=radius)
+    return len(near) == 0
