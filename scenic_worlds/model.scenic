@@ -30,6 +30,18 @@ def room(place):
     return places.room(place)
 
 
+def home_of(start_room):
+    """Position of a robot parked in a room."""
+    x, y = places.room_point(start_room)
+    return Vector(x, y, 0.075)
+
+
+def first_stop(route):
+    """Position of a person at the first stop of a route."""
+    stop = places.room_point(route[0]) if isinstance(route[0], (int, str)) else route[0]
+    return Vector(stop[0], stop[1], 0.85)
+
+
 class FloorObject(Object):
     """Anything that stands on the floor."""
     kind: 'object'
@@ -114,7 +126,7 @@ class Robot(FloorObject):
     """A robot at a position, or parked at the point of `start_room`."""
     kind: 'robot'
     start_room: None
-    position: self._home()
+    position: home_of(self.start_room)
     width: 0.30
     length: 0.30
     height: 0.15
@@ -122,16 +134,12 @@ class Robot(FloorObject):
     maxSpeed: 1.5
     capacity: 2
 
-    def _home(self):
-        x, y = places.room_point(self.start_room)
-        return (x, y, 0.075)
-
 
 class Human(FloorObject):
     """A person who walks `route` (points, room numbers or room names) at `speed`."""
     kind: 'human'
     route: []
-    position: (self._first()[0], self._first()[1], 0.85)
+    position: first_stop(self.route)
     width: 0.5
     length: 0.5
     height: 1.7
@@ -140,7 +148,3 @@ class Human(FloorObject):
     repeat: True
     allowCollisions: True
     regionContainedIn: everywhere
-
-    def _first(self):
-        stop = self.route[0]
-        return places.room_point(stop) if isinstance(stop, (int, str)) else stop

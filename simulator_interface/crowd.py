@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
@@ -20,7 +21,8 @@ LOOK_AHEAD = 0.8  # m along the way to the point that a person walks towards
 ARRIVAL = 0.3  # m, goal switch distance of MRTA-Sim's people
 LOST = 1.5  # m off the way: look for a new one
 FREE_REACH = 2.0  # m, how far a route point inside an obstacle may be moved
-PATIENCE = 8.0  # s without progress before a person looks for another way
+PATIENCE = 8.0  # s without progress before a person turns to the next point of the route
+WINDOW = 40  # points of the way that are looked at; they are about 0.1 m apart
 NO_ROBOTS = np.zeros((0, 2))
 
 
@@ -49,6 +51,15 @@ class Crowd:
     _map: Costmap | None = None
     _blockages: tuple[Blockage, ...] = ()
     _edges: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    _radius: Array = field(init=False)
+    _reacts: BoolArray = field(init=False)
+    _robot_radius: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        humans = self.world.humans
+        self._radius = np.array([human.radius for human in humans])
+        self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
+        self._robot_radius = np.array([robot.radius for robot in self.world.robots])
 
     def start(self) -> Array:
         """Start positions ``(H, 2)`` [m] of the people on their planned ways."""
@@ -73,19 +84,18 @@ class Crowd:
         forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
         robot_velocity = forward * sensed.velocity[:, :1] + left * sensed.velocity[:, 1:2]
-        humans = self.world.humans
         view = CrowdView(
             dt=self.dt,
             position=sensed.human_position,
             velocity=sensed.human_velocity,
             target=targets,
             desired_speed=np.array([self._speed(w) for w in self._walkers]),
-            radius=np.array([h.radius for h in humans]),
-            reacts_to_robots=np.array([h.reacts_to_robots for h in humans]),
+            radius=self._radius,
+            reacts_to_robots=self._reacts,
             present=present_humans(self.world, sensed.time),
             robot_position=sensed.pose[:, :2],
             robot_velocity=robot_velocity,
-            robot_radius=np.array([robot.radius for robot in self.world.robots]),
+            robot_radius=self._robot_radius,
             walls=self._edges,
         )
         return self.model.velocities(view)
@@ -142,23 +152,14 @@ class Crowd:
         end = float(np.hypot(*(walker.way[-1] - position)))
         if end < walker.closest - 0.2:
             walker.closest, walker.closest_at = end, time
-        if end < ARRIVAL:
+        if end < ARRIVAL or time - walker.closest_at > PATIENCE:
             self._turn_to_next_point(walker, position, time)
-            if not len(walker.way):
-                return position
-        ahead = walker.way[walker.passed :]
-        near = np.hypot(ahead[:40, 0] - position[0], ahead[:40, 1] - position[1])
-        closest = int(np.argmin(near))
-        walker.passed += closest
-        if near[closest] > LOST or time - walker.closest_at > PATIENCE:
+        elif _off_way(walker.way, walker.passed, position) > LOST:
             self._find_way(walker, position, time)
-            if not len(walker.way):
-                return position
-            ahead = walker.way[walker.passed :]
-        else:
-            ahead = ahead[closest:]
-        far = np.hypot(ahead[:40, 0] - position[0], ahead[:40, 1] - position[1]) >= LOOK_AHEAD
-        return ahead[int(np.argmax(far))] if far.any() else ahead[min(len(ahead), 40) - 1]
+        if not len(walker.way):
+            return position
+        walker.passed, ahead = _ahead(walker.way, walker.passed, position)
+        return walker.way[ahead]
 
     def _turn_to_next_point(self, walker: _Walker, position: Array, time: float) -> None:
         points = len(walker.spec.route)
@@ -170,8 +171,14 @@ class Crowd:
         self._find_way(walker, position, time)
 
     def _find_way(self, walker: _Walker, position: Array, time: float) -> None:
-        goal = self._free_point(walker.spec.route[walker.next_point])
-        way = self._way(position, goal)
+        """A way to the next route point, or to the first after it that can be reached."""
+        points = len(walker.spec.route)
+        way = np.zeros((0, 2))
+        for _ in range(points):
+            way = self._way(position, self._free_point(walker.spec.route[walker.next_point]))
+            if len(way) or not walker.spec.repeat:
+                break
+            walker.next_point = (walker.next_point + 1) % points
         if not len(way):  # shut in for now: keep the old way and ask again later
             way = walker.way[walker.passed :]
         walker.way, walker.passed = way, 0
@@ -194,6 +201,29 @@ def solid_edges(world: World, time: float) -> Array:
     if not polygons:
         return np.zeros((0, 4))
     return np.concatenate([np.hstack([p, np.roll(p, -1, axis=0)]) for p in polygons])
+
+
+@njit(cache=True)
+def _off_way(way: Array, passed: int, position: Array) -> float:
+    """Distance [m] from ``position`` to the next stretch of ``way``."""
+    best = np.inf
+    for i in range(passed, min(passed + WINDOW, len(way))):
+        best = min(best, np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]))
+    return best
+
+
+@njit(cache=True)
+def _ahead(way: Array, passed: int, position: Array) -> tuple[int, int]:
+    """Index of the closest point not yet passed, and of the point to walk towards."""
+    closest, best, stop = passed, np.inf, min(passed + WINDOW, len(way))
+    for i in range(passed, stop):
+        distance = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1])
+        if distance < best:
+            closest, best = i, distance
+    for i in range(closest, stop):
+        if np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) >= LOOK_AHEAD:
+            return closest, i
+    return closest, stop - 1
 
 
 def _length(points: Array) -> float:

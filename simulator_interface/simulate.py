@@ -14,7 +14,7 @@ import numpy as np
 
 from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import FleetState, Frame, Sensed, StackEvent
 from mrta_falsify.core.protocols import Engine, Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
@@ -25,6 +25,8 @@ from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
 from simulator_interface.crowd import Crowd
 
+#: people need more room than a robot's disc; they see every object
+PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
 MOVED = 0.05  # m; a robot that stays within this of its place counts as parked
 
 
@@ -103,7 +105,7 @@ class Episode:
 
     def _new_crowd(self) -> Crowd:
         # People find their way on the true map, whatever the stack's own map leaves out.
-        true_map = registry.build("costmap", self.config.costmap).bind(self.world)
+        true_map = registry.build("costmap", PEOPLES_MAP).bind(self.world)
         model = registry.build("human_model", self.config.human_model)
         planner = registry.build("planner", StackConfig().planner)
         return Crowd(world=self.world, model=model, planner=planner, source=true_map, dt=self.dt)

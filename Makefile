@@ -1,0 +1,52 @@
+# Everything runs from .venv; `make demo` on a fresh machine needs only Python 3.11 and make.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3.11)
+BIN := .venv/bin
+STAMP := .venv/.installed
+WORKERS ?= 2
+
+.PHONY: help demo test unit check format bench clean
+
+help:
+	@echo "make demo    one run of the AWS hospital: picture, verdicts, report page"
+	@echo "make test    all tests"
+	@echo "make unit    the quick tests"
+	@echo "make check   format, lint, types, import contracts, quick tests"
+	@echo "make format  mend what ruff can mend"
+	@echo "make bench   speed of every layer as JSON"
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
+		echo "mrta-falsify needs Python 3.11 (PyBullet has no wheels for newer ones); found: $$($(PYTHON) --version 2>&1)." >&2; \
+		echo "Install it (for example: apt-get install python3.11-venv, or: uv python install 3.11) and run: make PYTHON=/path/to/python3.11" >&2; \
+		exit 2; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { \
+		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3.11-venv" >&2; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,daqp,video]'
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/mrta-falsify demo
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+unit: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not browser"
+
+check: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not browser"
+
+format: $(STAMP)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(STAMP)
+	$(BIN)/mrta-falsify bench --format json
+
+clean:
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis build demo-run

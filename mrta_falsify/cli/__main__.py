@@ -1,0 +1,5 @@
+"""``python -m mrta_falsify.cli``."""
+
+from mrta_falsify.cli.commands import main
+
+main()

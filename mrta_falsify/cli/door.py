@@ -1,0 +1,91 @@
+"""Exit codes and error texts: the one place where exceptions become words."""
+
+from __future__ import annotations
+
+import enum
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mrta_falsify.core.errors import InputError
+
+
+class ExitCode(enum.IntEnum):
+    """What the exit code of every command means."""
+
+    DONE = 0  #: nothing violated, or the command did its work
+    VIOLATED = 1  #: a specification is violated
+    BAD_INPUT = 2  #: the user's input or usage is wrong
+    HARNESS = 3  #: the toolkit itself failed
+    INTERRUPTED = 130  #: Ctrl-C
+
+
+class Door(click.Group):
+    """A command group whose failures end in one sentence and the right exit code."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run the command line and exit with its code."""
+        sys.exit(self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra))
+
+    def _exit_code(
+        self,
+        args: Sequence[str] | None,
+        prog_name: str,
+        complete_var: str | None,
+        extra: dict[str, Any],
+    ) -> int:
+        try:
+            result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            sys.stdout.flush()
+        except click.UsageError as error:
+            path = error.ctx.command_path if error.ctx is not None else prog_name
+            _say(f"{path}: {error.format_message()} (see: {path} --help)")
+            return ExitCode.BAD_INPUT
+        except click.ClickException as error:
+            _say(error.format_message())
+            return ExitCode.BAD_INPUT
+        except InputError as error:
+            _say(str(error))
+            return ExitCode.BAD_INPUT
+        except (click.Abort, KeyboardInterrupt):
+            _say("interrupted")
+            return ExitCode.INTERRUPTED
+        except BrokenPipeError:
+            # The reader of our output has gone; Python must not flush into the void at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return ExitCode.DONE
+        except Exception as error:
+            _say(
+                f"the toolkit itself failed: {type(error).__name__}: {error}; "
+                f"this is no verdict about the stack. Traceback: {save_traceback(error)}"
+            )
+            return ExitCode.HARNESS
+        return int(result) if isinstance(result, int) else ExitCode.DONE
+
+
+def save_traceback(error: BaseException) -> Path:
+    """File with the full traceback of ``error``."""
+    handle, name = tempfile.mkstemp(prefix="mrta-falsify-", suffix="-traceback.txt")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(f"command: {sys.argv}\n\n")
+        traceback.print_exception(error, file=file)
+    return Path(name)
+
+
+def _say(text: str) -> None:
+    one_line = " ".join(text.split())
+    click.echo(f"error: {one_line}" if one_line != "interrupted" else one_line, err=True)

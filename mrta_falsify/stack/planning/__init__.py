@@ -1,0 +1,1 @@
+"""Path planning on costmaps, shared by all robots and by the humans."""

@@ -1,0 +1,150 @@
+"""Cost-aware A* on the costmap grid, with a goal field per goal that later starts extend.
+
+A plan is a pure function of (map, start, goal). The search runs from the goal towards the
+start and keeps its exact costs; another start of the same goal continues it. Because every
+cell on every best path is closed before a path is read off, the path never depends on what
+was asked before (see ``kernels.expand``).
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.protocols import Plan
+from mrta_falsify.stack.planning import kernels
+from mrta_falsify.stack.planning.grid import PlanningGrid, build_grid
+from mrta_falsify.stack.planning.paths import exit_cell, finished_plan, goal_cell, joined, no_plan
+
+KEPT_MAPS = 4  # maps whose grids and goal fields are kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AStarOptions:
+    """Options of the A* planner, preset as MRTA-Sim's Nav2 parameters."""
+
+    resolution: float = quantity(above=0.0, high=1.0, unit="m", default=0.05)
+    cost_weight: float = quantity(low=0.0, high=100.0, default=2.0)
+    allow_unknown: bool = True
+    tolerance: float = quantity(low=0.0, high=5.0, unit="m", default=0.25)  #: blocked goals only
+    goal_cache: int = quantity(low=1, high=1000, default=16)  #: fields kept, 5 bytes a cell each
+    defects: tuple[str, ...] = ()
+
+
+Options = AStarOptions
+
+
+@dataclass(slots=True, eq=False)
+class _GoalField:
+    """Exact cost to one goal, as far as it was asked for."""
+
+    cost: kernels.Costs
+    closed: kernels.Marks
+    frontier: kernels.Cells
+
+
+@dataclass(slots=True, eq=False)
+class _MapMemory:
+    """What was learned of one costmap."""
+
+    costmap: Costmap
+    grid: PlanningGrid
+    fields: OrderedDict[int, _GoalField] = field(default_factory=OrderedDict)
+
+
+class AStar:
+    """Planner of this name; see the module."""
+
+    Options = AStarOptions
+
+    def __init__(self, options: AStarOptions) -> None:
+        self._options = options
+        self._maps: list[_MapMemory] = []  # the map in use is the last one
+
+    def use(self, costmap: Costmap) -> None:
+        """Plan on ``costmap`` from now on; goal fields of the last few maps are kept."""
+        for i, known in enumerate(self._maps):
+            if known.costmap is costmap:
+                self._maps.append(self._maps.pop(i))
+                return
+        options = self._options
+        grid = build_grid(
+            costmap,
+            resolution=options.resolution,
+            cost_weight=options.cost_weight,
+            allow_unknown=options.allow_unknown,
+        )
+        self._maps = [*self._maps[-(KEPT_MAPS - 1) :], _MapMemory(costmap, grid)]
+
+    def plan(self, start: Array, goal: Array) -> Plan:
+        """Path from ``start`` to ``goal``, both ``(2,)`` [m], map frame.
+
+        A start closer to an obstacle than the robot's radius begins with a straight way
+        out, at most ``ESCAPE`` long; a goal that close is replaced by the nearest free cell
+        within ``tolerance``. Apart from that way out, no segment of the path enters a cell
+        of cost 253 or more.
+
+        Returns:
+            Points at most ``SPACING`` apart, or the reason why there is no path.
+
+        Raises:
+            HarnessError: no costmap was given yet.
+        """
+        if not self._maps:
+            raise HarnessError("AStar.plan: no costmap; call use(costmap) first")
+        memory = self._maps[-1]
+        grid = memory.grid
+        start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+        if not np.isfinite(start).all():
+            return no_plan("start-blocked")
+        first = grid.free_cell(grid.coordinates(start))
+        way_out = first < 0
+        if way_out:
+            first = exit_cell(memory.costmap, grid, grid.prices, start)
+        if first < 0:
+            return no_plan("start-blocked")
+        last, end = goal_cell(grid, goal, self._options.tolerance)
+        if last < 0:
+            return no_plan("goal-blocked")
+        to_goal = self._extended_field(memory, last, first)
+        if way_out and not to_goal.closed[first]:
+            # The nearest exit leads into a pocket: take the nearest that leads to the goal.
+            reachable = grid.prices * to_goal.closed.reshape(grid.prices.shape)
+            first = exit_cell(memory.costmap, grid, reachable, start)
+        if first < 0 or not to_goal.closed[first]:
+            return no_plan("unreachable")
+        cells = kernels.descend(grid.prices, to_goal.cost, to_goal.closed, first)
+        corners = grid.points(kernels.pull_taut(grid.prices, to_goal.cost, cells))
+        return finished_plan(joined(grid, start, corners, end, keep_first=way_out))
+
+    def _extended_field(self, memory: _MapMemory, last: int, first: int) -> _GoalField:
+        """Field of the goal cell ``last``, closed at ``first`` if that can be reached."""
+        found = memory.fields.pop(last, None)
+        if found is None:
+            size = memory.grid.prices.size
+            found = _GoalField(
+                cost=np.full(size, kernels.FAR, dtype=np.int32),
+                closed=np.zeros(size, dtype=np.uint8),
+                frontier=np.array([last], dtype=np.int32),
+            )
+            found.cost[last] = 0
+        if len(found.frontier):
+            found.frontier = kernels.expand(
+                memory.grid.prices, found.cost, found.closed, found.frontier, first
+            )
+        memory.fields[last] = found
+        self._forget_fields()
+        return found
+
+    def _forget_fields(self) -> None:
+        kept = sum(len(memory.fields) for memory in self._maps)
+        for memory in self._maps:  # the oldest maps first, and there the oldest goals
+            while kept > self._options.goal_cache and memory.fields:
+                memory.fields.popitem(last=False)
+                kept -= 1

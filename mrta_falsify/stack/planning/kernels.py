@@ -1,0 +1,319 @@
+"""Compiled parts of the planners: search over a padded price grid, lines over cells.
+
+A *price grid* is a costmap as the search sees it: one whole number per cell, 0 for cells
+that must not be entered, else ``PRICE`` (free) and more. It has a border of one blocked
+cell, so no neighbour lies outside. Cells are flat indices ``row * width + col``. All costs
+are whole numbers, so sums do not depend on the order of summation.
+
+A straight step between cells of prices p and q costs ``p + q``, a diagonal one
+``(p + q) * 181 / 128`` rounded down (181 / 128 is the square root of 2 to 2e-4). A diagonal
+step needs both cells beside it free: no corner is cut.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Prices = NDArray[np.uint16]  #: (rows, width) price grid
+Costs = NDArray[np.int32]  #: (rows * width,) cost to come, FAR: not reached
+Marks = NDArray[np.uint8]  #: (rows * width,) 1: the cost to come is final
+Cells = NDArray[np.int32]  #: (n,) flat indices
+
+PRICE = 50  #: price of a free cell; a straight step between free cells costs twice as much
+FAR = np.int32(2**31 - 1)
+DEARER = 1.005  # a true diagonal costs up to 0.4 % more than its rounded steps
+_STRAIGHT = 2 * PRICE  # least cost of a straight step
+_DIAGONAL = (2 * PRICE * 181) >> 7  # least cost of a diagonal step
+
+
+@njit(cache=True)
+def expand(  # noqa: PLR0915 - one loop, split would cost calls per cell
+    prices: Prices, cost: Costs, closed: Marks, frontier: Cells, target: int
+) -> Cells:  # pragma: no cover - compiled
+    """Continue a search until the cost of ``target`` and of all its best paths is final.
+
+    A* with the octile distance to ``target`` as its consistent heuristic, so every closed
+    cell has its exact cost to come, whatever the target was. Therefore the search may be
+    continued towards another target: the frontier only gets new keys. Cells are closed
+    until the smallest key exceeds the cost of ``target``: then all cells on *every* best
+    path are closed, and descending the costs gives the same path whatever was asked before.
+
+    Args:
+        prices: price grid.
+        cost: cost to come; updated.
+        closed: which costs are final; updated.
+        frontier: reached cells that are not closed, in any order, repeats allowed.
+        target: cell to reach, not blocked.
+
+    Returns:
+        The new frontier; empty if everything that can be reached is closed.
+
+    Reference: Hart, Nilsson & Raphael, "A formal basis for the heuristic determination of
+    minimum cost paths", 1968; bucket queue: Dial, "Algorithm 360", 1969.
+    """
+    width = prices.shape[1]
+    price = prices.ravel()
+    target_row, target_col = target // width, target % width
+    # Bucket queue: heads[key - base] starts a linked list of pool entries.
+    base, largest = np.int64(FAR), np.int64(0)
+    keys = np.empty(len(frontier), np.int64)
+    for i in range(len(frontier)):
+        cell = frontier[i]
+        dr, dc = abs(cell // width - target_row), abs(cell % width - target_col)
+        keys[i] = cost[cell] + _STRAIGHT * max(dr, dc) + (_DIAGONAL - _STRAIGHT) * min(dr, dc)
+        base = min(base, keys[i])
+        largest = max(largest, keys[i])
+    heads = np.full(max(int(largest - base), 0) + 65536, -1, np.int32)
+    pool_cell = np.empty(max(4096, 2 * len(frontier)), np.int32)
+    pool_next = np.empty(len(pool_cell), np.int32)
+    used, spare = 0, -1
+    for i in range(len(frontier)):
+        if closed[frontier[i]]:
+            continue
+        pool_cell[used] = frontier[i]
+        pool_next[used] = heads[keys[i] - base]
+        heads[keys[i] - base] = used
+        used += 1
+    waiting = used
+    key = 0
+    steps = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
+    step_row = np.array([0, 0, -1, 1, -1, -1, 1, 1])
+    step_col = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    while waiting > 0:
+        while heads[key] < 0:
+            key += 1
+        if cost[target] != FAR and closed[target] and key + base > cost[target]:
+            break
+        entry = heads[key]
+        heads[key] = pool_next[entry]
+        pool_next[entry] = spare
+        spare = entry
+        waiting -= 1
+        cell = pool_cell[entry]
+        if closed[cell]:
+            continue
+        closed[cell] = 1
+        here, price_here = cost[cell], np.int32(price[cell])
+        row, col = cell // width - target_row, cell % width - target_col
+        for k in range(8):
+            step = steps[k]
+            other = cell + step
+            if price[other] == 0 or closed[other]:
+                continue
+            pay = price_here + np.int32(price[other])
+            if k >= 4:
+                beside = step_col[k]
+                if price[cell + beside] == 0 or price[other - beside] == 0:
+                    continue
+                pay = (pay * 181) >> 7
+            if here + pay >= cost[other]:
+                continue
+            cost[other] = here + pay
+            dr, dc = abs(row + step_row[k]), abs(col + step_col[k])
+            ahead = _STRAIGHT * max(dr, dc) + (_DIAGONAL - _STRAIGHT) * min(dr, dc)
+            slot = here + pay + ahead - base
+            if slot >= len(heads):
+                longer = np.full(2 * len(heads), -1, np.int32)
+                longer[: len(heads)] = heads
+                heads = longer
+            if spare >= 0:
+                entry = spare
+                spare = pool_next[entry]
+            else:
+                if used == len(pool_cell):
+                    more_cells = np.empty(2 * used, np.int32)
+                    more_next = np.empty(2 * used, np.int32)
+                    more_cells[:used] = pool_cell
+                    more_next[:used] = pool_next
+                    pool_cell, pool_next = more_cells, more_next
+                entry = used
+                used += 1
+            pool_cell[entry] = other
+            pool_next[entry] = heads[slot]
+            heads[slot] = entry
+            waiting += 1
+    left = np.empty(waiting, np.int32)
+    count = 0
+    while waiting > 0:
+        entry = heads[key]
+        while entry >= 0:
+            waiting -= 1
+            if not closed[pool_cell[entry]]:
+                left[count] = pool_cell[entry]
+                count += 1
+            entry = pool_next[entry]
+        key += 1
+    return left[:count].copy()
+
+
+@njit(cache=True)
+def descend(
+    prices: Prices, cost: Costs, closed: Marks, start: int
+) -> Cells:  # pragma: no cover - compiled
+    """Cells from ``start`` down the exact costs to where they are 0; ties by fixed order."""
+    width = prices.shape[1]
+    price = prices.ravel()
+    steps = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
+    step_col = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    cells = np.empty(1024, np.int32)
+    cells[0] = start
+    count = 1
+    cell = start
+    while cost[cell] > 0:
+        for k in range(8):
+            other = cell + steps[k]
+            if price[other] == 0 or not closed[other]:
+                continue
+            pay = np.int32(price[cell]) + np.int32(price[other])
+            if k >= 4:
+                beside = step_col[k]
+                if price[cell + beside] == 0 or price[other - beside] == 0:
+                    continue
+                pay = (pay * 181) >> 7
+            if cost[other] + pay == cost[cell]:
+                break
+        else:
+            return cells[:0]  # cannot happen while the costs are exact
+        cell = other
+        if count == len(cells):
+            longer = np.empty(2 * count, np.int32)
+            longer[:count] = cells
+            cells = longer
+        cells[count] = cell
+        count += 1
+    return cells[:count]
+
+
+@njit(cache=True)
+def line_cost(
+    prices: Prices, x1: float, y1: float, x2: float, y2: float
+) -> float:  # pragma: no cover - compiled
+    """Cost of a straight line, inf if it meets a blocked cell; coordinates in cells.
+
+    The integral of twice the price along the line, so that it compares with search costs.
+    A line through a grid corner meets the cells on both sides; a line along a grid line
+    counts as lying in the cells east or north of it, as a point does.
+    """
+    rows, width = prices.shape
+    if not (0 < x1 < width and 0 < x2 < width and 0 < y1 < rows and 0 < y2 < rows):
+        return np.inf
+    dx, dy = x2 - x1, y2 - y1
+    length = np.hypot(dx, dy)
+    col, row = int(np.floor(x1)), int(np.floor(y1))
+    last_col, last_row = int(np.floor(x2)), int(np.floor(y2))
+    if prices[row, col] == 0 or prices[last_row, last_col] == 0:
+        return np.inf
+    step_col = 1 if dx > 0 else -1
+    step_row = 1 if dy > 0 else -1
+    per_col = 1.0 / abs(dx) if dx != 0.0 else np.inf
+    per_row = 1.0 / abs(dy) if dy != 0.0 else np.inf
+    next_col = ((col + 1 - x1) if dx > 0 else (x1 - col)) * per_col if dx != 0.0 else np.inf
+    next_row = ((row + 1 - y1) if dy > 0 else (y1 - row)) * per_row if dy != 0.0 else np.inf
+    total, done = 0.0, 0.0
+    tolerance = 1e-9
+    for _ in range(abs(last_col - col) + abs(last_row - row)):
+        if col == last_col and row == last_row:
+            break
+        through_corner = abs(next_col - next_row) <= tolerance
+        if through_corner and min(prices[row, col + step_col], prices[row + step_row, col]) == 0:
+            return np.inf
+        total += 2.0 * prices[row, col] * (min(next_col, next_row) - done) * length
+        done = min(next_col, next_row)
+        if through_corner:
+            col += step_col
+            row += step_row
+            next_col += per_col
+            next_row += per_row
+        elif next_col < next_row:
+            col += step_col
+            next_col += per_col
+        else:
+            row += step_row
+            next_row += per_row
+        if prices[row, col] == 0:
+            return np.inf
+    return float(total + 2.0 * prices[row, col] * max(1.0 - done, 0.0) * length)
+
+
+@njit(cache=True)
+def pull_taut(prices: Prices, cost: Costs, cells: Cells) -> Cells:  # pragma: no cover - compiled
+    """Corners of a path: cells whose straight connections cost no more than the path.
+
+    Greedy from the start: each corner looks ahead for as long as the straight line to the
+    next cell of the path is free and not dearer than the path between the two.
+    """
+    width = prices.shape[1]
+    corners = np.empty(len(cells), np.int32)
+    corners[0] = cells[0]
+    count, anchor = 1, 0
+    while anchor < len(cells) - 1:
+        reach = anchor + 1
+        x, y = cells[anchor] % width + 0.5, cells[anchor] // width + 0.5
+        while reach + 1 < len(cells):
+            ahead = cells[reach + 1]
+            pay = line_cost(prices, x, y, ahead % width + 0.5, ahead // width + 0.5)
+            if pay > DEARER * (cost[cells[anchor]] - cost[ahead]):
+                break
+            reach += 1
+        corners[count] = cells[reach]
+        count += 1
+        anchor = reach
+    return corners[:count]
+
+
+@njit(cache=True)
+def nearest_free(
+    prices: Prices, lethal: Marks, x: float, y: float, radius: float, leave: bool
+) -> int:  # pragma: no cover - compiled
+    """Free cell whose centre is nearest to a point, -1: none; lengths in cells.
+
+    Args:
+        prices: price grid.
+        lethal: ``(rows * width,)`` 1 where a cell meets an obstacle.
+        x: column coordinate.
+        y: row coordinate.
+        radius: farthest centre allowed.
+        leave: ask for a straight way out: from the point to the centre the line may pass
+            lethal cells only at its beginning (an obstacle it already stands in, never one
+            in between).
+
+    Returns:
+        The cell; of equally near ones that with the smallest index.
+    """
+    rows, width = prices.shape
+    best, best_distance = -1, radius * radius + 1e-9
+    reach = int(np.ceil(radius)) + 1
+    row0, col0 = int(np.floor(y)), int(np.floor(x))
+    for row in range(max(1, row0 - reach), min(rows - 1, row0 + reach + 1)):
+        for col in range(max(1, col0 - reach), min(width - 1, col0 + reach + 1)):
+            if prices[row, col] == 0:
+                continue
+            distance = (col + 0.5 - x) ** 2 + (row + 0.5 - y) ** 2
+            if distance >= best_distance:
+                continue
+            if leave and not _leads_out(lethal, width, rows, x, y, col + 0.5, row + 0.5):
+                continue
+            best, best_distance = row * width + col, distance
+    return best
+
+
+@njit(cache=True)
+def _leads_out(
+    lethal: Marks, width: int, rows: int, x1: float, y1: float, x2: float, y2: float
+) -> bool:  # pragma: no cover - compiled
+    samples = int(np.ceil(4.0 * np.hypot(x2 - x1, y2 - y1))) + 1
+    out = False
+    for k in range(samples + 1):
+        share = k / samples
+        row = int(np.floor(y1 + share * (y2 - y1)))
+        col = int(np.floor(x1 + share * (x2 - x1)))
+        if not (0 <= row < rows and 0 <= col < width):
+            continue
+        if lethal[row * width + col]:
+            if out:
+                return False
+        else:
+            out = True
+    return out

@@ -1,0 +1,214 @@
+"""Travel times between rooms, measured by driving one robot with the full stack."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import FormatError, WorldError
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.seeding import candidate_seed
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
+from scenic_worlds.variation import vary_world
+from simulator_interface.simulate import simulate
+
+PATIENCE = 900.0  # s, a trip that takes longer counts as no way
+STATISTICS = {
+    "max": lambda samples: float(np.max(samples)),
+    "mean": lambda samples: float(np.mean(samples)),
+    "p95": lambda samples: float(np.percentile(samples, 95.0)),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TravelTimes:
+    """Measured trips between R rooms."""
+
+    rooms: tuple[str, ...]  #: names, by room number
+    samples: dict[tuple[int, int], tuple[float, ...]]  #: (start, end) room -> seconds, may be empty
+
+    def matrix(self, statistic: str) -> Array:
+        """Times ``(R, R)`` [s] by "max", "mean" or "p95"; nan where there is no way."""
+        times = np.zeros((len(self.rooms), len(self.rooms)))
+        for (start, end), samples in self.samples.items():
+            times[start, end] = STATISTICS[statistic](samples) if samples else np.nan
+        return frozen_array(times)
+
+    def missing(self) -> list[tuple[int, int]]:
+        """Pairs of rooms without a way."""
+        return [pair for pair, samples in sorted(self.samples.items()) if not samples]
+
+
+def measure_travel_times(
+    world: World,
+    config: StackConfig | None = None,
+    *,
+    iterations: int = 3,
+    seed: int = 0,
+    samples_file: Path | None = None,
+    on_progress: Callable[[float], None] | None = None,
+) -> TravelTimes:
+    """Drive one robot from every room to every other, alone on the floor.
+
+    A trip lasts from the end of the pick-up in one room to the drop-off in the other.
+
+    Args:
+        world: rooms, lanes and obstacles; its robots, people, tasks and events stay away.
+        config: the stack that drives.
+        iterations: trips per pair; each starts within 0.2 m of the room point.
+        seed: of the start offsets.
+        samples_file: CSV that gets a line per finished pair; pairs already there are kept.
+        on_progress: called with the number of finished pairs.
+
+    Returns:
+        All samples [s].
+
+    Raises:
+        InputError: fewer than two rooms, or ``samples_file`` belongs to another measurement.
+    """
+    rooms = len(world.rooms)
+    if rooms < 2:
+        raise WorldError(f"rooms has {rooms} entries; travel times need at least 2")
+    config = config or StackConfig()
+    title = _title(world, config, seed, iterations)
+    samples = _read_samples(samples_file, title) if samples_file is not None else {}
+    if samples_file is not None and not samples:
+        samples_file.write_text(title + "\n", encoding="utf-8")
+    pairs = [(start, end) for start in range(rooms) for end in range(rooms) if start != end]
+    for number, (start, end) in enumerate(pairs):
+        if (start, end) not in samples:
+            trips = [
+                _drive(world, config, start, end, candidate_seed(seed, number * iterations + i))
+                for i in range(iterations)
+            ]
+            samples[start, end] = tuple(time for time in trips if time is not None)
+            if samples_file is not None:
+                _append_samples(samples_file, start, end, samples[start, end])
+        if on_progress is not None:
+            on_progress(number + 1)
+    return TravelTimes(rooms=tuple(room.name for room in world.rooms), samples=samples)
+
+
+class _TripClock:
+    """A specification that judges nothing and notes when the load came on and off."""
+
+    def __init__(self) -> None:
+        self.picked_up: float | None = None
+        self.dropped_off: float | None = None
+
+    def start(self, world: World, dt: float) -> None:
+        pass
+
+    def update(self, frame: Frame) -> None:
+        for event in frame.events:
+            if event.kind == "picked-up":
+                self.picked_up = event.time
+            elif event.kind == "dropped-off":
+                self.dropped_off = event.time
+
+    def verdict(self) -> Verdict:
+        return Verdict(spec="trip", robustness=0.0, violated=False)
+
+
+def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -> float | None:
+    """Time [s] of one trip, None if the robot did not arrive."""
+    clock = _TripClock()
+    outcome = simulate(
+        vary_world(_trip_world(world, start, end), seed),
+        config,
+        specifications=[clock],
+        keep_trace=False,
+        stop=lambda frame: "decided" if _is_given_up(frame) else "",
+    )
+    if outcome.ended == "interrupted":
+        raise KeyboardInterrupt
+    if clock.picked_up is None or clock.dropped_off is None:
+        return None
+    return round(clock.dropped_off - clock.picked_up, 6)
+
+
+def _is_given_up(frame: Frame) -> bool:
+    return any(event.kind == "no-path" for event in frame.events)
+
+
+def _trip_world(world: World, start: int, end: int) -> World:
+    kind = (
+        world.robots[0] if world.robots else RobotSpec(name="robot1", pose=frozen_array([0, 0, 0]))
+    )
+    at_home = [robot for robot in world.robots if _is_at(robot, world, start)]
+    yaw = at_home[0].pose[2] if at_home else 0.0
+    robot = dataclasses.replace(
+        kind, pose=frozen_array([*world.rooms[start].point, yaw]), joins_at=0.0
+    )
+    return dataclasses.replace(
+        without_actors(world),
+        robots=(robot,),
+        tasks=(Task(arrival=0.0, start=start, end=end, deadline=PATIENCE),),
+        horizon=PATIENCE,
+    )
+
+
+def _is_at(robot: RobotSpec, world: World, room: int) -> bool:
+    return bool(np.hypot(*(robot.pose[:2] - world.rooms[room].point)) < 1.0)
+
+
+# --- files -----------------------------------------------------------------------------
+
+
+def samples_file(path: Path) -> Path:
+    """Where the raw samples of an output file are kept: the CSV itself, or one beside it."""
+    return path if path.suffix == ".csv" else path.with_suffix(".samples.csv")
+
+
+def write_matrix(times: TravelTimes, path: Path, statistic: str) -> None:
+    """Write ``{units, rooms, statistic, travel_time}`` as JSON; null where there is no way."""
+    rows = [
+        [None if np.isnan(value) else float(value) for value in row]
+        for row in times.matrix(statistic)
+    ]
+    data = {"units": "s", "rooms": times.rooms, "statistic": statistic, "travel_time": rows}
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def _title(world: World, config: StackConfig, seed: int, iterations: int) -> str:
+    floor = codec.digest(without_actors(world))[:16]
+    return (
+        f"# start room, end room, seconds of each trip; floor {floor} "
+        f"stack {config.digest()[:16]} seed {seed} iterations {iterations}"
+    )
+
+
+def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, ...]]:
+    if not path.exists():
+        return {}
+    lines = codec.read_text(path).splitlines(keepends=True)
+    if not lines or lines[0].strip() != title:
+        raise FormatError(
+            f"{path}: holds another measurement (other world, stack, seed or iterations); "
+            "move it away or choose another file"
+        )
+    # A line without its end was cut off by an interruption: measure that pair again.
+    whole = [line for line in lines[1:] if line.endswith("\n")]
+    if len(whole) < len(lines) - 1:
+        path.write_text("".join([lines[0], *whole]), encoding="utf-8")
+    try:
+        rows = [[float(cell) for cell in row] for row in csv.reader(whole)]
+        return {(int(row[0]), int(row[1])): tuple(row[2:]) for row in rows}
+    except (ValueError, IndexError):
+        raise FormatError(f"{path}: is not a table of travel times; move it away") from None
+
+
+def _append_samples(path: Path, start: int, end: int, samples: tuple[float, ...]) -> None:
+    with path.open("a", encoding="utf-8") as file:
+        file.write(",".join(map(str, (start, end, *samples))) + "\n")
+        file.flush()

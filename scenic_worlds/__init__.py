@@ -1,0 +1,1 @@
+"""Scenic worlds: layouts, Scenic programs, and the Python that drives them."""

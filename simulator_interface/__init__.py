@@ -1,0 +1,1 @@
+"""From a scene to a trace: worlds, costmaps, engines, the tick loop, and foreign formats."""

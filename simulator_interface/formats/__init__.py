@@ -1,0 +1,1 @@
+"""File formats of other systems; each module reads or writes one of them."""

@@ -1,0 +1,239 @@
+"""Nav2 maps: a YAML file that describes a PGM picture.
+
+Row 0 of the picture is the northernmost; ``origin`` is the south-west corner. Grey levels
+and thresholds follow ``nav2_map_server``: with ``p = (255 - grey) / 255`` (``grey / 255``
+if ``negate``), a cell is occupied if ``p > occupied_thresh``, free if ``p < free_thresh``.
+
+Reference: https://docs.nav2.org/configuration/packages/configuring-map-server.html
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
+from mrta_falsify.core.errors import FormatError, InputError
+
+Mode = Literal["trinary", "scale", "raw"]
+
+OCCUPIED_THRESH = 0.65  # as MRTA-Sim's map
+FREE_THRESH = 0.25
+GREY_FREE, GREY_OCCUPIED = 254, 0  # what Nav2's map saver writes
+GREY_UNKNOWN = 128  # the saver's 205 would be read as free under a free_thresh of 0.25
+MAX_CELLS = 400_000_000  # more is a broken header
+
+_PGM_HEADER = re.compile(rb"P5\s(?:\s*#[^\n]*\n)*\s*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OccupancyGrid:
+    """A map as ``nav_msgs/OccupancyGrid`` has it."""
+
+    data: NDArray[np.int8]  #: (rows, cols) -1 unknown, 0 free to 100 occupied; row 0 southernmost
+    resolution: float  #: cell size [m]
+    origin: Array  #: (2,) south-west corner [m], map frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Description:
+    """The YAML file, field by field."""
+
+    image: str
+    resolution: float = quantity(above=0.0, unit="m")
+    origin: Array = quantity(shape=(3,), unit="m, m, rad")
+    negate: Any = 0  #: 0, 1, false or true
+    occupied_thresh: float = quantity(low=0.0, high=1.0, default=OCCUPIED_THRESH)
+    free_thresh: float = quantity(low=0.0, high=1.0, default=FREE_THRESH)
+    mode: Mode = "trinary"
+
+
+# --- costmap to occupancy --------------------------------------------------------------
+
+
+def occupancy_of(costmap: Costmap) -> OccupancyGrid:
+    """What Nav2 publishes for a costmap: 1-252 become 1-98, 253 99, 254 100, 255 -1."""
+    cost = np.arange(256)
+    table = (1 + (97 * (cost - 1)) // 251).astype(np.int8)
+    table[[FREE, INSCRIBED, LETHAL, UNKNOWN]] = [0, 99, 100, -1]
+    return OccupancyGrid(
+        data=table[costmap.cost], resolution=costmap.resolution, origin=costmap.origin
+    )
+
+
+def write_nav2_map(costmap: Costmap, path: Path, *, mode: Mode = "trinary") -> None:
+    """Write ``costmap`` as a Nav2 map: ``path`` (YAML) and a PGM of the same name beside it.
+
+    Args:
+        costmap: what to write.
+        path: the YAML file, ending in ``.yaml``.
+        mode: ``trinary`` marks lethal cells occupied, all other known ones free: the map a
+            Nav2 stack starts from. ``raw`` keeps the published value of every cell.
+            ``scale`` keeps it too, but has no grey level for unknown cells.
+
+    Raises:
+        FormatError: unknown cells in mode ``scale``; the file cannot be written.
+    """
+    grid = occupancy_of(costmap)
+    if mode == "trinary":
+        walls = np.where(costmap.cost == LETHAL, 100, 0)
+        data = np.where(costmap.cost == UNKNOWN, -1, walls).astype(np.int8)
+        grid = OccupancyGrid(data=data, resolution=grid.resolution, origin=grid.origin)
+    write_occupancy(grid, path, mode=mode)
+
+
+def write_costs(costmap: Costmap, path: Path) -> None:
+    """Write the cost bytes themselves as a PGM picture, northernmost row first."""
+    _write_pgm(path, costmap.cost[::-1])
+
+
+def write_occupancy(grid: OccupancyGrid, path: Path, *, mode: Mode = "trinary") -> None:
+    """Write an occupancy grid as YAML and PGM; reading them gives an equal grid.
+
+    In mode ``trinary`` values between the thresholds become unknown, as in Nav2.
+
+    Raises:
+        FormatError: unknown cells in mode ``scale``; the file cannot be written.
+    """
+    image = path.with_suffix(".pgm")
+    grey = _grey_levels(mode)[grid.data.astype(np.int64) + 1]
+    if mode == "scale" and (grid.data < 0).any():
+        count = int((grid.data < 0).sum())
+        raise FormatError(
+            f"{path}: {count} cells are unknown; mode scale has no grey level for them "
+            "(write mode trinary or raw)"
+        )
+    _write_pgm(image, grey[::-1])
+    x, y = grid.origin.tolist()
+    text = (
+        f"image: {image.name}\n"
+        f"mode: {mode}\n"
+        f"resolution: {grid.resolution!r}\n"
+        f"origin: [{x!r}, {y!r}, 0]\n"
+        "negate: 0\n"
+        f"occupied_thresh: {OCCUPIED_THRESH}\n"
+        f"free_thresh: {FREE_THRESH}\n"
+    )
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _grey_levels(mode: Mode) -> ByteArray:
+    """Grey level ``(102,)`` of the values -1 to 100."""
+    value = np.arange(-1, 101)
+    if mode == "raw":
+        return np.where(value < 0, 255, value).astype(np.uint8)
+    if mode == "scale":
+        share = FREE_THRESH + value / 100.0 * (OCCUPIED_THRESH - FREE_THRESH)
+        grey = np.rint(255.0 * (1.0 - share))
+        grey[value <= 0], grey[value == 100] = GREY_FREE, GREY_OCCUPIED
+        return grey.astype(np.uint8)
+    percent = value / 100.0
+    known = np.where(percent > OCCUPIED_THRESH, GREY_OCCUPIED, GREY_UNKNOWN)
+    known[(value >= 0) & (percent < FREE_THRESH)] = GREY_FREE
+    return known.astype(np.uint8)
+
+
+# --- files to occupancy ----------------------------------------------------------------
+
+
+def read_nav2_map(path: Path) -> OccupancyGrid:
+    """Occupancy grid from a Nav2 map.
+
+    Args:
+        path: the YAML file; its ``image`` is looked up beside it.
+
+    Raises:
+        FormatError: a file is missing or broken, or asks for what Nav2 does not define.
+    """
+    given = codec.read_yaml(path)
+    try:
+        described = codec.decode(_Description, given, where=str(path))
+    except InputError as error:
+        raise FormatError(str(error)) from None
+    if described.origin[2] != 0.0:
+        raise FormatError(
+            f"{path}: origin[2] is {described.origin[2]} rad; it must be 0 (a turned map: "
+            "resample it along the axes first)"
+        )
+    if described.negate not in (0, 1):
+        raise FormatError(f"{path}: negate is {described.negate!r}; it must be 0 or 1")
+    if not described.free_thresh < described.occupied_thresh:
+        raise FormatError(
+            f"{path}: free_thresh is {described.free_thresh}; it must be below "
+            f"occupied_thresh, {described.occupied_thresh}"
+        )
+    grey = _read_pgm(path.parent / described.image, where=f"{path}: image")
+    occupancy = _occupancy_levels(described)[grey[::-1]]
+    return OccupancyGrid(
+        data=occupancy,
+        resolution=described.resolution,
+        origin=frozen_array(described.origin[:2]),
+    )
+
+
+def _occupancy_levels(described: _Description) -> NDArray[np.int8]:
+    """Occupancy ``(256,)`` of every grey level."""
+    grey = np.arange(256)
+    dark = grey if described.negate else 255 - grey
+    if described.mode == "raw":
+        # Nav2's raw mode reads the level itself, whatever `negate` says.
+        return np.where(grey <= 100, grey, -1).astype(np.int8)
+    share = dark / 255.0
+    low, high = described.free_thresh, described.occupied_thresh
+    between = np.rint((share - low) / (high - low) * 100.0) if described.mode == "scale" else -1
+    return np.where(share > high, 100, np.where(share < low, 0, between)).astype(np.int8)
+
+
+def _read_pgm(path: Path, *, where: str) -> ByteArray:
+    """Grey levels ``(rows, cols)`` of a binary 8-bit PGM picture, northernmost row first."""
+    if path.suffix.lower() != ".pgm":
+        raise FormatError(f"{where} is {path.name!r}; it must be a .pgm file (convert it first)")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    header = _PGM_HEADER.match(content[:65536])
+    if header is None:
+        raise FormatError(f"{path}: starts with {content[:8]!r}; it must be a binary PGM (P5)")
+    cols, rows, brightest = (int(number) for number in header.groups())
+    if brightest != 255:
+        raise FormatError(f"{path}: its largest grey level is {brightest}; it must be 255")
+    if not 0 < rows * cols <= MAX_CELLS:
+        raise FormatError(f"{path}: has {rows} x {cols} cells; 1 to {MAX_CELLS} are allowed")
+    pixels = content[header.end() :]
+    if len(pixels) != rows * cols:
+        raise FormatError(
+            f"{path}: has {len(pixels)} pixels; its header says {rows} x {cols} = {rows * cols} "
+            "(a truncated file?)"
+        )
+    return np.frombuffer(pixels, dtype=np.uint8).reshape(rows, cols)
+
+
+def _write_pgm(path: Path, grey: ByteArray) -> None:
+    rows, cols = grey.shape
+    try:
+        path.write_bytes(f"P5\n{cols} {rows}\n255\n".encode() + grey.tobytes())
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+__all__ = [
+    "Mode",
+    "OccupancyGrid",
+    "occupancy_of",
+    "read_nav2_map",
+    "write_costs",
+    "write_nav2_map",
+    "write_occupancy",
+]

@@ -1,0 +1,62 @@
+"""Whether a world can begin: every robot on free floor, none inside another."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from shapely import STRtree
+from shapely.geometry import Point, Polygon
+
+from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.world import Blockage, World
+
+
+def check_starts(world: World) -> None:
+    """Refuse a world in which a robot's start is taken.
+
+    The start is taken if a disc of the robot's radius there leaves the bounds, meets a
+    wall, furniture or a blockage that stands when the robot joins, or meets the disc of
+    another robot.
+
+    Raises:
+        WorldError: the first such robot, with the place and what is in the way.
+    """
+    x_min, y_min, x_max, y_max = world.bounds
+    solids = [
+        *((f"walls[{i}] ({wall.name})", wall.polygon) for i, wall in enumerate(world.walls)),
+        *(
+            (f"furniture[{i}] ({item.name})", item.polygon)
+            for i, item in enumerate(world.furniture)
+        ),
+    ]
+    tree = STRtree([Polygon(polygon) for _, polygon in solids])
+    for i, robot in enumerate(world.robots):
+        x, y = float(robot.pose[0]), float(robot.pose[1])
+        given = f"robots[{i}].pose of {robot.name} is ({x:g}, {y:g}) m"
+        if not (x_min <= x <= x_max and y_min <= y <= y_max):
+            raise WorldError(
+                f"{given}; it must lie within bounds, x {x_min:g} to {x_max:g} m and "
+                f"y {y_min:g} to {y_max:g} m"
+            )
+        point = Point(x, y)
+        hits = tree.query(point, predicate="dwithin", distance=robot.radius)
+        blocked = [solids[int(hit)][0] for hit in sorted(hits)]
+        blocked += [
+            f"events[{j}] ({event.name})"
+            for j, event in enumerate(world.events)
+            if isinstance(event, Blockage)
+            and event.start <= robot.joins_at < event.end
+            and Polygon(event.polygon).distance(point) <= robot.radius
+        ]
+        if blocked:
+            raise WorldError(
+                f"{given}; it must keep its radius of {robot.radius:g} m clear of {blocked[0]}"
+            )
+    for (i, one), (j, other) in itertools.combinations(enumerate(world.robots), 2):
+        gap = float(np.hypot(*(one.pose[:2] - other.pose[:2])))
+        if gap < one.radius + other.radius:
+            raise WorldError(
+                f"robots[{j}].pose of {other.name} is {gap:.2f} m from robots[{i}] ({one.name}); "
+                f"starts must be at least {one.radius + other.radius:g} m apart"
+            )

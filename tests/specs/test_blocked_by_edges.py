@@ -1,0 +1,158 @@
+"""Edges come from motion, geometry, goals and paths; never from what the stack says."""
+
+import dataclasses
+
+import numpy as np
+from frames import DT, Human, Robot, Script, corridor, drive, room_resource
+
+from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.world import Task
+from mrta_falsify.specs.blocked_by import BlockedByTracker
+
+SPOTS = [(2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
+
+
+def last_edges(script: Script) -> set[BlockedBy]:
+    *_, frame = script.frames()
+    return set(frame.blocked_by)
+
+
+def in_queue(*places: int, **more) -> Script:
+    """A robot at the room's point and robots at the given spots."""
+    return Script(
+        robots=[Robot((0, 0), goal=(0, 0)), *(Robot(SPOTS[k], goal=SPOTS[k]) for k in places)],
+        rooms=[(0.0, 0.0)],
+        resources=[room_resource(0, (0.0, 0.0), SPOTS)],
+        tasks=[Task(arrival=0.0, start=0, end=0, deadline=800.0, pickup_time=20.0)],
+        **{"seconds": 3.0, **more},
+    )
+
+
+def test_a_robot_that_moves_has_no_edge():
+    script = Script(robots=[Robot(drive((0, 0), (9, 0), 0.5), goal=(9, 0))], seconds=5.0)
+    assert not last_edges(script)
+
+
+def test_a_robot_without_a_goal_waits_for_a_task():
+    assert last_edges(Script(robots=[Robot((0, 0))], seconds=3.0)) == {BlockedBy(0, "task")}
+
+
+def test_a_robot_parked_at_its_parking_spot_waits_for_a_task():
+    script = Script(robots=[Robot((1, 1), goal=(1, 1))], parking=[(1, 1)], seconds=3.0)
+    assert last_edges(script) == {BlockedBy(0, "task")}
+
+
+def test_a_robot_ahead_is_a_barrier_and_one_behind_is_not():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0)), Robot((0.7, 0)), Robot((-0.7, 0))], seconds=3.0
+    )
+    assert {e for e in last_edges(script) if e.robot == 0} == {BlockedBy(0, "barrier", 1)}
+
+
+def test_a_robot_beside_is_no_barrier():
+    script = Script(robots=[Robot((0, 0), goal=(5, 0)), Robot((0, 0.61))], seconds=3.0)
+    assert not {e for e in last_edges(script) if e.robot == 0 and e.cause == "barrier"}
+
+
+def test_the_path_decides_what_is_ahead():
+    around = [(0, 0), (0, 2), (4, 2), (4, 0)]
+    script = Script(robots=[Robot((0, 0), goal=(4, 0), path=around), Robot((0, 0.7))], seconds=3.0)
+    assert BlockedBy(0, "barrier", 1) in last_edges(script)
+
+
+def test_only_the_nearest_obstacle_on_the_path_counts():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0)), Robot((0.65, 0)), Robot((1.7, 0))], seconds=3.0
+    )
+    assert {e for e in last_edges(script) if e.robot == 0} == {BlockedBy(0, "barrier", 1)}
+
+
+def test_two_robots_abreast_are_both_named():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0)), Robot((0.6, 0.31)), Robot((0.6, -0.31))], seconds=3.0
+    )
+    assert {e.other for e in last_edges(script) if e.robot == 0} == {1, 2}
+
+
+def test_a_person_ahead_is_named():
+    script = Script(robots=[Robot((0, 0), goal=(5, 0))], humans=[Human((1.0, 0.2))], seconds=3.0)
+    assert last_edges(script) == {BlockedBy(0, "human", 0)}
+
+
+def test_a_solid_on_the_path_is_named():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0))], furniture=[rectangle(0.4, 0.4, (0.7, 0))], seconds=3.0
+    )
+    assert last_edges(script) == {BlockedBy(0, "wall", -1, "bed0")}
+
+
+def test_the_head_of_a_queue_waits_for_the_robot_in_the_room():
+    assert BlockedBy(1, "queue", 0, "room0") in last_edges(in_queue(0))
+
+
+def test_a_queue_is_a_chain():
+    edges = last_edges(in_queue(0, 1, 2, 3))
+    assert {(e.robot, e.other) for e in edges} == {(1, 0), (2, 1), (3, 2), (4, 3)}
+
+
+def test_a_robot_that_is_served_has_no_edge_until_its_time_is_up():
+    assert not [e for e in last_edges(in_queue(seconds=20.0)) if e.robot == 0]
+    assert BlockedBy(0, "stalled") in last_edges(in_queue(seconds=40.0))
+
+
+def test_the_robot_leaving_the_room_holds_it_until_it_is_out():
+    script = in_queue(0)
+    script.robots[0] = Robot(drive((0, 0), (0, -9), 0.5), goal=(0, -9))
+    assert BlockedBy(1, "queue", 0, "room0") in last_edges(script)
+    script.seconds = 14.0
+    assert BlockedBy(1, "queue", 0, "room0") not in last_edges(script)
+
+
+def test_a_follower_waits_for_the_neighbour_that_moves():
+    script = Script(
+        robots=[Robot((0, 0), goal=(-5, 0)), Robot(drive((0, 2), (9, 2), 0.3), goal=(9, 2))],
+        seconds=4.0,
+    )
+    assert last_edges(script) == {BlockedBy(0, "cluster", 1)}
+
+
+def test_a_robot_far_from_all_others_that_stands_without_reason_is_stalled():
+    assert last_edges(Script(robots=[Robot((0, 0), goal=(5, 0))], seconds=3.0)) == {
+        BlockedBy(0, "stalled")
+    }
+
+
+def test_claims_of_the_stack_change_nothing():
+    script = in_queue(0, 1)
+    world = script.world()
+    honest, liar = BlockedByTracker(world, DT), BlockedByTracker(world, DT)
+    for frame in script.frames(world):
+        count = len(frame.sensed.pose)
+        lies = dataclasses.replace(
+            frame.intent,
+            phase=np.full(count, 5),
+            leader=np.zeros(count, dtype=np.int64),
+            cluster=np.zeros(count, dtype=np.int64),
+            queue=np.arange(count),
+            waits_for=("nothing",) * count,
+            slack=np.ones(count),
+        )
+        told = liar.update(frame.sensed, frame.command, lies, ())
+        assert told == honest.update(frame.sensed, frame.command, frame.intent, frame.events)
+
+
+def test_edges_are_the_same_object_while_nothing_changes():
+    script = in_queue(0, 1)
+    last = [frame.blocked_by for frame in script.frames()][-10:]
+    assert all(edges is last[0] for edges in last)
+
+
+def test_a_corridor_cut_by_a_waiting_robot_is_no_path_because_of_it():
+    script = Script(
+        robots=[Robot((-2, 0), goal=(4, 0), no_path=True), Robot((1, 0)), Robot((-5, 0))],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+        seconds=3.0,
+    )
+    assert {e for e in last_edges(script) if e.robot == 0} == {BlockedBy(0, "no-path", 1)}

@@ -1,0 +1,337 @@
+"""What is a deadlock and what only looks like one."""
+
+import itertools
+
+import numpy as np
+import pytest
+from frames import Human, Robot, Script, corridor, drive, judge, room_resource, stop_at
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.world import Blockage, CommsOutage, Task
+from mrta_falsify.specs.deadlock import NoDeadlock
+
+
+def oracle(**options):
+    return NoDeadlock(NoDeadlock.Options(**options))
+
+
+def head_on(**more) -> Script:
+    """Two robots meet in a corridor 1 m wide at time 3 and stay there."""
+    return Script(
+        robots=[
+            Robot(stop_at(drive((-3, 0), (5, 0), 0.9), 3.0), goal=(5, 0)),
+            Robot(stop_at(drive((3, 0), (-5, 0), 0.9), 3.0), goal=(-5, 0)),
+        ],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+        **more,
+    )
+
+
+def queue_cycle(count: int = 3) -> Script:
+    """``count`` robots on a ring, each bound for the place of the next one."""
+    angle = 2 * np.pi * np.arange(count) / count
+    radius = 0.62 / (2 * np.sin(np.pi / count))
+    points = [(float(radius * np.cos(a)), float(radius * np.sin(a))) for a in angle]
+    return Script(
+        robots=[Robot(points[i], goal=points[(i + 1) % count]) for i in range(count)],
+        walls=[rectangle(0.1, 0.1, (4.0, 4.0))],
+    )
+
+
+def test_head_on_swap_in_a_corridor_is_found_within_five_seconds():
+    verdict = judge(oracle(), head_on())
+    assert verdict.violated
+    assert verdict.who == ("robot1", "robot2")
+    assert verdict.violated_at - 3.0 < 5.0
+    assert verdict.evidence["onset"] == pytest.approx(3.0, abs=0.3)
+    assert verdict.evidence["hard"]
+
+
+def test_evidence_names_cycle_and_place():
+    evidence = judge(oracle(), head_on(rooms=[(0.0, 1.0)])).evidence
+    assert [edge["robot"] for edge in evidence["cycle"]] == ["robot1", "robot2"]
+    assert [edge["blocked_by"] for edge in evidence["cycle"]] == ["robot2", "robot1"]
+    assert {edge["cause"] for edge in evidence["cycle"]} == {"barrier"}
+    assert evidence["place"]["near"] == "room0"
+    assert abs(evidence["place"]["x"]) < 0.1
+
+
+def test_head_on_in_the_open_is_given_time_to_find_a_way_round():
+    script = head_on(seconds=12.0)
+    script.walls, script.bounds = [], (-6.0, -6.0, 6.0, 6.0)
+    assert not judge(oracle(), script).violated
+    script.seconds = 30.0
+    verdict = judge(oracle(), script)
+    assert verdict.violated
+    assert not verdict.evidence["hard"]
+
+
+def test_victims_behind_a_deadlock_are_not_members():
+    script = head_on()
+    script.robots = [
+        *script.robots,
+        Robot(stop_at(drive((-5, 0), (5, 0), 0.9), 4.4), goal=(5, 0)),
+    ]
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1", "robot2")
+    assert verdict.evidence["victims"] == ["robot3"]
+
+
+def test_three_robots_in_a_ring_are_all_members():
+    verdict = judge(oracle(), queue_cycle(3))
+    assert verdict.who == ("robot1", "robot2", "robot3")
+
+
+def test_four_robots_in_a_roundabout_are_all_members():
+    assert len(judge(oracle(), queue_cycle(4)).who) == 4
+
+
+def test_doorway_with_two_robots_is_found():
+    walls = [rectangle(0.2, 4.0, (0, 2.5)), rectangle(0.2, 4.0, (0, -2.5))]
+    script = Script(
+        robots=[Robot((-0.35, 0), goal=(3, 0)), Robot((0.35, 0), goal=(-3, 0))],
+        walls=walls,
+        seconds=20,
+        bounds=(-4.0, -4.5, 4.0, 4.5),
+    )
+    assert judge(oracle(), script).who == ("robot1", "robot2")
+
+
+def test_slow_robots_that_move_are_no_deadlock():
+    script = Script(
+        robots=[
+            Robot(drive((-3, 0), (5, 0), 0.04), goal=(5, 0)),
+            Robot(drive((-3.8, 0), (4.2, 0), 0.04), goal=(5, 0)),
+        ],
+        walls=corridor(),
+        seconds=60.0,
+    )
+    assert not judge(oracle(), script).violated
+
+
+def test_jitter_on_the_spot_is_no_progress():
+    def shake(x):
+        return lambda t: (x + 0.03 * np.sin(9 * t), 0.03 * np.cos(7 * t), 0.4 * np.sin(5 * t))
+
+    script = Script(
+        robots=[Robot(shake(-0.35), goal=(5, 0)), Robot(shake(0.35), goal=(-5, 0))],
+        walls=corridor(),
+    )
+    assert judge(oracle(), script).violated
+
+
+def test_turning_on_the_spot_for_ever_is_no_progress():
+    script = head_on(seconds=40.0)
+    first = script.robots[0].at
+    script.robots[0].at = lambda t: (*first(t)[:2], max(0.0, t - 3.0) * 0.5)
+    assert judge(oracle(), script).violated
+
+
+def test_waiting_for_a_person_is_no_deadlock():
+    script = Script(robots=[Robot((0, 0), goal=(5, 0))], humans=[Human((0.8, 0))], seconds=25.0)
+    assert not judge(oracle(), script).violated
+
+
+def test_a_person_who_never_leaves_is_permanent():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0))],
+        humans=[Human((0.8, 0), route=[(0.8, 0)])],
+        walls=corridor(),
+        seconds=25.0,
+        bounds=(-6.0, -2.0, 6.0, 2.0),
+    )
+    assert judge(oracle(), script).who == ("robot1",)
+
+
+def test_waiting_for_a_task_is_no_deadlock():
+    script = Script(robots=[Robot((0, 0)), Robot((0.6, 0))], seconds=60.0)
+    verdict = judge(oracle(), script)
+    assert not verdict.violated
+    assert verdict.robustness == pytest.approx(4.0)
+
+
+def test_a_robot_blocked_by_furniture_is_found():
+    script = Script(
+        robots=[Robot((0, 0), goal=(4, 0))],
+        walls=corridor(),
+        furniture=[rectangle(0.4, 1.0, (0.6, 0))],
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["cycle"][0]["resource"] == "bed0"
+    assert verdict.evidence["hard"]
+
+
+def test_a_blockage_that_ends_before_the_horizon_is_no_deadlock():
+    def script(end):
+        return Script(
+            robots=[Robot((0, 0), goal=(4, 0))],
+            walls=corridor(),
+            events=[
+                Blockage(name="cart", polygon=rectangle(0.4, 1.0, (0.6, 0)), start=0.0, end=end)
+            ],
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+        )
+
+    assert not judge(oracle(), script(200.0)).violated
+    assert judge(oracle(), script(900.0)).violated
+
+
+def test_a_robot_cut_off_from_its_goal_is_found_without_a_path():
+    script = Script(
+        robots=[Robot((0, 0), goal=(4, 0), no_path=True)],
+        walls=corridor(),
+        furniture=[rectangle(0.4, 1.0, (2.0, 0))],
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.violated
+    assert verdict.evidence["cycle"][0]["cause"] == "no-path"
+
+
+def test_no_path_because_of_a_waiting_robot_leads_to_that_robot():
+    script = Script(
+        robots=[Robot((0, 0), goal=(4, 0), no_path=True), Robot((2, 0))],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["blockers"] == ["robot2"]
+
+
+def test_an_outage_that_ends_is_no_deadlock():
+    script = Script(
+        robots=[Robot((0, 0), goal=(4, 0))],
+        events=[CommsOutage(name="out", robots=(), start=0.0, end=60.0)],
+    )
+    assert not judge(oracle(), script).violated
+    script.seconds = 90.0
+    assert judge(oracle(), script).violated
+
+
+SPOTS = [(2.0, 0.0), (3.0, 0.0), (4.0, 0.0)]
+TASK = Task(arrival=0.0, start=0, end=0, deadline=800.0, pickup_time=20.0)
+
+
+def test_queueing_for_a_robot_that_is_served_is_no_deadlock():
+    script = Script(
+        robots=[Robot((0, 0), goal=(0, 0)), Robot((2, 0), goal=(2, 0)), Robot((3, 0), goal=(3, 0))],
+        rooms=[(0.0, 0.0)],
+        resources=[room_resource(0, (0.0, 0.0), SPOTS)],
+        tasks=[TASK],
+        seconds=20.0,
+    )
+    assert not judge(oracle(), script).violated
+
+
+def test_queueing_behind_a_robot_that_parks_in_the_room_is_a_deadlock():
+    script = Script(
+        robots=[Robot((0, 0)), Robot((2, 0), goal=(2, 0)), Robot((3, 0), goal=(3, 0))],
+        rooms=[(0.0, 0.0)],
+        resources=[room_resource(0, (0.0, 0.0), SPOTS)],
+        tasks=[TASK],
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot2",)
+    assert verdict.evidence["blockers"] == ["robot1"]
+    assert verdict.evidence["victims"] == ["robot3"]
+
+
+def test_a_leaving_holder_and_the_waiter_in_its_way_are_a_deadlock():
+    script = Script(
+        robots=[Robot((1.35, 0), goal=(8, 0)), Robot((2, 0), goal=(2, 0))],
+        rooms=[(0.0, 0.0)],
+        resources=[room_resource(0, (0.0, 0.0), SPOTS)],
+        walls=corridor(1.0, 16.0),
+        bounds=(-8.0, -0.7, 9.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1", "robot2")
+    assert {edge["cause"] for edge in verdict.evidence["cycle"]} == {"barrier", "queue"}
+
+
+def test_a_forgotten_waiter_is_found_later():
+    script = Script(
+        robots=[Robot((2, 0), goal=(2, 0))],
+        rooms=[(0.0, 0.0)],
+        resources=[room_resource(0, (0.0, 0.0), SPOTS)],
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["cycle"][0]["cause"] == "stalled"
+
+
+def test_followers_that_wait_for_a_boxed_in_leader_are_victims():
+    script = Script(
+        robots=[Robot((0, 0), goal=(4, 0)), Robot((-1.5, 0), goal=(-5, 0))],
+        walls=corridor(),
+        furniture=[rectangle(0.4, 1.0, (0.6, 0))],
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["victims"] == ["robot2"]
+
+
+def test_followers_wait_while_their_leader_drives():
+    script = Script(
+        robots=[Robot(drive((-9, 2), (9, 2), 0.5), goal=(9, 2)), Robot((0, 0), goal=(-5, 0))],
+        seconds=22.0,
+        bounds=(-10.0, -3.0, 10.0, 3.0),
+    )
+    assert not judge(oracle(), script).violated
+
+
+def test_longer_standstill_is_less_robust():
+    margins = [judge(oracle(), head_on(seconds=s)).robustness for s in (2.0, 4.5, 5.5, 9.0, 15.0)]
+    assert all(a >= b for a, b in itertools.pairwise(margins))
+    assert margins[-1] < -5.0
+
+
+def test_a_deadlock_is_reported_once_with_the_first_time():
+    short, long = judge(oracle(), head_on(seconds=10.0)), judge(oracle(), head_on(seconds=20.0))
+    assert short.violated_at == long.violated_at
+    assert long.evidence["others"] == []
+
+
+@settings(max_examples=12, deadline=None)
+@given(order=st.permutations(range(3)), seconds=st.sampled_from([3.0, 6.5, 9.0]))
+def test_renaming_and_reordering_robots_does_not_change_robustness(order, seconds):
+    script = queue_cycle(3)
+    script.seconds = seconds
+    script.robots = [*script.robots, Robot((-3, -3), goal=(9, -3))][:3]
+    plain = judge(oracle(), script)
+    names = [f"robot{i + 1}" for i in range(3)]
+    script.robots = [script.robots[i] for i in order]
+    script.names = [names[i] for i in order]
+    moved = judge(oracle(), script)
+    assert moved.robustness == plain.robustness
+    assert sorted(moved.who) == sorted(plain.who)
+
+
+@settings(max_examples=8, deadline=None)
+@given(dx=st.integers(-40, 40), dy=st.integers(-40, 40))
+def test_shifting_the_map_does_not_change_robustness(dx, dy):
+    def shifted(x, y):
+        def track(t):
+            return (0.0 + x, 0.0 + y, 0.0)
+
+        return Script(
+            robots=[
+                Robot((x - 0.34, y), goal=(x + 5, y)),
+                Robot((x + 0.34, y), goal=(x - 5, y)),
+            ],
+            walls=[wall + np.array([x, y]) for wall in corridor()],
+            bounds=(x - 6.0, y - 0.7, x + 6.0, y + 0.7),
+            seconds=8.0,
+        )
+
+    here = judge(oracle(), shifted(0.0, 0.0))
+    there = judge(oracle(), shifted(dx * 0.5, dy * 0.5))
+    assert there.robustness == here.robustness
+    assert there.who == here.who

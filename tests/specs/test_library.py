@@ -1,0 +1,241 @@
+"""The shipped specifications on scripted runs."""
+
+import numpy as np
+import pytest
+from frames import Human, Robot, Script, drive, judge, stop_at
+
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import UnknownNameError
+from mrta_falsify.core.fleet import StackEvent
+from mrta_falsify.core.world import Task
+from mrta_falsify.specs.library import (
+    ContactCounter,
+    build_specifications,
+    default_specifications,
+    specification_choice,
+)
+
+
+def spec(name: str, **options):
+    return registry.build("specification", Choice(name, options))
+
+
+def passing(distance: float, **more) -> Script:
+    """A robot drives past a standing person at the given centre distance."""
+    return Script(
+        robots=[Robot(drive((-3, 0), (3, 0), 0.8), goal=(3, 0))],
+        humans=[Human((0, distance))],
+        seconds=8.0,
+        **more,
+    )
+
+
+def stops(*rows: tuple[float, str, int, int]):
+    """Stack events (time, kind, robot, task)."""
+
+    def at(tick: int):
+        now = tick * 0.05
+        return tuple(
+            StackEvent(time=time, kind=kind, robot=robot, task=task)
+            for time, kind, robot, task in rows
+            if abs(time - now) < 0.02
+        )
+
+    return at
+
+
+def test_gap_to_a_person_is_the_robustness():
+    verdict = judge(spec("no_robot_human_contact"), passing(0.9))
+    assert verdict.robustness == pytest.approx(0.9 - 0.47, abs=0.01)
+    assert verdict.evidence["nearest"]["speed"] == pytest.approx(0.8)
+    assert verdict.evidence["between"] == ["robot1", "human0"]
+
+
+def test_clearance_is_a_tenth_of_a_metre_stricter():
+    near = passing(0.52)
+    assert not judge(spec("no_robot_human_contact"), near).violated
+    verdict = judge(spec("human_clearance"), near)
+    assert verdict.robustness == pytest.approx(-0.05, abs=0.01)
+    assert verdict.who == ("robot1", "human0")
+
+
+def test_a_moving_robot_that_touches_a_person_is_to_blame():
+    verdict = judge(spec("no_robot_human_contact"), passing(0.3))
+    assert verdict.violated
+    assert verdict.violated_at == pytest.approx(3.3, abs=0.1)
+    assert verdict.evidence["contacts"] == 1
+
+
+def test_a_person_who_walks_into_a_robot_at_rest_is_counted_apart():
+    script = Script(
+        robots=[Robot((0, 0))],
+        humans=[Human(lambda t: (3.0 - 0.5 * min(t, 5.5), 0.0))],
+        seconds=8.0,
+    )
+    verdict = judge(spec("no_robot_human_contact"), script)
+    assert not verdict.violated
+    assert verdict.evidence["at_rest"]["contacts"] == 1
+    assert verdict.evidence["at_rest"]["narrowest"] < 0.0
+    assert judge(spec("no_robot_human_contact", count_at_rest=True), script).violated
+
+
+def test_a_robot_that_is_pushed_still_counts_as_at_rest():
+    script = Script(
+        robots=[Robot(lambda t: (-max(0.0, 0.5 * (t - 5.2)), 0.0, 0.0))],
+        humans=[Human(lambda t: (3.0 - 0.5 * t, 0.0))],
+        seconds=8.0,
+        command=lambda t: np.zeros((1, 3)),
+    )
+    verdict = judge(spec("no_robot_human_contact"), script)
+    assert not verdict.violated
+    assert verdict.evidence["at_rest"]["contacts"] == 1
+
+
+def test_robots_that_touch_are_both_named():
+    script = Script(
+        robots=[Robot(drive((-2, 0), (2, 0), 0.5), goal=(2, 0)), Robot((0.5, 0.1))], seconds=6.0
+    )
+    verdict = judge(spec("no_robot_robot_contact"), script)
+    assert verdict.who == ("robot1", "robot2")
+    assert verdict.robustness < 0
+
+
+def test_contacts_are_counted_by_episode_and_pair():
+    def bump(t):
+        return (0.3 * np.sin(t), 0.0, 0.0)
+
+    script = Script(robots=[Robot(bump), Robot((0.7, 0))], seconds=12.0)
+    world, counter = script.world(), ContactCounter()
+    counter.start(world, 0.05)
+    for frame in script.frames(world):
+        counter.update(frame)
+    assert counter.totals() == {
+        "robot_robot": 2,
+        "robot_human": 0,
+        "robot_static": 0,
+        "robot_human_at_rest": 0,
+    }
+
+
+def tasks_script(rows, *, seconds=30.0, horizon=30.0, at=(0.0, 0.0)) -> Script:
+    return Script(
+        robots=[Robot(at), Robot((0.0, 2.0))],
+        rooms=[(0.0, 0.0), (1.0, 0.0)],
+        tasks=[
+            Task(arrival=0.0, start=0, end=1, deadline=20.0),
+            Task(arrival=5.0, start=1, end=0, deadline=25.0),
+        ],
+        stack_events=stops(*rows),
+        seconds=seconds,
+        horizon=horizon,
+    )
+
+
+ALL = [
+    (2.0, "picked-up", 0, 0),
+    (6.0, "dropped-off", 0, 0),
+    (7.0, "picked-up", 0, 1),
+    (15.0, "dropped-off", 0, 1),
+]
+
+
+def test_all_tasks_done_has_the_time_left_as_robustness():
+    verdict = judge(spec("all_tasks_done"), tasks_script(ALL))
+    assert verdict.robustness == pytest.approx(0.5)
+
+
+def test_open_tasks_are_a_violation_only_at_the_horizon():
+    assert not judge(spec("all_tasks_done"), tasks_script(ALL[:3], seconds=29.0)).violated
+    verdict = judge(spec("all_tasks_done"), tasks_script(ALL[:3]))
+    assert verdict.robustness == pytest.approx(-0.5)
+    assert verdict.who == ("task1",)
+
+
+def test_a_delivery_claimed_far_from_the_room_does_not_count():
+    verdict = judge(spec("all_tasks_done"), tasks_script(ALL, at=(5.0, 5.0)))
+    assert verdict.violated
+    assert len(verdict.evidence["claims_refused"]) == 4
+
+
+def test_deadline_margin_is_the_smallest_one():
+    verdict = judge(spec("deadlines"), tasks_script(ALL))
+    assert verdict.robustness == pytest.approx(10.0)
+    late = judge(spec("deadlines"), tasks_script(ALL[:3]))
+    assert late.robustness == pytest.approx(-5.0)
+    assert late.violated_at == 25.0
+    assert late.who == ("task1",)
+
+
+def circling(t):
+    return (np.cos(t), np.sin(t), t % 6.28)
+
+
+def test_driving_in_circles_is_a_livelock_but_no_standstill():
+    script = Script(robots=[Robot(circling, goal=(6, 0), path=[(1, 0), (6, 0)])], seconds=80.0)
+    assert judge(spec("no_livelock"), script).who == ("robot1",)
+    assert not judge(spec("no_deadlock"), script).violated
+
+
+def test_alternating_goals_are_a_livelock():
+    script = Script(
+        robots=[Robot(circling, goal=lambda t: (6, 0) if int(t / 3) % 2 else (-6, 0))],
+        seconds=80.0,
+    )
+    assert judge(spec("no_livelock"), script).violated
+
+
+def test_a_robot_that_gets_there_is_no_livelock():
+    script = Script(robots=[Robot(drive((-9, 0), (9, 0), 0.2), goal=(9, 0))], seconds=90.0)
+    assert not judge(spec("no_livelock"), script).violated
+    assert not judge(spec("progress"), script).violated
+
+
+def test_standing_for_too_long_on_the_way_is_no_progress():
+    script = Script(
+        robots=[Robot(stop_at(drive((-9, 0), (9, 0), 0.5), 4.0), goal=(9, 0))], seconds=40.0
+    )
+    verdict = judge(spec("progress", window=30.0), script)
+    assert verdict.who == ("robot1",)
+    assert verdict.violated_at == pytest.approx(34.5, abs=1.0)
+
+
+def test_waiting_at_the_goal_needs_no_progress():
+    script = Script(robots=[Robot((0, 0), goal=(0, 0))], seconds=40.0)
+    assert not judge(spec("progress", window=30.0), script).violated
+
+
+def test_a_robot_that_waits_while_others_are_served_starves():
+    def run(rows):
+        script = tasks_script(rows, seconds=28.0)
+        script.robots = [Robot((0, 0), goal=(0, 0)), Robot((0, 2), goal=(0, 2))]
+        return judge(spec("no_starvation", robot_patience=20.0), script)
+
+    assert run([(5.0, "picked-up", 0, 0)]).who == ("robot2",)
+    assert not run([]).violated
+
+
+def test_a_task_overtaken_by_later_ones_starves():
+    script = tasks_script([(6.0, "picked-up", 0, 1)])
+    verdict = judge(spec("no_starvation", task_patience=20.0, robot_patience=20.0), script)
+    assert verdict.who == ("task0",)
+
+
+def test_a_world_without_robots_passes_everything():
+    script = Script(robots=[], seconds=1.0)
+    assert not any(judge(s, script).violated for s in build_specifications())
+
+
+def test_default_specifications_are_all_registered():
+    assert set(default_specifications()) <= set(registry.names("specification"))
+    assert len(build_specifications()) == len(default_specifications())
+
+
+def test_stl_prefix_builds_a_formula():
+    choice = specification_choice("stl: always (d_human > 0.5)")
+    assert choice == Choice("stl", {"formula": "always (d_human > 0.5)"})
+
+
+def test_unknown_specification_names_the_nearest():
+    with pytest.raises(UnknownNameError, match="did you mean 'no_deadlock'"):
+        build_specifications(["no_deadlok"])
