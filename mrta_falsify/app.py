@@ -85,11 +85,10 @@ def find_world(
     else:
         raise UnknownNameError("world", name, (*layouts.world_names(), *scenario_names()))
     world = _with_inputs(world, tasks, robots, humans)
-    with located(str(robots or name)):
-        if fixed and seed is not None:
-            starts.check_starts(world)
-            world = variation.vary_world(world, seed)
+    with located(name):
         starts.check_starts(world)
+        if fixed and seed is not None:
+            world = variation.vary_world(world, seed)
     return world
 
 
@@ -115,6 +114,7 @@ def _with_inputs(
         found = mrta_sim.robots_from_setup(world.robots, mrta_sim.read_robot_setup(robots))
         with located(str(robots)):
             world = dataclasses.replace(world, robots=found)
+            starts.check_starts(world)
     if tasks is not None:
         stream = mrta_sim.read_task_stream(tasks, rooms=len(world.rooms))
         placed = world.robots
@@ -122,6 +122,7 @@ def _with_inputs(
             placed = mrta_sim.robots_at_rooms(world.robots, stream.agents, world.rooms)
         with located(str(tasks)):
             world = dataclasses.replace(world, tasks=stream.tasks, robots=placed)
+            starts.check_starts(world)
     if humans is not None:
         with located(str(humans)):
             world = dataclasses.replace(world, humans=mrta_sim.read_human_routes(humans))
@@ -186,7 +187,11 @@ def run(
         InputError: the world cannot be run, or a name is unknown.
     """
     starts.check_starts(world)
-    job = Job(world=world, config=config or StackConfig(), specifications=tuple(specifications) or DEFAULT_SPECIFICATIONS)
+    job = Job(
+        world=world,
+        config=config or StackConfig(),
+        specifications=tuple(specifications) or DEFAULT_SPECIFICATIONS,
+    )
     return run_job(job, keep_trace=keep_trace, on_progress=on_progress)
 
 

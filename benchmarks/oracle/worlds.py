@@ -51,7 +51,9 @@ def cases(per_kind: int = 20, kinds: tuple[str, ...] = ()) -> Iterator[Case]:
         for number in range(per_kind):
             random = seeding.stream(number, f"oracle/{kind}")
             world, config = KINDS[kind](random)
-            yield Case(f"{kind}/{number}", kind, dataclasses.replace(world, seed=number), config)
+            tasks = tuple(sorted(world.tasks, key=lambda task: task.arrival))
+            world = dataclasses.replace(world, seed=number, tasks=tasks)
+            yield Case(f"{kind}/{number}", kind, world, config)
 
 
 def _config(*, brake: bool = False, defects: tuple[str, ...] = (), **more: str) -> StackConfig:
@@ -280,7 +282,6 @@ def _ward(random: np.random.Generator, *, rooms: int, robots: int, tasks: int) -
                 dropoff_time=float(random.choice([0.0, 5.0, 15.0])),
             )
         )
-    stream.sort(key=lambda task: task.arrival)
     return dataclasses.replace(layout, robots=fleet, tasks=tuple(stream), horizon=HORIZON)
 
 
@@ -300,8 +301,7 @@ def room_exchange(random: np.random.Generator) -> tuple[World, StackConfig]:
     rooms = int(random.integers(2, 5))
     world = _ward(random, rooms=rooms, robots=rooms, tasks=0)
     robots = tuple(
-        _robot(i, *world.rooms[i].point, float(random.uniform(-np.pi, np.pi)))
-        for i in range(rooms)
+        _robot(i, *world.rooms[i].point, float(random.uniform(-np.pi, np.pi))) for i in range(rooms)
     )
     tasks = tuple(
         Task(arrival=0.0, start=i, end=(i + 1) % rooms, deadline=900.0, pickup_time=3.0)

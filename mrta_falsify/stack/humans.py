@@ -40,8 +40,10 @@ class SocialForce:
     """People are drawn to their next point and pushed by each other, robots and walls.
 
     The pair force is Moussaid's (calibrated on experiments; it has a side on which people
-    pass), walls push as in MRTA-Sim's socialforce (u0 10, r 0.2). Nobody passes through a
-    wall: the step of a tick is cut where it would come nearer to an edge than the body allows.
+    pass). Walls push with the potential u0 exp(-d / r) of MRTA-Sim's socialforce, r = 0.2 m;
+    its u0 of 10 keeps people from entering doors narrower than 1.2 m, so u0 is 2.5 here, which
+    lets them through 0.9 m. Nobody passes through a wall: the step of a tick is cut where it
+    would come nearer to an edge than the body allows.
 
     Reference: Moussaid et al., "Experimental study of the behavioural mechanisms underlying
     self-organization in human crowds", Proc. R. Soc. B 2009; Helbing & Molnar, "Social force
@@ -58,7 +60,7 @@ class SocialForce:
         reach: float = quantity(above=0.0, default=0.35)  #: pair force's range per interaction
         angular_slowing: float = quantity(low=0.0, default=2.0)  #: n'
         angular_turning: float = quantity(low=0.0, default=3.0)  #: n
-        wall_strength: float = quantity(low=0.0, unit="m^2/s^2", default=10.0)  #: u0
+        wall_strength: float = quantity(low=0.0, unit="m^2/s^2", default=2.5)  #: u0
         wall_reach: float = quantity(above=0.0, unit="m", default=0.2)  #: r
         top_speed: float = quantity(above=0.0, unit="m/s", default=1.5)
         top_ratio: float = quantity(low=1.0, default=1.3)  #: of the desired speed
@@ -165,7 +167,7 @@ def _cell_of(x: float, y: float, origin: Array, shape: IntArray) -> int:
     """Cell number of a point, -1 outside."""
     c, r = int(np.floor((x - origin[0]) / CELL)), int(np.floor((y - origin[1]) / CELL))
     if 0 <= c < shape[0] and 0 <= r < shape[1]:
-        return r * shape[0] + c
+        return int(r * shape[0] + c)
     return -1
 
 
@@ -191,7 +193,7 @@ def _crosses(
     d2 = (x2 - x1) * (by - y1) - (y2 - y1) * (bx - x1)
     d3 = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
     d4 = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
-    return d1 * d2 <= 0.0 and d3 * d4 <= 0.0 and (d1 != d2 or d3 != d4)
+    return bool(d1 * d2 <= 0.0 and d3 * d4 <= 0.0 and (d1 != d2 or d3 != d4))
 
 
 @njit(cache=True)
@@ -246,10 +248,8 @@ def _wall_force(
         dx, dy = x - nx, y - ny
         square = dx * dx + dy * dy
         # quadrants east, north, west, south: a wall straight ahead is one wall, not two
-        if abs(dx) >= abs(dy):
-            quadrant = 0 if dx < 0.0 else 2
-        else:
-            quadrant = 1 if dy < 0.0 else 3
+        east_or_west = abs(dx) >= abs(dy)
+        quadrant = (0 if dx < 0.0 else 2) if east_or_west else (1 if dy < 0.0 else 3)
         if square >= best[quadrant]:
             continue
         best[quadrant] = square
@@ -313,10 +313,9 @@ def _step_beside_walls(
             nx, ny = _nearest_on_edge(px + mx, py + my, x1, y1, x2, y2)
             before = (ox - px) ** 2 + (oy - py) ** 2
             after = (px + mx - nx) ** 2 + (py + my - ny) ** 2
-            if after < radius * radius - 1e-6 and after < before - 1e-9:
-                blocked = True
-            elif before > 1e-12 and _crosses(px, py, px + mx, py + my, x1, y1, x2, y2):
-                blocked = True
+            nearer = after < radius * radius - 1e-6 and after < before - 1e-9
+            beyond = before > 1e-12 and _crosses(px, py, px + mx, py + my, x1, y1, x2, y2)
+            blocked = blocked or nearer or beyond
         if blocked:
             break
         px, py = px + mx, py + my

@@ -213,7 +213,7 @@ def test_an_unknown_specification_is_refused_before_anything_runs(cli):
 
 def test_a_formula_that_cannot_be_read_is_refused(cli):
     result = cli("run", "aws_hospital_day", "--spec", "stl:always(")
-    assert_refused(result, "--spec")
+    assert_refused(result, "stl formula 'always('", "column 8")
 
 
 def test_an_output_directory_that_is_a_file_is_refused(cli, tmp_path):

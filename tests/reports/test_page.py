@@ -68,7 +68,7 @@ def test_the_page_tells_what_failed_when_and_who(page):
 
 
 def test_the_page_lists_tasks_with_robot_times_and_state(page):
-    text = " ".join("".join(_read(page()).text).split())
+    text = " ".join(" ".join(_read(page()).text).split())
     assert "0 0 store 1 ward 0 s robot1 0.0 s 10.0 s 100 s in time" in text
     assert "not delivered" in text
 

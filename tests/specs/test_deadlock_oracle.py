@@ -153,6 +153,26 @@ def test_waiting_for_a_task_is_no_deadlock():
     assert verdict.robustness == pytest.approx(4.0)
 
 
+def test_time_without_a_goal_is_not_held_against_a_robot():
+    def late(t):
+        return (4.0, 0.0) if t >= 20.0 else (np.nan, np.nan)
+
+    script = Script(
+        robots=[Robot((0, 0), goal=late), Robot((0.62, 0))],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    verdict = judge(oracle(), script)
+    assert verdict.evidence["onset"] == pytest.approx(20.0, abs=0.1)
+    assert 3.9 < verdict.violated_at - 20.0 < 5.0
+
+
+def test_goals_that_alternate_do_not_hide_a_deadlock():
+    script = head_on()
+    script.robots[0].goal = lambda t: (5.0, 0.0) if t % 2.0 < 1.0 else (4.0, 0.0)
+    assert judge(oracle(), script).violated_at < 9.0
+
+
 def test_a_robot_blocked_by_furniture_is_found():
     script = Script(
         robots=[Robot((0, 0), goal=(4, 0))],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,8 +17,7 @@ NO_PATH = np.zeros((0, 2))
 def line(*points: tuple[float, float], spacing: float = 0.1) -> np.ndarray:
     """Polyline with points every ``spacing`` [m]."""
     parts = []
-    for a, b in zip(points[:-1], points[1:], strict=True):
-        a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    for a, b in itertools.pairwise(np.array(points, dtype=float)):
         n = max(1, int(np.ceil(np.linalg.norm(b - a) / spacing)))
         parts.append(a + (b - a) * np.linspace(0, 1, n, endpoint=False)[:, None])
     parts.append(np.asarray(points[-1], dtype=float)[None])
@@ -37,14 +36,14 @@ def cast(position, yaw, walls, rays=12, reach=10.0):
     angles = yaw + np.arange(rays) * 2 * np.pi / rays
     d = np.column_stack((np.cos(angles), np.sin(angles)))
     a, e = walls[:, :2] - position, walls[:, 2:] - walls[:, :2]
-    for k in range(rays):
-        cross = d[k, 0] * e[:, 1] - d[k, 1] * e[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (a[:, 0] * e[:, 1] - a[:, 1] * e[:, 0]) / cross
-            s = (a[:, 0] * d[k, 1] - a[:, 1] * d[k, 0]) / cross
-        good = (np.abs(cross) > 1e-12) & (t >= 0) & (t <= reach) & (s >= 0) & (s <= 1)
-        if good.any():
-            hits[k] = position + d[k] * t[good].min()
+    cross = np.outer(d[:, 0], e[:, 1]) - np.outer(d[:, 1], e[:, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (a[:, 0] * e[:, 1] - a[:, 1] * e[:, 0]) / cross
+        s = (np.outer(d[:, 1], a[:, 0]) - np.outer(d[:, 0], a[:, 1])) / cross
+    good = (np.abs(cross) > 1e-12) & (t >= 0) & (t <= reach) & (s >= 0) & (s <= 1)
+    nearest = np.where(good, t, np.inf).min(axis=1)
+    seen = np.isfinite(nearest)
+    hits[seen] = position + d[seen] * nearest[seen, None]
     return hits
 
 
@@ -181,7 +180,3 @@ class Course:
                 for i, p in enumerate(self.paths)
             ]
         )
-
-
-def replace(view: ControlView, **changes) -> ControlView:
-    return dataclasses.replace(view, **changes)

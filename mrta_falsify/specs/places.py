@@ -1,0 +1,106 @@
+"""What a goal means in a world: a room's point, a waiting spot, a parking spot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.world import Resource, World
+
+GOAL_TOLERANCE = 0.35  # m, goals may be jittered by 0.2 m per axis (MRTA-Sim), spots are 1 m apart
+ROOM_CORE = 1.0  # m around a room's point that count as standing in it
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The meaning of a goal."""
+
+    kind: str  #: "room", "spot", "parking" or "elsewhere"
+    room: int = -1  #: room number, for "room"
+    resource: int = -1  #: index into ``World.resources`` of the resource asked for, -1: none
+    spot: int = -1  #: place in the queue, 0 = head, for "spot"
+
+
+ELSEWHERE = Place("elsewhere")
+
+
+@dataclass(slots=True)
+class Places:
+    """Named points of one world."""
+
+    world: World
+    _points: Array = field(init=False)
+    _places: tuple[Place, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        points: list[Array] = []
+        places: list[Place] = []
+        of_room = {
+            r.room: i
+            for i, r in reversed(list(enumerate(self.world.resources)))
+            if r.kind == "room"
+        }
+        for number, room in enumerate(self.world.rooms):
+            points.append(room.point)
+            places.append(Place("room", room=number, resource=of_room.get(number, -1)))
+        for number, resource in enumerate(self.world.resources):
+            for k, spot in enumerate(resource.spots):
+                points.append(spot)
+                places.append(Place("spot", resource=number, spot=k))
+        for spot in self.world.parking:
+            points.append(spot)
+            places.append(Place("parking"))
+        self._points = np.array(points, dtype=np.float64).reshape(-1, 2)
+        self._places = tuple(places)
+
+    def of(self, goal: Array) -> Place:
+        """Meaning of ``goal`` ``(2,)`` [m]; the nearest named point within 0.35 m."""
+        if not len(self._places):
+            return ELSEWHERE
+        distance = np.hypot(*(self._points - goal).T)
+        nearest = int(np.argmin(distance))
+        return self._places[nearest] if distance[nearest] <= GOAL_TOLERANCE else ELSEWHERE
+
+    def is_inside(self, resource: Resource, position: Array) -> bool:
+        """Whether ``position`` ``(2,)`` [m] is in the very place that the resource guards."""
+        if resource.room is not None:
+            room = self.world.rooms[resource.room]
+            if np.hypot(*(room.point - position)) <= ROOM_CORE:
+                return True
+            return contains(room.area, position)
+        return contains(resource.release_area, position)
+
+    def nearest_name(self, position: Array) -> tuple[str, float]:
+        """Name of the room or resource nearest to ``position`` ``(2,)`` and its distance [m]."""
+        named = [
+            (float(np.hypot(*(room.point - position))), room.name) for room in self.world.rooms
+        ]
+        for resource in self.world.resources:
+            if len(resource.spots):
+                gap = float(np.hypot(*(resource.spots - position).T).min())
+                named.append((gap, f"queue of {resource.name}"))
+        if not named:
+            return "", 0.0
+        distance, name = min(named)
+        return name, distance
+
+
+def contains(polygon: Array, point: Array) -> bool:
+    """Whether ``point`` ``(2,)`` lies in the simple ``polygon`` ``(V, 2)``; never if V < 3."""
+    if len(polygon) < 3:
+        return False
+    return bool(_contains(polygon, point[0], point[1]))
+
+
+@numba.njit(cache=True)
+def _contains(polygon: Array, x: float, y: float) -> bool:
+    inside = False
+    for k in range(len(polygon)):
+        ax, ay = polygon[k - 1]
+        bx, by = polygon[k]
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            inside = not inside
+    return inside

@@ -1,0 +1,1 @@
+"""Allocators: which robot serves which task."""

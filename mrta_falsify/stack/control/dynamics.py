@@ -1,0 +1,296 @@
+"""How inputs move a robot: what the barrier controllers need to know about a base.
+
+A robot's position obeys ``p'' = effect @ input``; that is all a barrier of second order asks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.protocols import ControlView
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """The robots' motion now, and what their inputs do to it."""
+
+    velocity: Array  #: (N, 2) [m/s], map frame
+    direction: Array  #: (N, 2) unit vector of travel, map frame; speed limits apply along it
+    speed: Array  #: (N,) along ``direction`` [m/s]
+    effect: Array  #: (N, 2, 2) acceleration of the position per input, map frame
+    limit: Array  #: (N, 2) largest absolute inputs
+    drives_along: bool  #: the first input is the acceleration along ``direction``
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Wish:
+    """What the robots would do if nothing stood in their way."""
+
+    target: Array  #: (N, 2) point to drive to [m], nan: brake
+    speed: Array  #: (N,) not to be exceeded [m/s]
+    reverse: BoolArray  #: (N,) drive backwards to the target
+    turn_first: Array  #: (N,) heading error above which it turns on the spot [rad]
+
+
+@runtime_checkable
+class Dynamics(Protocol):
+    """A kind of base: inputs ``(N, 2)`` in, twists out."""
+
+    def linearise(self, view: ControlView) -> Motion:
+        """Motion of all robots at this tick."""
+
+    def reference(self, view: ControlView, wish: Wish) -> Array:
+        """Inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
+
+    def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
+        """Body twists ``(N, 3)`` after one period of ``inputs``.
+
+        ``low`` and ``high`` ``(N,)`` [m/s] bound the speed along ``Motion.direction``; a
+        speed beyond them is brought back at the acceleration limit.
+        """
+
+
+class Unicycle:
+    """State x, y, yaw, v; inputs acceleration [m/s^2] and turn rate [rad/s].
+
+    The nominal law is MRTA-Sim's: speed k_x times the distance to the look-ahead point,
+    acceleration k_v times the missing speed, turn rate k_omega times the heading error.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Gains of the nominal law."""
+
+        k_x: float = quantity(above=0.0, unit="1/s", default=1.5)
+        k_v: float = quantity(above=0.0, unit="1/s", default=3.0)
+        k_omega: float = quantity(above=0.0, unit="1/s", default=1.5)
+        stop_distance: float = quantity(low=0.0, unit="m", default=0.1)
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def linearise(self, view: ControlView) -> Motion:
+        """See :class:`Dynamics`."""
+        velocity, direction, effect = _unicycle_motion(view.pose, view.velocity)
+        limit = np.empty((len(view.pose), 2))
+        limit[:, 0] = view.max_acceleration
+        limit[:, 1] = view.max_turn_rate
+        return Motion(
+            velocity=velocity,
+            direction=direction,
+            speed=view.velocity[:, 0].copy(),
+            effect=effect,
+            limit=limit,
+            drives_along=True,
+        )
+
+    def reference(self, view: ControlView, wish: Wish) -> Array:
+        """See :class:`Dynamics`."""
+        gains = self._options
+        return _unicycle_reference(
+            view.pose,
+            view.velocity,
+            view.goal,
+            wish.target,
+            wish.speed,
+            wish.reverse,
+            wish.turn_first,
+            view.max_acceleration,
+            view.max_turn_rate,
+            view.dt,
+            (gains.k_x, gains.k_v, gains.k_omega, gains.stop_distance),
+        )
+
+    def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
+        """See :class:`Dynamics`."""
+        return _unicycle_twist(
+            view.velocity,
+            inputs,
+            low,
+            high,
+            view.max_speed,
+            view.max_acceleration,
+            view.max_turn_rate,
+            view.dt,
+        )
+
+
+class Holonomic:
+    """State x, y, yaw and both velocities; inputs are the accelerations in the map frame.
+
+    The base turns slowly towards its direction of travel; the barriers do not use that.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Gains of the nominal law."""
+
+        k_x: float = quantity(above=0.0, unit="1/s", default=1.5)
+        k_v: float = quantity(above=0.0, unit="1/s", default=3.0)
+        k_omega: float = quantity(low=0.0, unit="1/s", default=0.5)
+        stop_distance: float = quantity(low=0.0, unit="m", default=0.1)
+
+    SLOW: ClassVar[float] = 0.05  # m/s, below which the velocity has no meaningful direction
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def linearise(self, view: ControlView) -> Motion:
+        """See :class:`Dynamics`."""
+        velocity = _to_map(view.pose[:, 2], view.velocity)
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        offset = view.target - view.pose[:, :2]
+        distance = np.hypot(offset[:, 0], offset[:, 1])
+        heading = np.column_stack((np.cos(view.pose[:, 2]), np.sin(view.pose[:, 2])))
+        usable = np.isfinite(distance) & (distance > 1e-9)
+        towards = np.where(
+            usable[:, None], offset / np.where(usable, distance, 1.0)[:, None], heading
+        )
+        moving = speed > self.SLOW
+        direction = np.where(
+            moving[:, None], velocity / np.where(moving, speed, 1.0)[:, None], towards
+        )
+        limit = np.repeat(view.max_acceleration[:, None] / np.sqrt(2.0), 2, axis=1)
+        effect = np.broadcast_to(np.eye(2), (len(speed), 2, 2)).copy()
+        return Motion(
+            velocity=velocity,
+            direction=np.ascontiguousarray(direction),
+            speed=np.einsum("ij,ij->i", velocity, direction),
+            effect=effect,
+            limit=limit,
+            drives_along=False,
+        )
+
+    def reference(self, view: ControlView, wish: Wish) -> Array:
+        """See :class:`Dynamics`."""
+        gains = self._options
+        velocity = _to_map(view.pose[:, 2], view.velocity)
+        offset = wish.target - view.pose[:, :2]
+        distance = np.hypot(offset[:, 0], offset[:, 1])
+        stop = ~np.isfinite(distance) | (distance < gains.stop_distance)
+        speed = np.minimum(gains.k_x * distance, wish.speed)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            wanted = offset / distance[:, None] * speed[:, None]
+        wanted = np.where(stop[:, None], 0.0, wanted)
+        # At rest no later than the next tick, if the limit allows it.
+        gain = np.where(stop, 1.0 / view.dt, gains.k_v)[:, None]
+        limit = view.max_acceleration[:, None] / np.sqrt(2.0)
+        return np.asarray(np.clip(gain * (wanted - velocity), -limit, limit))
+
+    def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
+        """See :class:`Dynamics`."""
+        yaw = view.pose[:, 2]
+        velocity = _to_map(yaw, view.velocity)
+        after = velocity + inputs * view.dt
+        speed = np.hypot(after[:, 0], after[:, 1])
+        slowest = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 0.0)
+        slowest = np.maximum(slowest - view.max_acceleration * view.dt, 0.0)
+        ceiling = np.minimum(np.maximum(high, slowest), view.max_speed)
+        scale = np.where(speed > ceiling, ceiling / np.where(speed > 0, speed, 1.0), 1.0)
+        after = after * scale[:, None]
+        course = np.arctan2(after[:, 1], after[:, 0])
+        error = (course - yaw + np.pi) % (2 * np.pi) - np.pi
+        turn = np.where(np.hypot(after[:, 0], after[:, 1]) > self.SLOW, error, 0.0)
+        turn = np.clip(self._options.k_omega * turn, -view.max_turn_rate, view.max_turn_rate)
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        forward = cos * after[:, 0] + sin * after[:, 1]
+        left = -sin * after[:, 0] + cos * after[:, 1]
+        return np.column_stack((forward, left, turn))
+
+
+def _to_map(yaw: Array, twist: Array) -> Array:
+    """Velocities ``(N, 2)`` of body twists ``(N, 3)`` in the map frame."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.column_stack(
+        (cos * twist[:, 0] - sin * twist[:, 1], sin * twist[:, 0] + cos * twist[:, 1])
+    )
+
+
+@njit(cache=True)
+def _unicycle_motion(pose: Array, twist: Array) -> tuple[Array, Array, Array]:
+    """Velocity and heading ``(N, 2)``, effect ``(N, 2, 2)`` of each unicycle."""
+    n = pose.shape[0]
+    velocity = np.empty((n, 2))
+    direction = np.empty((n, 2))
+    effect = np.empty((n, 2, 2))
+    for i in range(n):
+        cos, sin, v = np.cos(pose[i, 2]), np.sin(pose[i, 2]), twist[i, 0]
+        direction[i, 0], direction[i, 1] = cos, sin
+        velocity[i, 0], velocity[i, 1] = v * cos, v * sin
+        effect[i, 0, 0], effect[i, 1, 0] = cos, sin
+        effect[i, 0, 1], effect[i, 1, 1] = -v * sin, v * cos
+    return velocity, direction, effect
+
+
+@njit(cache=True)
+def _unicycle_reference(
+    pose: Array,
+    twist: Array,
+    goal: Array,
+    target: Array,
+    speed: Array,
+    reverse: BoolArray,
+    turn_first: Array,
+    max_acceleration: Array,
+    max_turn_rate: Array,
+    dt: float,
+    gains: tuple[float, float, float, float],
+) -> Array:
+    """Nominal inputs ``(N, 2)``; braking takes the speed to zero within a tick if it can."""
+    k_x, k_v, k_omega, stop_distance = gains
+    n = pose.shape[0]
+    inputs = np.zeros((n, 2))
+    for i in range(n):
+        v = twist[i, 0]
+        limit, turn_limit = max_acceleration[i], max_turn_rate[i]
+        brake = min(limit, max(-limit, -v / dt))
+        inputs[i, 0] = brake
+        dx, dy = target[i, 0] - pose[i, 0], target[i, 1] - pose[i, 1]
+        distance = np.sqrt(dx * dx + dy * dy)
+        if not distance >= stop_distance:  # also when the target is nan
+            continue
+        heading = np.arctan2(dy, dx)
+        if reverse[i]:
+            heading += np.pi
+        error = (heading - pose[i, 2] + np.pi) % (2.0 * np.pi) - np.pi
+        inputs[i, 1] = min(turn_limit, max(-turn_limit, k_omega * error))
+        if abs(error) > turn_first[i]:
+            continue
+        wanted = min(k_x * distance * np.cos(error), speed[i])
+        wanted = max(wanted, 0.0)
+        if reverse[i]:
+            wanted = -wanted
+        inputs[i, 0] = min(limit, max(-limit, k_v * (wanted - v)))
+    return inputs
+
+
+@njit(cache=True)
+def _unicycle_twist(
+    twist: Array,
+    inputs: Array,
+    low: Array,
+    high: Array,
+    max_speed: Array,
+    max_acceleration: Array,
+    max_turn_rate: Array,
+    dt: float,
+) -> Array:
+    """Twist ``(N, 3)`` one period later, within speed range and limits."""
+    n = twist.shape[0]
+    after = np.zeros((n, 3))
+    for i in range(n):
+        v, step = twist[i, 0], max_acceleration[i] * dt
+        wanted = v + min(step, max(-step, inputs[i, 0] * dt))
+        if wanted > high[i]:
+            wanted = max(high[i], v - step)
+        if wanted < low[i]:
+            wanted = min(low[i], v + step)
+        after[i, 0] = min(max_speed[i], max(-max_speed[i], wanted))
+        after[i, 2] = min(max_turn_rate[i], max(-max_turn_rate[i], inputs[i, 1]))
+    return after

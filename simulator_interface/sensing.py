@@ -1,0 +1,159 @@
+"""What an engine measures: least gaps over sub-steps, parked robots, obstacle points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.fleet import Sensed
+from mrta_falsify.core.seeding import stream
+from mrta_falsify.core.world import Blockage, World
+from simulator_interface import gaps, rays
+from simulator_interface.bodies import Fleet
+
+PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
+MOVED = 0.05  # m; a robot that stays within this of its place is at rest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RayOptions:
+    """How obstacles are measured."""
+
+    count: int  #: rays per robot, evenly spaced from the heading counter-clockwise
+    max_range: float  #: [m]
+
+
+class Surroundings:
+    """Solids and people of a world as they are at one time."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        edges = rays.polygon_edges(world.solid_polygons())
+        self.grid = rays.build_edge_grid(edges, world.bounds)
+        self.blockages = tuple(event for event in world.events if isinstance(event, Blockage))
+        self.human_radius = np.array([human.radius for human in world.humans])
+        times = {event.start for event in self.blockages} | {e.end for e in self.blockages}
+        times |= {human.appears_at for human in world.humans}
+        times |= {human.leaves_at for human in world.humans}
+        self._changes = sorted(times)
+        self._next = 0
+        self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
+        self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
+        self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
+        self.update(0.0)
+
+    def update(self, time: float) -> bool:
+        """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
+        # A sub-step's time is a product of floats: what begins within a nanosecond begins now.
+        now = time + 1e-9
+        if self._next > 0 and (
+            self._next >= len(self._changes) or now < self._changes[self._next]
+        ):
+            return False
+        while self._next < len(self._changes) and self._changes[self._next] <= now:
+            self._next += 1
+        self.standing = tuple(
+            k for k, event in enumerate(self.blockages) if event.start <= now < event.end
+        )
+        self.edges = rays.polygon_edges([self.blockages[k].polygon for k in self.standing])
+        humans = self.world.humans
+        self.present = np.array([h.appears_at <= now < h.leaves_at for h in humans], dtype=np.bool_)
+        return True
+
+
+class Observer:
+    """Collects one tick's measurements into a :class:`Sensed`."""
+
+    def __init__(self, fleet: Fleet, surroundings: Surroundings, options: RayOptions) -> None:
+        n = len(fleet.models)
+        self._fleet = fleet
+        self._surroundings = surroundings
+        self._options = options
+        self._noise = surroundings.world.ray_noise
+        self._random = stream(surroundings.world.seed, "rays")
+        self._anchor = np.full((n, 2), np.inf)
+        self._since = np.zeros(n)
+        self.placed = np.zeros_like(fleet.outline)  #: (N, V, 2) footprints, map frame [m]
+        self.gap = np.full((n, 3), np.inf)  #: (N, 3) least gap to robot, human, static [m]
+        self.nearest = np.full((n, 2), -1, dtype=np.int64)  #: (N, 2) robot, human
+        self.contact = np.zeros((n, 3), dtype=np.bool_)  #: (N, 3) touched robot, human, static
+
+    def begin_tick(self) -> None:
+        """Forget the last tick's gaps and contacts."""
+        self.gap = np.full_like(self.gap, gaps.FAR)
+        self.nearest = np.full_like(self.nearest, -1)
+        self.contact = np.zeros_like(self.contact)
+
+    def observe(self, pose: Array, human_position: Array) -> None:
+        """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``."""
+        fleet, around = self._fleet, self._surroundings
+        gaps.fill_gaps(
+            pose,
+            fleet.outline,
+            fleet.corners,
+            fleet.reach,
+            self.placed,
+            around.grid,
+            around.edges,
+            human_position,
+            around.human_radius,
+            around.present,
+            self.gap,
+            self.nearest,
+        )
+
+    def parked(self, pose: Array, time: float) -> BoolArray:
+        """Which robots ``(N,)`` have been at rest for over 5 s; call once per tick."""
+        moved = ~(np.hypot(*(pose[:, :2] - self._anchor).T) <= MOVED)
+        self._anchor[moved] = pose[moved, :2]
+        self._since[moved] = time
+        return np.asarray(time - self._since > PARKED_AFTER)
+
+    def exact_distances(self, pose: Array, parked: BoolArray) -> Array:
+        """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing."""
+        around, fleet = self._surroundings, self._fleet
+        numbers = np.flatnonzero(parked)
+        outlines = [self.placed[i, : fleet.corners[i]] for i in numbers]
+        extra, owner = around.edges, np.full(len(around.edges), -1, dtype=np.int64)
+        if outlines:
+            extra = np.concatenate([extra, rays.polygon_edges(outlines)])
+            owner = np.concatenate([owner, np.repeat(numbers, fleet.corners[numbers])])
+        options = self._options
+        return rays.cast_rays(around.grid, extra, owner, pose, options.count, options.max_range)
+
+    def sensed(
+        self,
+        *,
+        tick: int,
+        time: float,
+        pose: Array,
+        velocity: Array,
+        human_position: Array,
+        human_velocity: Array,
+        distances: Array,
+    ) -> Sensed:
+        """Close the tick; arguments as the fields of :class:`Sensed`, distances ``(N, A)`` [m]."""
+        directions = rays.ray_directions(pose[:, 2], self._options.count)
+        if self._noise > 0.0:
+            noise = self._random.normal(size=distances.shape) * self._noise
+            distances = np.maximum(distances + noise, 0.0)
+        hit = np.isfinite(distances)
+        reached = np.where(hit, distances, 0.0)[..., None] * directions + pose[:, None, :2]
+        gap = np.where(self.gap < gaps.FAR, self.gap, np.inf)
+        return Sensed(
+            tick=tick,
+            time=time,
+            pose=pose,
+            velocity=velocity,
+            human_position=human_position,
+            human_velocity=human_velocity,
+            obstacle_points=np.where(hit[..., None], reached, np.inf),
+            gap_robot=gap[:, gaps.ROBOT],
+            gap_human=gap[:, gaps.HUMAN],
+            gap_static=gap[:, gaps.STATIC],
+            nearest_robot=self.nearest[:, gaps.ROBOT],
+            nearest_human=self.nearest[:, gaps.HUMAN],
+            contact=self.contact,
+        )

@@ -1,0 +1,300 @@
+"""Pieces of the barrier controllers: paths, clusters, dynamics, rows, programs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from mrta_falsify.stack.control import qp
+from mrta_falsify.stack.control.barrier import (
+    OBSTACLE,
+    ROBOT,
+    Rows,
+    barrier_row,
+    input_box,
+    kind_table,
+)
+from mrta_falsify.stack.control.clusters import connected_clusters, elect_leaders, precedence
+from mrta_falsify.stack.control.lookahead import lookahead_point, remaining_path
+from mrta_falsify.stack.control.memory import SECTORS, remember_points
+from mrta_falsify.stack.control.options import CbfOptions
+
+KINDS = kind_table(CbfOptions())
+
+
+# --- paths ------------------------------------------------------------------------------
+
+
+def test_lookahead_lies_half_a_metre_away_on_the_path():
+    path = np.array([[0.0, 0.0], [10.0, 0.0]])
+    np.testing.assert_allclose(lookahead_point(path, np.array([2.0, 0.3])), [2.4, 0.0])
+
+
+def test_lookahead_does_not_turn_back_to_a_part_already_driven():
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    point = lookahead_point(path, np.array([0.9, 0.95]))
+    assert point[0] < 0.5
+    assert point[1] == pytest.approx(1.0)
+
+
+def test_lookahead_of_short_and_empty_paths_is_the_end_or_nan():
+    assert np.isnan(lookahead_point(np.zeros((0, 2)), np.zeros(2))).all()
+    np.testing.assert_array_equal(lookahead_point(np.array([[1.0, 2.0]]), np.zeros(2)), [1, 2])
+    path = np.array([[0.0, 0.0], [1.0, 0.0]])
+    np.testing.assert_array_equal(lookahead_point(path, np.array([0.9, 0.0])), [1, 0])
+
+
+def test_remaining_path_starts_beside_the_robot_and_keeps_the_end():
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
+    np.testing.assert_allclose(
+        remaining_path(path, np.array([0.5, 0.4])), [[0.5, 0], [1, 0], [1, 2]]
+    )
+    np.testing.assert_array_equal(remaining_path(path, np.array([1.0, 9.0])), [[1, 2]])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None)
+def test_following_the_lookahead_always_reaches_the_end(seed):
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.uniform(-0.3, 1.0, (12, 2)), axis=0)
+    position = path[0].copy()
+    for _ in range(2000):
+        path = remaining_path(path, position)
+        step = lookahead_point(path, position) - position
+        distance = np.linalg.norm(step)
+        if len(path) == 1 and distance < 0.05:
+            break
+        position = position + step * min(1.0, 0.05 / max(distance, 1e-9))
+    assert np.linalg.norm(path[-1] - position) < 0.06
+
+
+# --- clusters ---------------------------------------------------------------------------
+
+
+def test_neighbours_of_neighbours_form_one_cluster():
+    position = np.array([[0.0, 0], [3, 0], [6, 0], [20, 0], [23.9, 0]])
+    label = connected_clusters(position, np.ones(5, dtype=bool), 4.0)
+    assert label.tolist() == [0, 0, 0, 3, 3]
+
+
+def test_robot_without_states_link_stays_alone_and_joins_nobody():
+    position = np.array([[0.0, 0], [3, 0], [6, 0]])
+    label = connected_clusters(position, np.array([True, False, True]), 4.0)
+    assert label.tolist() == [0, 1, 2]
+
+
+def test_best_ranked_active_robot_leads_and_a_suspended_one_comes_last():
+    label = np.zeros(4, dtype=np.int64)
+    active = np.array([False, True, True, True])
+    rank = np.array([0, 1, 2, 3])
+    everyone = np.ones(4, dtype=bool)
+    key = precedence(active, active, np.zeros(4, dtype=bool), rank)
+    assert elect_leaders(label, everyone, active, key).tolist() == [1, 1, 1, 1]
+    key = precedence(active, active, np.array([False, True, False, False]), rank)
+    assert elect_leaders(label, everyone, active, key).tolist() == [2, 2, 2, 2]
+
+
+# --- rows -------------------------------------------------------------------------------
+
+
+@given(
+    st.floats(-3, 3), st.floats(-3, 3), st.floats(-np.pi, np.pi), st.floats(-1.5, 1.5),
+    st.floats(-1, 1), st.floats(-2, 2), st.floats(-1.3, 1.3), st.floats(-1.3, 1.3),
+)  # fmt: skip
+@settings(max_examples=100, deadline=None)
+def test_row_equals_the_second_derivative_of_the_barrier(x, y, yaw, v, a, w, ox, oy):
+    if np.hypot(x, y) < 0.4:
+        return
+    gap, (p, q) = 0.3, (2.0, 6.0)
+
+    def h(t):
+        # exact for constant acceleration and small turns: heading at half the way
+        n = 400
+        px, py = x, y
+        for k in range(n):
+            s = (k + 0.5) * t / n
+            px += t / n * (v + a * s) * np.cos(yaw + w * s)
+            py += t / n * (v + a * s) * np.sin(yaw + w * s)
+        return (px - ox * t) ** 2 + (py - oy * t) ** 2 - gap**2
+
+    e = 1e-3
+    first, second = (h(e) - h(-e)) / (2 * e), (h(e) - 2 * h(0.0) + h(-e)) / e**2
+    expected = (second + (p + q) * first + p * q * h(0.0)) / (2 * np.hypot(x, y))
+    effect = np.array([[np.cos(yaw), -v * np.sin(yaw)], [np.sin(yaw), v * np.cos(yaw)]])
+    r0, r1, bound, _, _ = barrier_row(
+        np.array([x, y]), v * effect[:, 0], effect, np.zeros(2), np.array([ox, oy]), gap,
+        KINDS[OBSTACLE],
+    )  # fmt: skip
+    assert r0 * a + r1 * w - bound == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("distance", [0.15, 0.24, 0.26, 0.29, 0.31])
+@pytest.mark.parametrize("yaw", np.linspace(-np.pi, np.pi, 9))
+def test_robot_at_rest_inside_its_gap_may_always_drive_away(distance, yaw):
+    heading = np.array([np.cos(yaw), np.sin(yaw)])
+    effect = np.array([[heading[0], 0.0], [heading[1], 0.0]])
+    r0, r1, bound, ux, uy = barrier_row(
+        np.array([distance, 0.0]), np.zeros(2), effect, np.zeros(2), np.zeros(2), 0.3,
+        KINDS[OBSTACLE],
+    )  # fmt: skip
+    away = np.sign(heading @ [ux, uy]) or 1.0
+    reachable = abs(r0) + 2 * abs(r1)
+    assert r0 * away * 1.0 + r1 * 0.0 >= min(bound, 0.98 * reachable) - 1e-12
+
+
+def test_inside_the_robot_gap_nobody_comes_nearer():
+    effect = np.array([[1.0, 0.0], [0.0, 0.0]])
+    r0, _, bound, _, _ = barrier_row(
+        np.array([-0.55, 0.0]), np.zeros(2), effect, np.zeros(2), np.zeros(2), 0.6, KINDS[ROBOT]
+    )
+    assert r0 < 0
+    assert bound == pytest.approx(0.0, abs=1e-12)
+
+
+def test_input_box_makes_a_fast_robot_brake_at_its_limit():
+    low, high = input_box(
+        np.array([[1.0, 2.0]]), np.array([1.0]), np.array([-0.2]), np.array([0.5]), 0.05, True
+    )
+    np.testing.assert_allclose(low, [[-1, -2]])
+    np.testing.assert_allclose(high, [[-1, 2]])
+
+
+# --- memory of seen points --------------------------------------------------------------
+
+
+def test_seen_point_is_kept_for_its_time_and_renewed_by_a_nearby_hit():
+    point, seen = np.full((1, SECTORS, 2), np.inf), np.full((1, SECTORS), -np.inf)
+    hit, none = np.array([[[1.0, 0.1]]]), np.full((1, 1, 2), np.inf)
+    here, known = np.zeros((1, 2)), np.ones(1, dtype=bool)
+    point, seen = remember_points(point, seen, hit, here, known, 0.0, 3.0)
+    point, seen = remember_points(point, seen, none, here, known, 2.9, 3.0)
+    assert np.isfinite(point[0, :, 0]).sum() == 1
+    moved, _ = remember_points(point, seen, hit + np.array([0.05, 0.0]), here, known, 2.9, 3.0)
+    assert np.nanmin(np.where(np.isfinite(moved[0, :, 0]), moved[0, :, 0], np.nan)) > 1.04
+    point, seen = remember_points(point, seen, none, here, known, 3.1, 3.0)
+    assert not np.isfinite(point).any()
+
+
+def test_hits_on_another_robot_are_left_to_the_pair_rows():
+    point, seen = np.full((2, SECTORS, 2), np.inf), np.full((2, SECTORS), -np.inf)
+    hits = np.full((2, 1, 2), np.inf)
+    hits[0, 0] = [0.85, 0.0]
+    position = np.array([[0.0, 0.0], [1.0, 0.0]])
+    seen_points, _ = remember_points(point, seen, hits, position, np.ones(2, bool), 0.0, 3.0)
+    assert not np.isfinite(seen_points).any()
+
+
+# --- programs ---------------------------------------------------------------------------
+
+
+def random_rows(rng, n, m=4):
+    """A coupled program of ``n`` robots with ``m`` own rows each, some of them conflicting."""
+    own, bound = np.zeros((n, 48, 2)), np.zeros((n, 48))
+    for i in range(n):
+        for k in range(m):
+            angle, v = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, 1)
+            own[i, k] = [np.cos(angle), v * np.sin(angle)]
+            most = abs(own[i, k, 0]) + 2 * abs(own[i, k, 1])
+            bound[i, k] = min(rng.uniform(-1.0, 0.8), 0.98 * most)
+    pair = np.array([(i, j) for i in range(n) for j in range(i + 1, n)], dtype=np.int64)
+    return Rows(
+        own=own,
+        own_bound=bound,
+        own_coupling=rng.choice([0.25, 1.0], (n, 48)),
+        own_count=np.full(n, m),
+        pair=pair.reshape(-1, 2),
+        pair_row=rng.uniform(-1, 1, (len(pair), 4)),
+        pair_bound=rng.uniform(-1, 0.5, len(pair)),
+        component=np.zeros(n, dtype=np.int64),
+    )
+
+
+def solve(rows, reference, **options):
+    n = len(reference)
+    limit = np.tile([1.0, 2.0], (n, 1))
+    return qp.solve_fleet(
+        rows, reference, np.zeros((n, 2)), -limit, limit, np.ones(n), slack_weight=50.0, **options
+    )
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_osqp_and_daqp_agree(n):
+    rng = np.random.default_rng(n)
+    for _ in range(40):
+        rows, reference = random_rows(rng, n), rng.uniform(-1, 1, (n, 2)) * [1, 2]
+        first, second = solve(rows, reference), solve(rows, reference, solver="daqp")
+        assert first.usable.all()
+        np.testing.assert_allclose(first.inputs, second.inputs, atol=5e-3)
+        np.testing.assert_allclose(first.slack, second.slack, atol=2e-3)
+
+
+def test_osqp_agrees_with_a_general_optimiser():
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        rows, reference = random_rows(rng, 2), rng.uniform(-1, 1, (2, 2)) * [1, 2]
+        limit = np.tile([1.0, 2.0], (2, 1))
+        p = qp.component_problem(
+            rows, np.arange(2), reference, -limit, limit, np.ones(2), slack_weight=50.0
+        )
+        best = minimize(
+            lambda z, p=p: 0.5 * np.sum((z[:-1] - p.reference) ** 2) + 25.0 * z[-1] ** 2,
+            np.append(p.reference, 3.0),
+            bounds=[*zip(p.low, p.high, strict=True), (0, None)],
+            constraints={
+                "type": "ineq",
+                "fun": lambda z, p=p: p.rows @ z[:-1] + p.coupling * z[-1] - p.bound,
+            },
+            method="SLSQP",
+            options={"maxiter": 500, "ftol": 1e-12},
+        )
+        np.testing.assert_allclose(solve(rows, reference).inputs.ravel(), best.x[:-1], atol=2e-3)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+@settings(max_examples=60, deadline=None)
+def test_answer_obeys_rows_and_hard_limits(seed, n):
+    rng = np.random.default_rng(seed)
+    rows, reference = random_rows(rng, n), rng.uniform(-1, 1, (n, 2)) * [1, 2]
+    answer = solve(rows, reference)
+    assert answer.usable.all()
+    assert (np.abs(answer.inputs) <= [1.0, 2.0]).all()
+    problem = qp.component_problem(
+        rows, np.arange(n), reference, reference, reference, np.ones(n), 1.0
+    )
+    value = problem.rows @ answer.inputs.ravel() + problem.coupling * answer.slack[0]
+    assert (value >= problem.bound - 5e-3).all()
+
+
+def test_answer_does_not_depend_on_what_was_solved_before():
+    rng = np.random.default_rng(3)
+    rows, reference = random_rows(rng, 2), rng.uniform(-1, 1, (2, 2))
+    before = solve(rows, reference)
+    for _ in range(5):
+        solve(random_rows(rng, 2), rng.uniform(-1, 1, (2, 2)))
+    after = solve(rows, reference)
+    assert before.inputs.tobytes() == after.inputs.tobytes()
+    assert before.slack.tobytes() == after.slack.tobytes()
+
+
+def test_reference_that_obeys_all_rows_is_the_answer_without_a_solver():
+    rows = random_rows(np.random.default_rng(0), 2)
+    rows.own_bound[:] = -10.0
+    rows.pair_bound[:] = -10.0
+    reference = np.array([[0.3, 0.1], [-0.2, 0.5]])
+    answer = solve(rows, reference)
+    assert answer.solved == 0
+    np.testing.assert_array_equal(answer.inputs, reference)
+    np.testing.assert_allclose(solve(rows, reference, always=True).inputs, reference, atol=1e-4)
+
+
+def test_conflicting_rows_cost_slack_and_obstacles_give_way_least():
+    rows = random_rows(np.random.default_rng(0), 1, m=2)
+    rows.own[0, :2] = [[1.0, 0.0], [-1.0, 0.0]]
+    rows.own_bound[0, :2] = 0.5
+    rows.own_coupling[0, :2] = [0.25, 1.0]
+    answer = solve(rows, np.zeros((1, 2)))
+    assert answer.slack[0] == pytest.approx(0.8, abs=0.02)
+    assert answer.inputs[0, 0] == pytest.approx(0.3, abs=0.02)

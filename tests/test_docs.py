@@ -1,0 +1,44 @@
+"""Every Python block of the documentation runs as it stands."""
+
+from __future__ import annotations
+
+import re
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from mrta_falsify.core import registry
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+
+
+def _blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if _blocks(page, "python")], ids=str)
+def test_the_python_of_a_page_runs_and_its_claims_hold(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    module = types.ModuleType("documented")
+    monkeypatch.setitem(sys.modules, "documented", module)  # dataclasses look their module up
+    for block in _blocks(page, "python"):
+        exec(compile(block, str(page), "exec"), module.__dict__)
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("extend-*.md")), ids=str)
+def test_an_extension_page_names_its_entry_point_and_a_class_it_defines(page):
+    point = page.stem.removeprefix("extend-")
+    assert point in registry.EXTENSION_POINTS
+    (toml,) = _blocks(page, "toml")
+    assert f'"mrta_falsify.{point}"' in toml
+    name = re.search(r':(\w+)"', toml)[1]
+    assert f"class {name}:" in _blocks(page, "python")[0]
+
+
+def test_every_extension_point_with_a_component_has_a_page():
+    documented = {page.stem.removeprefix("extend-") for page in PAGES}
+    missing = {point for point in registry.EXTENSION_POINTS if registry.names(point)} - documented
+    assert missing == set()
