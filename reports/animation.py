@@ -37,6 +37,7 @@ MAX_FRAMES = 900  # longer runs are sped up further
 TAIL = 12.0  # s of way shown behind a robot
 BANNER = 26  # pixels
 QUEUEING = "#d99a00"
+UNUSED = 255  # palette index that no colour has
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +62,16 @@ def write_gif(view: RunView, path: Path) -> None:
         ConfigError: the trace was not kept, so there is nothing to show.
     """
     palette = _palette(view)
-    shown = [
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in _frames(view)
-    ]
+    shown: list[Image.Image] = []
+    before = None
+    for frame in _frames(view):
+        image = Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        pixels = np.asarray(image)
+        # What did not change is left transparent: a tenth of the size.
+        changed = pixels if before is None else np.where(pixels == before, UNUSED, pixels)
+        before = pixels
+        shown.append(Image.fromarray(changed.astype(np.uint8), mode="P"))
+        shown[-1].putpalette(palette.getpalette() or [])
     shown[0].save(
         path,
         format="GIF",
@@ -74,6 +81,7 @@ def write_gif(view: RunView, path: Path) -> None:
         loop=0,
         optimize=False,
         disposal=1,
+        transparency=UNUSED,
     )
 
 

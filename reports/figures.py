@@ -416,21 +416,31 @@ def runs_of(flags: ArrayLike) -> list[tuple[int, int]]:
 
 
 def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
+    """Pick-ups and drop-offs, in a row above the place where they happened, in their order."""
     markers = {"picked-up": "^", "dropped-off": "v"}
+    places: list[Array] = []
+    counts: list[int] = []
     for event in trace.events:
         marker = markers.get(event.kind)
         if marker is None or event.robot < 0:
             continue
-        x, y = poses[_tick_of(trace, event), event.robot, :2]
+        where = poses[_tick_of(trace, event), event.robot, :2]
+        near = [i for i, place in enumerate(places) if np.hypot(*(place - where)) < 1.5]
+        if not near:
+            places.append(where)
+            counts.append(0)
+            near = [len(places) - 1]
+        x, y = places[near[0]] + (0.55 * counts[near[0]] - 0.55, 1.15)
+        counts[near[0]] += 1
         axes.plot(
             x,
             y,
             marker=marker,
-            markersize=7.5,
+            markersize=9,
             color=robot_colour(event.robot),
             markeredgecolor=INK,
             markeredgewidth=0.7,
-            zorder=10,
+            zorder=12,
         )
 
 

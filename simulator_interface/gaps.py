@@ -384,3 +384,20 @@ def move_people(
                 position[h, 0], position[h, 1] = sx, sy
                 break
             way = -way
+
+
+def solid_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
+    """Gap [m] of one footprint ``(V, 2)`` around (x, y) to one solid of ``edges`` ``(E, 4)``."""
+    return float(_solid_gap(edges, placed, corners, x, y))
+
+
+@njit(cache=True)
+def _solid_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
+    best, nearest, inside = np.inf, np.inf, False
+    for e in range(len(edges)):
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        best = min(best, polygon_edge_gap(placed, corners, edges[e]))
+        nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return min(best, -nearest) if inside else best

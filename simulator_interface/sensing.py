@@ -39,6 +39,7 @@ class Surroundings:
         times |= {human.leaves_at for human in world.humans}
         self._changes = sorted(times)
         self._next = 0
+        self._begun = False
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
@@ -48,10 +49,10 @@ class Surroundings:
         """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
         # A sub-step's time is a product of floats: what begins within a nanosecond begins now.
         now = time + 1e-9
-        if self._next > 0 and (
-            self._next >= len(self._changes) or now < self._changes[self._next]
-        ):
+        is_due = self._next < len(self._changes) and self._changes[self._next] <= now
+        if self._begun and not is_due:
             return False
+        self._begun = True
         while self._next < len(self._changes) and self._changes[self._next] <= now:
             self._next += 1
         self.standing = tuple(

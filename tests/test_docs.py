@@ -42,3 +42,12 @@ def test_every_extension_point_with_a_component_has_a_page():
     documented = {page.stem.removeprefix("extend-") for page in PAGES}
     missing = {point for point in registry.EXTENSION_POINTS if registry.names(point)} - documented
     assert missing == set()
+
+
+def test_every_kind_of_event_that_the_stack_writes_is_documented():
+    sources = [path.read_text() for path in (ROOT / "mrta_falsify" / "stack").rglob("*.py")]
+    calls = re.findall(r"StackEvent\((.*?)\)\s*\)?$", "\n".join(sources), re.DOTALL | re.MULTILINE)
+    kinds = {kind for call in calls for kind in re.findall(r'kind="([a-z-]+)"', call)}
+    assert {"granted", "no-path"} <= kinds
+    page = (ROOT / "docs" / "trace.md").read_text()
+    assert {kind for kind in kinds if f"`{kind}`" not in page} == set()

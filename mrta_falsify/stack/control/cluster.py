@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,7 +19,7 @@ from mrta_falsify.stack.control.clusters import connected_clusters, elect_leader
 from mrta_falsify.stack.control.dynamics import Dynamics, Wish
 from mrta_falsify.stack.control.memory import Memory, remember_points, track_robots
 from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.steering import Scene, steer
+from mrta_falsify.stack.control.steering import Scene, steer, without_later_humans
 from mrta_falsify.stack.control.yielding import (
     ASIDE,
     GO,
@@ -30,8 +29,6 @@ from mrta_falsify.stack.control.yielding import (
     Manoeuvres,
     choose_manoeuvres,
 )
-
-HUMANS_OF_THE_DEFECT = 2  #: people whom `humans_unseen_beyond_two` leaves in view
 
 
 class ClusterCbf:
@@ -72,7 +69,7 @@ class ClusterCbf:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
-            view = _without_later_humans(view)
+            view = without_later_humans(view)
         memory = self._memory
         if memory is None or len(memory.pose) != len(view.pose):
             memory = Memory.fresh(view.pose, view.time)
@@ -233,17 +230,6 @@ class ClusterCbf:
             reverse=reverse,
             conflict=conflict,
         )
-
-
-def _without_later_humans(view: ControlView) -> ControlView:
-    """Planted defect: MRTA-Sim has room for two people."""
-    n = HUMANS_OF_THE_DEFECT
-    return dataclasses.replace(
-        view,
-        human_position=view.human_position[:n],
-        human_velocity=view.human_velocity[:n],
-        human_radius=view.human_radius[:n],
-    )
 
 
 def _turn_threshold(kind: IntArray, alone: BoolArray) -> Array:

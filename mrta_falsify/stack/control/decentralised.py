@@ -12,11 +12,10 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier import kind_table
-from mrta_falsify.stack.control.cluster import _without_later_humans
 from mrta_falsify.stack.control.dynamics import Dynamics, Wish
 from mrta_falsify.stack.control.memory import Memory, remember_points, track_robots
 from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.steering import Scene, steer
+from mrta_falsify.stack.control.steering import Scene, steer, without_later_humans
 
 
 class DecentralisedCbf:
@@ -49,7 +48,7 @@ class DecentralisedCbf:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
-            view = _without_later_humans(view)
+            view = without_later_humans(view)
         n = len(view.pose)
         memory = self._memory
         if memory is None or len(memory.pose) != n:

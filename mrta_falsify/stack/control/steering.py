@@ -22,6 +22,7 @@ from mrta_falsify.stack.control.surroundings import (
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most
 TIGHT_SPEED = 0.15  # m/s
+HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in view
 TIGHT_TURN = 0.05  # rad/s, where there is no room to drive either
 
 
@@ -165,4 +166,15 @@ def _rows(
         pair_row=pair_row,
         pair_bound=pair_bound,
         component=component,
+    )
+
+
+def without_later_humans(view: ControlView) -> ControlView:
+    """Planted defect: MRTA-Sim has room for two people."""
+    n = HUMANS_OF_THE_DEFECT
+    return dataclasses.replace(
+        view,
+        human_position=view.human_position[:n],
+        human_velocity=view.human_velocity[:n],
+        human_radius=view.human_radius[:n],
     )

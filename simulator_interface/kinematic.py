@@ -1,0 +1,270 @@
+"""The engine without contact physics, for screening: same interface, same limits.
+
+Robots follow their set points with a first-order lag; a step that would end inside a solid,
+a robot or a person is shortened until it does not, and counts as contact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.fleet import Command, Sensed
+from mrta_falsify.core.world import World
+from simulator_interface import gaps
+from simulator_interface.actuation import Actuation, slipping
+from simulator_interface.bodies import check_starts, gather_fleet
+from simulator_interface.gaps import place_outline, polygon_gap, polygon_point_gap, static_gap
+from simulator_interface.rays import EdgeGrid
+from simulator_interface.sensing import Observer, RayOptions, Surroundings
+
+HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
+
+
+def count_substeps(dt: float, step_size: float) -> int:
+    """Sub-steps of at most ``step_size`` [s] in a control period ``dt`` [s]."""
+    return max(1, math.ceil(dt / step_size - 1e-9))
+
+
+class KinematicEngine:
+    """Moves robots and people by geometry alone."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Accuracy and sensing."""
+
+        step_size: float = quantity(above=0.0, high=0.05, unit="s", default=0.025)
+        ray_count: int = quantity(low=1, high=360, default=12)
+        ray_range: float = quantity(above=0.0, unit="m", default=10.0)
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def start(self, world: World, dt: float, human_position: Array) -> Sensed:
+        """See :class:`mrta_falsify.core.protocols.Engine`.
+
+        Raises:
+            WorldError: a robot's start is taken.
+            UnknownNameError: unknown robot model.
+        """
+        check_starts(world)
+        fleet = gather_fleet(world.robots)
+        self._fleet = fleet
+        self._dt = dt
+        self._substeps = count_substeps(dt, self._options.step_size)
+        self._step = dt / self._substeps
+        self._actuation = Actuation(fleet, world.robots, world.seed, self._step)
+        self._around = Surroundings(world)
+        rays = RayOptions(count=self._options.ray_count, max_range=self._options.ray_range)
+        self._observer = Observer(fleet, self._around, rays)
+        self._response = np.array([model.response_time for model in fleet.models])
+        self._separation = np.array([model.wheel_separation for model in fleet.models])
+        n = len(world.robots)
+        self._pose = np.array([robot.pose for robot in world.robots]).reshape(n, 3)
+        self._velocity = np.zeros((n, 3))
+        self._human = np.array(human_position, dtype=np.float64).reshape(len(world.humans), 2)
+        self._tick = 0
+        self._observer.begin_tick()
+        self._observer.observe(self._pose, self._human)
+        return self._sense(np.zeros_like(self._human))
+
+    def step(self, command: Command, human_velocity: Array) -> Sensed:
+        """See :class:`mrta_falsify.core.protocols.Engine`."""
+        fleet, around, observer = self._fleet, self._around, self._observer
+        self._actuation.begin_tick(self._dt)
+        observer.begin_tick()
+        walked_from = self._human.copy()
+        touched = np.zeros(len(self._pose), dtype=np.bool_)
+        for k in range(self._substeps):
+            time = (self._tick + k / self._substeps) * self._dt
+            around.update(time)
+            set_point = self._actuation.advance(command.twist, time)
+            gaps.move_people(
+                self._human,
+                human_velocity,
+                around.human_radius,
+                around.present,
+                self._step,
+                self._pose,
+                observer.placed,
+                fleet.corners,
+                fleet.reach,
+                around.grid,
+                around.edges,
+                touched,
+            )
+            _drive(
+                self._pose,
+                self._velocity,
+                set_point,
+                self._actuation.loss,
+                self._response,
+                self._separation,
+                fleet.holonomic,
+                self._step,
+                fleet.outline,
+                fleet.corners,
+                fleet.reach,
+                observer.placed,
+                around.grid,
+                around.edges,
+                self._human,
+                around.human_radius,
+                around.present,
+                observer.contact,
+            )
+            observer.observe(self._pose, self._human)
+        observer.contact[:, gaps.HUMAN] |= touched
+        self._tick += 1
+        around.update(self._tick * self._dt)
+        return self._sense((self._human - walked_from) / self._dt)
+
+    def _sense(self, human_velocity: Array) -> Sensed:
+        time = self._tick * self._dt
+        parked = self._observer.parked(self._pose, time)
+        return self._observer.sensed(
+            tick=self._tick,
+            time=time,
+            pose=self._pose.copy(),
+            velocity=self._velocity.copy(),
+            human_position=self._human.copy(),
+            human_velocity=human_velocity,
+            distances=self._observer.exact_distances(self._pose, parked),
+        )
+
+    def close(self) -> None:
+        """Nothing to free."""
+
+
+@njit(cache=True)
+def _fill_hindrance(
+    i: int,
+    pose: Array,
+    outline: Array,
+    corners: IntArray,
+    reach: Array,
+    placed: Array,
+    body: Array,
+    grid: EdgeGrid,
+    extra: Array,
+    human: Array,
+    human_radius: Array,
+    present: BoolArray,
+    where: Array,
+    depth: Array,
+) -> int:
+    """Write gaps below 0 of robot ``i`` at pose ``where`` to ``depth`` (robot, human, static).
+
+    Returns:
+        The robot it overlaps most, -1: none.
+    """
+    depth[:] = 0.0
+    hit = -1
+    x, y = where[0], where[1]
+    place_outline(outline[i], corners[i], where, body)
+    for j in range(len(pose)):
+        apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
+        if j == i or apart >= reach[i] + reach[j]:
+            continue
+        gap = polygon_gap(body, corners[i], placed[j], corners[j], 0.0)
+        if gap < depth[0]:
+            depth[0] = gap
+            hit = j
+    for h in range(len(human)):
+        apart = math.hypot(human[h, 0] - x, human[h, 1] - y)
+        if present[h] and apart < reach[i] + human_radius[h]:
+            gap = polygon_point_gap(body, corners[i], human[h, 0], human[h, 1]) - human_radius[h]
+            depth[1] = min(depth[1], gap)
+    depth[2] = static_gap(grid, extra, body, corners[i], x, y, reach[i], 0.0)
+    return hit
+
+
+@njit(cache=True)
+def _fill_moved(pose: Array, twist: Array, step: float, out: Array) -> None:
+    """Write ``pose`` after ``step`` of constant body twist to ``out`` (midpoint rule)."""
+    yaw = pose[2] + 0.5 * twist[2] * step
+    c, s = math.cos(yaw), math.sin(yaw)
+    out[0] = pose[0] + step * (c * twist[0] - s * twist[1])
+    out[1] = pose[1] + step * (s * twist[0] + c * twist[1])
+    out[2] = math.pi - (math.pi - pose[2] - twist[2] * step) % (2.0 * math.pi)
+
+
+@njit(cache=True)
+def _drive(
+    pose: Array,
+    velocity: Array,
+    set_point: Array,
+    loss: Array,
+    response: Array,
+    separation: Array,
+    holonomic: IntArray,
+    step: float,
+    outline: Array,
+    corners: IntArray,
+    reach: Array,
+    placed: Array,
+    grid: EdgeGrid,
+    extra: Array,
+    human: Array,
+    human_radius: Array,
+    present: BoolArray,
+    contact: BoolArray,
+) -> None:
+    """Move all robots, one after the other, for one sub-step."""
+    body = np.empty_like(outline[0]) if len(outline) else np.empty((0, 2))
+    there = np.empty(3)
+    now, then = np.zeros(3), np.zeros(3)
+    for i in range(len(pose)):
+        wanted = set_point[i].copy()
+        if holonomic[i] == 1:
+            wanted[:2] *= 1.0 - loss[i, 0]
+            wanted[2] *= 1.0 - loss[i, 1]
+        else:
+            wanted[0], wanted[2] = slipping(wanted[0], wanted[2], separation[i], loss[i])
+        share = 1.0 - math.exp(-step / response[i]) if response[i] > 0.0 else 1.0
+        for k in range(3):
+            velocity[i, k] += share * (wanted[k] - velocity[i, k])
+        part = 1.0
+        hindered = False
+        _fill_moved(pose[i], velocity[i], step, there)
+        hit = _fill_hindrance(
+            i, pose, outline, corners, reach, placed, body, grid, extra,
+            human, human_radius, present, there, then,
+        )  # fmt: skip
+        if min(then[0], then[1], then[2]) < 0.0:
+            _fill_hindrance(
+                i, pose, outline, corners, reach, placed, body, grid, extra,
+                human, human_radius, present, pose[i], now,
+            )  # fmt: skip
+            for k in range(3):
+                if then[k] < 0.0 and then[k] <= now[k]:
+                    hindered = True
+                    contact[i, k] = True
+            if hindered and contact[i, 0] and hit >= 0:
+                contact[hit, 0] = True
+        if hindered:
+            part, low, high = 0.0, 0.0, 1.0
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                _fill_moved(pose[i], velocity[i], middle * step, there)
+                _fill_hindrance(
+                    i, pose, outline, corners, reach, placed, body, grid, extra,
+                    human, human_radius, present, there, then,
+                )  # fmt: skip
+                is_free = True
+                for k in range(3):
+                    if then[k] < 0.0 and then[k] <= now[k]:
+                        is_free = False
+                if is_free:
+                    part = low = middle
+                else:
+                    high = middle
+            _fill_moved(pose[i], velocity[i], part * step, there)
+            velocity[i] *= part
+        pose[i] = there
+        place_outline(outline[i], corners[i], pose[i], placed[i])
