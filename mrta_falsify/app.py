@@ -200,7 +200,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
     return {
         "world_digest": outcome.trace.world_digest,
         "trace_digest": outcome.trace.digest,
-        "sim_time_s": outcome.sim_time,
+        "sim_time_s": round(outcome.sim_time, 6),
         "wall_s": round(outcome.wall_s, 3),
         "real_time_factor": round(outcome.sim_time / max(outcome.wall_s, 1e-9), 2),
         "tasks": codec.encode(outcome.tasks),

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from shapely import STRtree
-from shapely.geometry import MultiPoint, Polygon
+from shapely.geometry import MultiPoint
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, IntArray, frozen_array
@@ -24,7 +23,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError, WorldError
 from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.world import Blockage, RobotSpec, World
-from simulator_interface import starts
+from simulator_interface import gaps, rays, starts
 
 ROBOTS = Path(__file__).parent / "robots"
 CIRCLE_CORNERS = 24  # a round collision shape in a footprint; 0.9 % of its radius inside it
@@ -312,6 +311,7 @@ def check_starts(world: World) -> None:
         UnknownNameError: unknown robot model.
     """
     starts.check_starts(world)
+    fleet = gather_fleet(world.robots)
     solids = [
         *((f"walls[{i}] ({wall.name})", wall.polygon) for i, wall in enumerate(world.walls)),
         *((f"furniture[{i}] ({f.name})", f.polygon) for i, f in enumerate(world.furniture)),
@@ -321,17 +321,18 @@ def check_starts(world: World) -> None:
             if isinstance(event, Blockage) and event.start <= 0.0 < event.end
         ),
     ]
-    tree = STRtree([Polygon(polygon) for _, polygon in solids])
-    outlines = [
-        Polygon(transform(find_model(r.model, where=f"robots[{i}].model").footprint, r.pose))
-        for i, r in enumerate(world.robots)
+    names = [name for name, polygon in solids for _ in polygon]
+    edges = rays.polygon_edges([polygon for _, polygon in solids])
+    placed = [
+        transform(model.footprint, robot.pose)
+        for robot, model in zip(world.robots, fleet.models, strict=True)
     ]
     for i, robot in enumerate(world.robots):
         x, y, yaw = robot.pose
         given = f"robots[{i}].pose of {robot.name} is ({x:g} m, {y:g} m, {yaw:g} rad)"
-        hits = sorted(tree.query(outlines[i], predicate="intersects"))
-        if hits:
-            raise WorldError(f"{given}; its body touches {solids[int(hits[0])][0]}")
+        hit = gaps.first_edge_met(edges, placed[i], x, y, fleet.reach[i])
+        if hit >= 0:
+            raise WorldError(f"{given}; its body touches {names[hit]}")
         for j in range(i):
-            if outlines[i].intersects(outlines[j]):
+            if gaps.polygon_gap(placed[i], len(placed[i]), placed[j], len(placed[j]), 1.0) <= 0.0:
                 raise WorldError(f"{given}; its body touches robots[{j}] ({world.robots[j].name})")

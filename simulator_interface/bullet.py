@@ -11,21 +11,21 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface import gaps
 from simulator_interface.actuation import Actuation
-from simulator_interface.bodies import Fleet, RobotModel, check_starts, gather_fleet
+from simulator_interface.bodies import RobotModel, check_starts, gather_fleet
 from simulator_interface.kinematic import count_substeps
-from simulator_interface.rays import ray_directions
+from simulator_interface.rays import next_corners, polygon_edges, ray_directions
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
 
 
@@ -61,6 +61,8 @@ CAPSULE_DEPTH = 0.3  # m; the round lower end of a person is below the floor
 SOLID_DEPTH = 0.1  # m; solids begin below the floor
 LEAST_HEIGHT = 0.3  # m; even a low obstacle stops a robot
 RAY_HEIGHT = 0.2  # m
+CARRIED = 3  # driven joints of a holonomic base
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 class _Body(NamedTuple):
@@ -87,10 +89,10 @@ class BulletEngine:
     class Options:
         """Tuned by ``benchmarks/engine/tune.py``."""
 
-        step_size: float = quantity(above=0.0, high=0.05, unit="s", default=0.01)
+        step_size: float = quantity(above=0.0, high=0.05, unit="s", default=0.0125)
         solver_iterations: int = quantity(low=1, high=1000, default=10)
         contact_margin: float = quantity(
-            above=0.0, high=0.05, unit="m", default=0.002
+            above=0.0, high=0.05, unit="m", default=0.001
         )  #: contact points farther apart are dropped
         gui: bool = False
         rays: Literal["exact", "bullet"] = "exact"
@@ -133,7 +135,7 @@ class BulletEngine:
         self._pose = self._read_pose()
         self._observer.begin_tick()
         self._observer.observe(self._pose, self._human)
-        self._stand_blockages()
+        self._note_changes()
         return self._sense(np.zeros_like(self._human))
 
     def _connect(self) -> None:
@@ -154,9 +156,12 @@ class BulletEngine:
         )
 
     def _build_floor_and_solids(self, world: World) -> None:
-        floor = pybullet.createMultiBody(
-            0.0, pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._call), **self._call
-        )
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._call)
+        # Bullet would draw the endless plane, which takes 10 ms: nobody looks at a plain client.
+        drawn = -1
+        if not self._options.gui:
+            drawn = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.01, **self._call)
+        floor = pybullet.createMultiBody(0.0, plane, drawn, useMaximalCoordinates=1, **self._call)
         pybullet.changeDynamics(floor, -1, lateralFriction=1.0, restitution=0.0, **self._call)
         self._sort(floor, -1, FLOOR, ROBOT | WHEEL)
         polygons = world.solid_polygons()
@@ -174,7 +179,7 @@ class BulletEngine:
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
             **self._call,
         )
-        body: int = pybullet.createMultiBody(0.0, shape, **self._call)
+        body: int = pybullet.createMultiBody(0.0, shape, useMaximalCoordinates=1, **self._call)
         # Without friction a wheel cannot climb a wall.
         pybullet.changeDynamics(body, -1, lateralFriction=0.0, restitution=0.0, **self._call)
         self._sort(body, -1, SOLID, ROBOT)
@@ -197,7 +202,6 @@ class BulletEngine:
         self._wheels = np.array(
             [[model.wheel_radius, model.wheel_separation] for model in self._fleet.models]
         ).reshape(n, 2)
-        self._raw = np.zeros((n, 7))
         self._targets: list[list[float]] = [[] for _ in range(n)]
 
     def _load_robot(self, model: RobotModel, pose: Array) -> _Body:
@@ -207,13 +211,14 @@ class BulletEngine:
         if not is_carried:
             where = ([x, y, 0.0], [0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)])
         try:
-            number = pybullet.loadURDF(
-                model.urdf,
-                *where,
-                useFixedBase=is_carried,
-                flags=pybullet.URDF_MERGE_FIXED_LINKS,
-                **self._call,
-            )
+            with _native_output_muted():  # merging links is chatty
+                number = pybullet.loadURDF(
+                    model.urdf,
+                    *where,
+                    useFixedBase=is_carried,
+                    flags=pybullet.URDF_MERGE_FIXED_LINKS,
+                    **self._call,
+                )
         except pybullet.error as error:
             raise FormatError(f"{model.urdf}: Bullet cannot load it: {error}") from None
         joints = self._joints(number, model)
@@ -257,13 +262,16 @@ class BulletEngine:
     def _build_people(self, world: World) -> None:
         self._people: list[int] = []
         self._is_in = np.zeros(len(world.humans), dtype=np.bool_)  # stands in Bullet's world
-        self._came = np.ones(len(world.humans), dtype=np.bool_)  # was not there a moment ago
+        self._near = np.zeros(len(world.humans), dtype=np.bool_)
+        self._was_present = np.zeros(len(world.humans), dtype=np.bool_)
         for human in world.humans:
             length = max(BODY_HEIGHT + CAPSULE_DEPTH - 2.0 * human.radius, 0.1)
             shape = pybullet.createCollisionShape(
                 pybullet.GEOM_CAPSULE, radius=human.radius, height=length, **self._call
             )
-            body = pybullet.createMultiBody(0.0, shape, basePosition=[0, 0, AWAY], **self._call)
+            body = pybullet.createMultiBody(
+                0.0, shape, basePosition=[0, 0, AWAY], useMaximalCoordinates=1, **self._call
+            )
             pybullet.changeDynamics(body, -1, lateralFriction=0.0, restitution=0.0, **self._call)
             self._sort(body, -1, HUMAN, ROBOT)
             self._column[body] = gaps.HUMAN
@@ -281,7 +289,7 @@ class BulletEngine:
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
             if around.update(time):
-                self._stand_blockages()
+                self._note_changes()
             self._drive(self._actuation.advance(command.twist, time))
             gaps.move_people(
                 self._human,
@@ -300,20 +308,19 @@ class BulletEngine:
             self._place_people()
             if self._overlaps:
                 self._release_overlaps()
-            pybullet.stepSimulation(**self._call)
+            pybullet.stepSimulation(self._client)
             self._pose = self._read_pose()
-            observer.observe(self._pose, self._human)
-            self._read_contacts()
+            if observer.observe(self._pose, self._human) <= NEAR_CONTACT:
+                self._read_contacts()
         observer.contact[:, gaps.HUMAN] |= touched
         self._tick += 1
         if around.update(self._tick * self._dt):
-            self._stand_blockages()
+            self._note_changes()
         return self._sense((self._human - walked_from) / self._dt)
 
     def _drive(self, set_point: Array) -> None:
-        yaw = self._pose[:, 2]
         targets = _motor_targets(
-            set_point, self._actuation.loss, yaw, self._wheels, self._fleet.holonomic
+            set_point, self._actuation.loss, self._pose, self._wheels, self._fleet.holonomic
         ).tolist()
         for i, body in enumerate(self._bodies):
             if targets[i] == self._targets[i]:
@@ -329,16 +336,16 @@ class BulletEngine:
         self._targets = targets
 
     def _read_pose(self) -> Array:
-        raw, holonomic = self._raw, self._fleet.holonomic
-        for i, body in enumerate(self._bodies):
-            if holonomic[i]:
-                states = pybullet.getJointStates(body.number, body.joints, **self._call)
-                raw[i, :3] = [state[0] for state in states]
+        client, raw = self._client, []
+        for body in self._bodies:
+            if len(body.joints) == CARRIED:
+                states = pybullet.getJointStates(body.number, body.joints, client)
+                raw.append((*(state[0] for state in states), *NO_TURN))
             else:
-                position, turn = pybullet.getBasePositionAndOrientation(body.number, **self._call)
-                raw[i, :3] = position
-                raw[i, 3:] = turn
-        return _floor_poses(raw, self._offset, self._turned, holonomic)
+                position, turn = pybullet.getBasePositionAndOrientation(body.number, client)
+                raw.append(position + turn)
+        holonomic = self._fleet.holonomic
+        return _floor_poses(np.array(raw).reshape(-1, 7), self._offset, self._turned, holonomic)
 
     def _read_velocity(self) -> Array:
         raw = np.zeros((len(self._bodies), 3))
@@ -353,8 +360,6 @@ class BulletEngine:
 
     def _read_contacts(self) -> None:
         observer = self._observer
-        if not len(self._bodies) or observer.gap.min() > NEAR_CONTACT:
-            return
         for i in np.flatnonzero(observer.gap.min(axis=1) <= NEAR_CONTACT):
             for point in pybullet.getContactPoints(self._bodies[i].number, **self._call):
                 column = self._column.get(point[2])
@@ -367,26 +372,34 @@ class BulletEngine:
         """Only people near a robot stand in Bullet's world; to move them all costs too much."""
         if not self._people:
             return
-        around = self._around
-        near = _near_people(
+        around, near = self._around, self._near
+        if _fill_near_people(
             self._human,
-            around.human_radius + NEAR_PERSON,
+            around.human_radius,
             around.present,
             self._pose,
             self._fleet.reach,
-        )
-        for h in np.flatnonzero(near | self._is_in):
-            z = AWAY
-            if near[h]:
-                z = 0.5 * (BODY_HEIGHT - CAPSULE_DEPTH)
-            x, y = self._human[h].tolist()
-            pybullet.resetBasePositionAndOrientation(
-                self._people[h], [x, y, z], [0.0, 0.0, 0.0, 1.0], **self._call
-            )
-        for h in np.flatnonzero(around.present & self._came):
+            self._is_in,
+            near,
+        ):
+            for h in np.flatnonzero(near | self._is_in):
+                z = 0.5 * (BODY_HEIGHT - CAPSULE_DEPTH) if near[h] else AWAY
+                x, y = self._human[h].tolist()
+                pybullet.resetBasePositionAndOrientation(
+                    self._people[h], (x, y, z), (0.0, 0.0, 0.0, 1.0), self._client
+                )
+            self._is_in[:] = near
+
+    def _note_arrivals(self) -> None:
+        """People who appear on top of a robot."""
+        present = self._around.present
+        for h in np.flatnonzero(present & ~self._was_present):
             self._note_overlaps(self._people[h], human=int(h))
-        self._came = ~around.present
-        self._is_in = near
+        self._was_present = present
+
+    def _note_changes(self) -> None:
+        self._stand_blockages()
+        self._note_arrivals()
 
     def _stand_blockages(self) -> None:
         standing = self._around.standing
@@ -410,8 +423,9 @@ class BulletEngine:
             radius = self._around.human_radius[pair.human]
             return float(gaps.polygon_point_gap(placed, corners, x, y) - radius)
         polygon = self._around.blockages[pair.blockage].polygon
-        edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)])
-        return gaps.solid_gap(edges, placed, corners, self._pose[i, 0], self._pose[i, 1])
+        return gaps.solid_gap(
+            polygon_edges([polygon]), placed, corners, self._pose[i, 0], self._pose[i, 1]
+        )
 
     def _note_overlaps(self, body: int, *, human: int = -1, blockage: int = -1) -> None:
         """What appears on top of a robot must not throw it: no collision until it has left."""
@@ -433,9 +447,7 @@ class BulletEngine:
     def _collide(self, pair: _Overlap, *, enable: bool) -> None:
         robot = self._bodies[pair.robot].number
         for link in range(-1, pybullet.getNumJoints(robot, **self._call)):
-            pybullet.setCollisionFilterPair(
-                pair.body, robot, -1, link, int(enable), **self._call
-            )
+            pybullet.setCollisionFilterPair(pair.body, robot, -1, link, int(enable), **self._call)
 
     # --- sense ---------------------------------------------------------------------------
 
@@ -507,36 +519,40 @@ def side_faces(polygons: Sequence[Array], heights: Sequence[float]) -> tuple[Arr
     Returns:
         Vertices ``(P, 3)`` [m] and flat vertex numbers ``(3 T,)``.
     """
-    vertices, indices, count = [], [], 0
-    for polygon, height in zip(polygons, heights, strict=True):
-        n = len(polygon)
-        low = np.column_stack([polygon, np.full(n, -SOLID_DEPTH)])
-        high = np.column_stack([polygon, np.full(n, max(height, LEAST_HEIGHT))])
-        vertices += [low, high]
-        a = count + np.arange(n)
-        b = count + (np.arange(n) + 1) % n
-        indices.append(np.stack([a, b, b + n, a, b + n, a + n], axis=1).ravel())
-        count += 2 * n
-    return np.concatenate(vertices), np.concatenate(indices)
+    points = np.concatenate(polygons)
+    tops = np.repeat(np.maximum(heights, LEAST_HEIGHT), [len(polygon) for polygon in polygons])
+    low = np.column_stack([points, np.full(len(points), -SOLID_DEPTH)])
+    high = np.column_stack([points, tops])
+    a, b, n = np.arange(len(points)), next_corners(polygons), len(points)
+    faces = np.stack([a, b, b + n, a, b + n, a + n], axis=1)
+    return np.concatenate([low, high]), faces.ravel()
 
 
 @njit(cache=True)
-def _near_people(
-    position: Array, radius: Array, present: Array, pose: Array, reach: Array
-) -> Array:
-    """Who ``(H,)`` is present and within ``radius`` of a robot's reach."""
-    near = np.zeros(len(position), dtype=np.bool_)
+def _fill_near_people(
+    position: Array,
+    radius: Array,
+    present: BoolArray,
+    pose: Array,
+    reach: Array,
+    was_in: BoolArray,
+    near: BoolArray,
+) -> bool:
+    """Write who ``(H,)`` is present and near a robot; says whether Bullet must hear of it."""
+    news = False
     for h in range(len(position)):
+        near[h] = False
         for i in range(len(pose)):
             apart = math.hypot(position[h, 0] - pose[i, 0], position[h, 1] - pose[i, 1])
-            near[h] = near[h] or apart < radius[h] + reach[i]
+            near[h] = near[h] or apart < radius[h] + NEAR_PERSON + reach[i]
         near[h] = near[h] and present[h]
-    return near
+        news = news or near[h] or was_in[h]
+    return news
 
 
 @njit(cache=True)
 def _motor_targets(
-    set_point: Array, loss: Array, yaw: Array, wheels: Array, holonomic: IntArray
+    set_point: Array, loss: Array, pose: Array, wheels: Array, holonomic: IntArray
 ) -> Array:
     """Joint speeds ``(N, 3)`` for body twists; only two count for two wheels."""
     out = np.zeros((len(set_point), 3))
@@ -544,7 +560,7 @@ def _motor_targets(
         forward, left, turn = set_point[i, 0], set_point[i, 1], set_point[i, 2]
         if holonomic[i] == 1:
             keep = 1.0 - loss[i, 0]
-            c, s = math.cos(yaw[i]), math.sin(yaw[i])
+            c, s = math.cos(pose[i, 2]), math.sin(pose[i, 2])
             out[i, 0] = keep * (c * forward - s * left)
             out[i, 1] = keep * (s * forward + c * left)
             out[i, 2] = (1.0 - loss[i, 1]) * turn

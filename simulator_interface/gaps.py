@@ -176,7 +176,7 @@ def static_gap(
         best = min(best, -nearest)
     cell = grid.cell
     gx, gy = (x - grid.origin[0]) / cell, (y - grid.origin[1]) / cell
-    col, row = int(math.floor(gx)), int(math.floor(gy))
+    col, row = math.floor(gx), math.floor(gy)
     if not (0 <= col < grid.cols and 0 <= row < grid.rows):
         for i in range(len(grid.edges)):
             best = _edge_gap_below(polygon, corners, x, y, reach, grid.edges[i], best)
@@ -212,7 +212,7 @@ def fill_gaps(
     present: BoolArray,
     gap: Array,
     nearest: IntArray,
-) -> None:
+) -> float:
     """Lower the running least gaps of a tick to those of one sub-step.
 
     Args:
@@ -228,8 +228,12 @@ def fill_gaps(
         present: ``(H,)`` who is in the building.
         gap: ``(N, 3)`` running least gap to robot, human, static; lowered.
         nearest: ``(N, 2)`` robot and human of these gaps; updated.
+
+    Returns:
+        The least entry of ``gap`` [m].
     """
     n = len(pose)
+    least = np.inf
     for i in range(n):
         place_outline(outline[i], corners[i], pose[i], placed[i])
     for i in range(n):
@@ -258,6 +262,9 @@ def fill_gaps(
         gap[i, STATIC] = static_gap(
             grid, extra, placed[i], corners[i], x, y, reach[i], gap[i, STATIC]
         )
+    for i in range(n):
+        least = min(least, gap[i, ROBOT], gap[i, HUMAN], gap[i, STATIC])
+    return least
 
 
 @njit(cache=True)
@@ -401,3 +408,14 @@ def _solid_gap(edges: Array, placed: Array, corners: int, x: float, y: float) ->
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             inside = not inside
     return min(best, -nearest) if inside else best
+
+
+@njit(cache=True)
+def first_edge_met(edges: Array, placed: Array, x: float, y: float, reach: float) -> int:
+    """Number of the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
+    for e in range(len(edges)):
+        if _point_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]) > reach:
+            continue
+        if polygon_edge_gap(placed, len(placed), edges[e]) <= 0.0:
+            return e
+    return -1

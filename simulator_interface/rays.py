@@ -7,6 +7,7 @@ the grid also serves the search for the nearest wall (:mod:`simulator_interface.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,11 +32,21 @@ class EdgeGrid(NamedTuple):
     member: IntArray  #: edge numbers, cell after cell
 
 
-def polygon_edges(polygons: tuple[Array, ...] | list[Array]) -> Array:
+def next_corners(polygons: Sequence[Array]) -> IntArray:
+    """For each corner of ``polygons``, one after the other, the number of the next corner."""
+    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    last = np.cumsum(counts) - 1
+    following = np.arange(1, int(counts.sum()) + 1)
+    following[last] = last - counts + 1
+    return following
+
+
+def polygon_edges(polygons: Sequence[Array]) -> Array:
     """Edges ``(S, 4)`` x1, y1, x2, y2 [m] of ``polygons`` ``(V, 2)``, in their order."""
     if not polygons:
         return np.zeros((0, 4))
-    return np.concatenate([np.hstack([p, np.roll(p, -1, axis=0)]) for p in polygons])
+    points = np.concatenate(polygons)
+    return np.hstack([points, points[next_corners(polygons)]])
 
 
 def build_edge_grid(edges: Array, bounds: Array, *, cell: float = CELL) -> EdgeGrid:
@@ -113,7 +124,7 @@ def _cast(grid: EdgeGrid, x: float, y: float, dx: float, dy: float, best: float)
     """Distance to the nearest edge of the grid below ``best``, else ``best``."""
     edges, cell = grid.edges, grid.cell
     gx, gy = (x - grid.origin[0]) / cell, (y - grid.origin[1]) / cell
-    col, row = int(math.floor(gx)), int(math.floor(gy))
+    col, row = math.floor(gx), math.floor(gy)
     if not (0 <= col < grid.cols and 0 <= row < grid.rows):
         for i in range(len(edges)):  # outside the floor: rare, so plainly all edges
             t = hit_distance(x, y, dx, dy, edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
@@ -193,3 +204,17 @@ def ray_directions(yaw: Array, rays: int) -> Array:
     """Unit vectors ``(N, A, 2)`` of the rays of robots with headings ``yaw`` ``(N,)`` [rad]."""
     angles = yaw[:, None] + np.arange(rays) * (2.0 * np.pi / rays)
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+@njit(cache=True)
+def hit_points(pose: Array, distance: Array) -> Array:
+    """Points ``(N, A, 2)`` [m] at ``distance`` ``(N, A)`` [m] along each robot's rays."""
+    n, rays = distance.shape
+    out = np.full((n, rays, 2), np.inf)
+    for i in range(n):
+        for a in range(rays):
+            if distance[i, a] < np.inf:
+                angle = pose[i, 2] + a * (2.0 * math.pi / rays)
+                out[i, a, 0] = pose[i, 0] + distance[i, a] * math.cos(angle)
+                out[i, a, 1] = pose[i, 1] + distance[i, a] * math.sin(angle)
+    return out

@@ -42,6 +42,7 @@ class Surroundings:
         self._begun = False
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
+        self.owner = np.zeros(0, dtype=np.int64)  #: (E,) -1: they belong to no robot
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
         self.update(0.0)
 
@@ -59,6 +60,7 @@ class Surroundings:
             k for k, event in enumerate(self.blockages) if event.start <= now < event.end
         )
         self.edges = rays.polygon_edges([self.blockages[k].polygon for k in self.standing])
+        self.owner = np.full(len(self.edges), -1, dtype=np.int64)
         humans = self.world.humans
         self.present = np.array([h.appears_at <= now < h.leaves_at for h in humans], dtype=np.bool_)
         return True
@@ -87,10 +89,14 @@ class Observer:
         self.nearest = np.full_like(self.nearest, -1)
         self.contact = np.zeros_like(self.contact)
 
-    def observe(self, pose: Array, human_position: Array) -> None:
-        """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``."""
+    def observe(self, pose: Array, human_position: Array) -> float:
+        """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``.
+
+        Returns:
+            Least gap of any robot so far in this tick [m].
+        """
         fleet, around = self._fleet, self._surroundings
-        gaps.fill_gaps(
+        least: float = gaps.fill_gaps(
             pose,
             fleet.outline,
             fleet.corners,
@@ -104,21 +110,24 @@ class Observer:
             self.gap,
             self.nearest,
         )
+        return least
 
     def parked(self, pose: Array, time: float) -> BoolArray:
         """Which robots ``(N,)`` have been at rest for over 5 s; call once per tick."""
-        moved = ~(np.hypot(*(pose[:, :2] - self._anchor).T) <= MOVED)
-        self._anchor[moved] = pose[moved, :2]
-        self._since[moved] = time
+        offset = pose[:, :2] - self._anchor
+        moved = ~((offset * offset).sum(axis=1) <= MOVED**2)
+        if moved.any():
+            self._anchor[moved] = pose[moved, :2]
+            self._since[moved] = time
         return np.asarray(time - self._since > PARKED_AFTER)
 
     def exact_distances(self, pose: Array, parked: BoolArray) -> Array:
         """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing."""
         around, fleet = self._surroundings, self._fleet
-        numbers = np.flatnonzero(parked)
-        outlines = [self.placed[i, : fleet.corners[i]] for i in numbers]
-        extra, owner = around.edges, np.full(len(around.edges), -1, dtype=np.int64)
-        if outlines:
+        extra, owner = around.edges, around.owner
+        if parked.any():
+            numbers = np.flatnonzero(parked)
+            outlines = [self.placed[i, : fleet.corners[i]] for i in numbers]
             extra = np.concatenate([extra, rays.polygon_edges(outlines)])
             owner = np.concatenate([owner, np.repeat(numbers, fleet.corners[numbers])])
         options = self._options
@@ -136,12 +145,9 @@ class Observer:
         distances: Array,
     ) -> Sensed:
         """Close the tick; arguments as the fields of :class:`Sensed`, distances ``(N, A)`` [m]."""
-        directions = rays.ray_directions(pose[:, 2], self._options.count)
         if self._noise > 0.0:
             noise = self._random.normal(size=distances.shape) * self._noise
             distances = np.maximum(distances + noise, 0.0)
-        hit = np.isfinite(distances)
-        reached = np.where(hit, distances, 0.0)[..., None] * directions + pose[:, None, :2]
         gap = np.where(self.gap < gaps.FAR, self.gap, np.inf)
         return Sensed(
             tick=tick,
@@ -150,7 +156,7 @@ class Observer:
             velocity=velocity,
             human_position=human_position,
             human_velocity=human_velocity,
-            obstacle_points=np.where(hit[..., None], reached, np.inf),
+            obstacle_points=rays.hit_points(pose, distances),
             gap_robot=gap[:, gaps.ROBOT],
             gap_human=gap[:, gaps.HUMAN],
             gap_static=gap[:, gaps.STATIC],

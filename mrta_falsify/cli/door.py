@@ -15,6 +15,8 @@ import click
 
 from mrta_falsify.core.errors import InputError
 
+STDOUT, STDERR = 1, 2  # file descriptors
+
 
 class ExitCode(enum.IntEnum):
     """What the exit code of every command means."""
@@ -39,6 +41,7 @@ class Door(click.Group):
         **extra: Any,
     ) -> Any:
         """Run the command line and exit with its code."""
+        _keep_stdout_ours()
         sys.exit(self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra))
 
     def _exit_code(
@@ -65,16 +68,43 @@ class Door(click.Group):
             _say("interrupted")
             return ExitCode.INTERRUPTED
         except BrokenPipeError:
-            # The reader of our output has gone; Python must not flush into the void at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _abandon_stdout()  # the reader of our output has gone
             return ExitCode.DONE
         except Exception as error:
+            _abandon_stdout()
             _say(
                 f"the toolkit itself failed: {type(error).__name__}: {error}; "
                 f"this is no verdict about the stack. Traceback: {save_traceback(error)}"
             )
             return ExitCode.HARNESS
         return int(result) if isinstance(result, int) else ExitCode.DONE
+
+
+def _keep_stdout_ours() -> None:
+    """Send what C libraries print to stderr, as PyBullet does, so that stdout is only ours."""
+    try:
+        if sys.stdout.fileno() != STDOUT:
+            return
+    except (AttributeError, OSError, ValueError):
+        return  # replaced by somebody who collects the output
+    sys.stdout.flush()
+    ours = open(  # noqa: SIM115 - stays open for as long as the process runs
+        os.dup(STDOUT),
+        "w",
+        buffering=1 if sys.stdout.isatty() else -1,
+        encoding=sys.stdout.encoding,
+        errors=sys.stdout.errors,
+    )
+    os.dup2(STDERR, STDOUT)
+    sys.stdout = ours
+
+
+def _abandon_stdout() -> None:
+    """Flush what can be flushed; Python must not try again at exit, with a code of its own."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def save_traceback(error: BaseException) -> Path:

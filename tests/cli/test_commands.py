@@ -3,6 +3,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import subprocess
+import sys
 
 import pytest
 import yaml
@@ -32,7 +34,8 @@ def test_version_is_one_line(cli):
 def test_help_lists_every_command_with_what_it_does(cli):
     result = cli("--help")
     assert result.exit_code == 0
-    commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", result.stdout, re.MULTILINE)
+    listing = result.stdout.partition("Commands:")[2]
+    commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
         "bench", "demo", "doctor", "export", "plugins", "run", "travel-times",
     ]  # fmt: skip
@@ -66,6 +69,18 @@ def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file)
         assert set(verdict) == {"spec", "robustness", "violated", "violated_at_s", "who"}
     violated = any(verdict["violated"] for verdict in data["verdicts"])
     assert result.exit_code == int(violated)
+
+
+def test_stdout_of_a_real_process_holds_the_json_object_and_nothing_else(ward_file):
+    done = subprocess.run(
+        [sys.executable, "-m", "mrta_falsify.cli", "run", str(ward_file), "--format", "json"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode in (0, 1), done.stderr
+    assert done.stdout.count("\n") == 1
+    assert json.loads(done.stdout)["tasks"]["total"] == 2
 
 
 def test_run_writes_its_files_and_they_reproduce_it(cli, ward_file, tmp_path):
