@@ -1,6 +1,6 @@
 """`aws_hospital_day` over seeds: who finishes, who touches whom, which deadlines hold.
 
-    python benchmarks/hospital_seeds.py --seeds 20 --workers 2 [--engine kinematic] [--set ...]
+python benchmarks/hospital_seeds.py --seeds 20 --workers 2 [--engine kinematic] [--set ...]
 """
 
 from __future__ import annotations

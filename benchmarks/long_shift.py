@@ -1,6 +1,6 @@
 """A long shift: 6 robots, Poisson tasks for hours; is memory flat, is every task accounted for?
 
-    python benchmarks/long_shift.py --hours 4 [--every 45] [--seed 0] [--set engine=kinematic]
+python benchmarks/long_shift.py --hours 4 [--every 45] [--seed 0] [--set engine=kinematic]
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Task, World
-from mrta_falsify.trial import DEFAULT_SPECIFICATIONS, build_specifications
+from mrta_falsify.specs.library import build_specifications
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import simulate
@@ -60,12 +60,13 @@ def main() -> None:
             marks.append((sim_time, time.perf_counter(), resident_mb()))
             if len(marks) > 1:
                 (t0, w0, _), (t1, w1, mb) = marks[-2], marks[-1]
-                print(f"{t1 / 3600:5.2f} h  x{(t1 - t0) / (w1 - w0):5.1f}  {mb:6.0f} MB", flush=True)
+                factor = (t1 - t0) / (w1 - w0)
+                print(f"{t1 / 3600:5.2f} h  x{factor:5.1f}  {mb:6.0f} MB", flush=True)
 
     outcome = simulate(
         world,
         config,
-        specifications=build_specifications(DEFAULT_SPECIFICATIONS),
+        specifications=build_specifications(),
         keep_trace=False,
         on_progress=mark,
     )

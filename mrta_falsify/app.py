@@ -24,7 +24,8 @@ from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world, write_world
-from mrta_falsify.trial import DEFAULT_SPECIFICATIONS, Job, run_job
+from mrta_falsify.specs.library import default_specifications
+from mrta_falsify.trial import Job, run_job
 from scenic_worlds import layouts, variation
 from simulator_interface import starts
 from simulator_interface.formats import mrta_sim, nav2
@@ -190,7 +191,7 @@ def run(
     job = Job(
         world=world,
         config=config or StackConfig(),
-        specifications=tuple(specifications) or DEFAULT_SPECIFICATIONS,
+        specifications=tuple(specifications) or default_specifications(),
     )
     return run_job(job, keep_trace=keep_trace, on_progress=on_progress)
 

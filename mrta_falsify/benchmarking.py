@@ -5,12 +5,13 @@ Layers are measured through their protocols, so any registered implementation ca
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.protocols import Controller, ControlView, Planner
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Furniture, RobotSpec, Task, World
+from mrta_falsify.stack.control import steering
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import Episode
@@ -58,10 +60,12 @@ def bench(
         on_progress: called with the number of finished steps.
 
     Returns:
-        ``real_time_factor`` {robots: {mean, min over any 10 s, busy_min: the same while all
-        robots have tasks and a cluster of three exists, null if that never lasts 10 s}},
+        ``real_time_factor`` {robots: {mean, min over any 10 s, busy_min: the same over the
+        ticks at which all robots have tasks and a cluster of three exists, None if they
+        are less than 1 s}},
         ``engine_real_time_factor`` {robots: factor}, ``cbf_qp_ms`` {robots in a cluster:
-        {p50, p99}}, ``qp_init_ms``, ``plan_ms`` {cold_p95, warm_p95}, ``costmap_ms``,
+        {p50, p99} of assembly and solve}, ``control_ms`` (the same for the whole
+        controller), ``qp_init_ms``, ``plan_ms`` {cold_p95, warm_p95}, ``costmap_ms``,
         ``first_tick_ms`` (world with unseen furniture to first tick) and ``machine``.
     """
     config = config or StackConfig()
@@ -76,12 +80,13 @@ def bench(
 
     _warm_up(world, config)
     step()
-    data: dict[str, Any] = {"real_time_factor": {}, "cbf_qp_ms": {}}
+    data: dict[str, Any] = {"real_time_factor": {}, "cbf_qp_ms": {}, "control_ms": {}}
     for robots in fleets:
         data["real_time_factor"][str(robots)] = _time_fleet(world, config, robots, seconds)
         step()
     for robots in QP_FLEETS:
-        data["cbf_qp_ms"][str(robots)] = _time_controller(config, robots)
+        whole, program = _time_controller(config, robots)
+        data["control_ms"][str(robots)], data["cbf_qp_ms"][str(robots)] = whole, program
         step()
     data["qp_init_ms"] = _time_controller_init(config)
     data["plan_ms"] = _time_planner(world, config)
@@ -142,16 +147,20 @@ def _time_fleet(world: World, config: StackConfig, robots: int, seconds: float) 
         busy[tick] = _is_busy(frame)
     frames.close()
     dt = 1.0 / config.control_rate
-    width = round(WINDOW / dt)
-    sums = np.convolve(spent, np.ones(width), mode="valid")
-    all_busy = np.convolve(busy, np.ones(width), mode="valid") > width - 0.5
     return {
         "mean": round(ticks * dt / float(spent.sum()), 2),
-        "min": round(WINDOW / float(sums.max()), 2),
-        "busy_min": round(WINDOW / float(sums[all_busy].max()), 2) if all_busy.any() else None,
+        "min": _worst_factor(spent, dt),
+        "busy_min": _worst_factor(spent[busy], dt) if busy.sum() * dt >= 1.0 else None,
         "tick_p50_ms": _ms(spent, 50.0),
         "tick_p99_ms": _ms(spent, 99.0),
     }
+
+
+def _worst_factor(spent: Array, dt: float) -> float:
+    """Smallest real-time factor over any ``WINDOW`` of consecutive entries of ``spent`` [s]."""
+    width = min(round(WINDOW / dt), len(spent))
+    sums = np.convolve(spent, np.ones(width), mode="valid")
+    return round(width * dt / float(sums.max()), 2)
 
 
 def _is_busy(frame: Frame) -> bool:
@@ -223,7 +232,10 @@ def _planner(config: StackConfig, costmap: Costmap) -> Planner:
 
 
 def _time_costmap(world: World, config: StackConfig) -> float:
-    return _ms(np.array([_timed(lambda: _costmap(world, config)) for _ in range(10)]), 50.0)
+    """Costmap of a world never seen; median of ten."""
+    worlds = [_with_new_furniture(world, number) for number in range(10)]
+    spent = [_timed(functools.partial(_costmap, changed, config)) for changed in worlds]
+    return _ms(np.array(spent), 50.0)
 
 
 def _time_planner(world: World, config: StackConfig) -> dict[str, float]:
@@ -245,19 +257,7 @@ def _time_first_tick(world: World, config: StackConfig) -> float:
     """From a world with furniture never seen to the first tick; median of five."""
     spent = []
     for number in range(5):
-        places = stream(number, "bench/furniture").uniform(
-            world.bounds[:2] + 1.0, world.bounds[2:] - 1.0, size=(5, 2)
-        )
-        clear = [p for p in places if _is_clear(p, world)]
-        extra = tuple(
-            Furniture(
-                name=f"bench{number}_{i}",
-                kind="trolley",
-                polygon=frozen_array(transform(rectangle(0.9, 0.6), (*place, 0.3 * i))),
-            )
-            for i, place in enumerate(clear)
-        )
-        changed = dataclasses.replace(world, furniture=(*world.furniture, *extra))
+        changed = _with_new_furniture(world, 100 + number)
         before = time.perf_counter()
         frames = _frames(changed, config)
         next(frames)
@@ -265,6 +265,23 @@ def _time_first_tick(world: World, config: StackConfig) -> float:
         spent.append(time.perf_counter() - before)
         frames.close()
     return _ms(np.array(spent), 50.0)
+
+
+def _with_new_furniture(world: World, number: int) -> World:
+    """``world`` with up to five more trolleys, at places that depend on ``number``."""
+    places = stream(number, "bench/furniture").uniform(
+        world.bounds[:2] + 1.0, world.bounds[2:] - 1.0, size=(5, 2)
+    )
+    extra = tuple(
+        Furniture(
+            name=f"bench{number}_{i}",
+            kind="trolley",
+            polygon=frozen_array(transform(rectangle(0.9, 0.6), (*place, 0.3 * i))),
+        )
+        for i, place in enumerate(places)
+        if _is_clear(place, world)
+    )
+    return dataclasses.replace(world, furniture=(*world.furniture, *extra))
 
 
 def _is_clear(place: Array, world: World) -> bool:
@@ -291,14 +308,55 @@ def _time_engine(world: World, config: StackConfig, seconds: float) -> float:
 # --- controller ----------------------------------------------------------------------------
 
 
-def _time_controller(config: StackConfig, robots: int) -> dict[str, float]:
-    """One tick of the controller (assembly and solve) with all robots in one cluster."""
+def _time_controller(config: StackConfig, robots: int) -> tuple[dict[str, float], Any]:
+    """One tick with all robots in one cluster: the whole controller, and its program alone.
+
+    The program is assembly of all rows and one solve for all robots, without the shortcuts
+    (no solver where the reference obeys every row, components one by one) that the
+    controller takes; None for a controller that does not use ours.
+    """
     controller = _controller(config)
     views = _control_views(robots)
     for view in views[:20]:
         controller.control(view)
     spent = np.array([_timed(functools.partial(controller.control, view)) for view in views])
-    return {"p50": _ms(spent, 50.0), "p99": _ms(spent, 99.0)}
+    controller = _controller(config)
+    with _joint_programs() as programs:
+        for view in views:
+            controller.control(view)
+    solved = np.array(programs[20:])
+    return _percentiles(spent), _percentiles(solved) if len(solved) else None
+
+
+def _percentiles(seconds: Array) -> dict[str, float]:
+    return {"p50": _ms(seconds, 50.0), "p99": _ms(seconds, 99.0)}
+
+
+@contextlib.contextmanager
+def _joint_programs() -> Iterator[list[float]]:
+    """Seconds of every barrier program that is assembled and solved inside."""
+    inside = vars(steering)
+    assemble, solve = inside["_rows"], inside["solve_fleet"]
+    spent: list[float] = []
+
+    def timed_assemble(*args: Any) -> Any:
+        before = time.perf_counter()
+        rows = assemble(*args)
+        spent.append(time.perf_counter() - before)
+        return rows
+
+    def timed_solve(rows: Any, *args: Any, **options: Any) -> Any:
+        joint = dataclasses.replace(rows, component=np.zeros_like(rows.component))
+        before = time.perf_counter()
+        solve(joint, *args, **options, always=True)
+        spent[-1] += time.perf_counter() - before
+        return solve(rows, *args, **options)
+
+    inside.update(_rows=timed_assemble, solve_fleet=timed_solve)
+    try:
+        yield spent
+    finally:
+        inside.update(_rows=assemble, solve_fleet=solve)
 
 
 def _time_controller_init(config: StackConfig) -> float:

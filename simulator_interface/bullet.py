@@ -61,6 +61,8 @@ CAPSULE_DEPTH = 0.3  # m; the round lower end of a person is below the floor
 SOLID_DEPTH = 0.1  # m; solids begin below the floor
 LEAST_HEIGHT = 0.3  # m; even a low obstacle stops a robot
 RAY_HEIGHT = 0.2  # m
+AT_REST = (0.005, 0.005, 0.02)  # m/s, m/s, rad/s; slower than this a robot counts as standing
+BRAKE_AFTER = 0.2  # s of standing without a set point, then the brake holds it
 CARRIED = 3  # driven joints of a holonomic base
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
@@ -203,6 +205,35 @@ class BulletEngine:
             [[model.wheel_radius, model.wheel_separation] for model in self._fleet.models]
         ).reshape(n, 2)
         self._targets: list[list[float]] = [[] for _ in range(n)]
+        self._standing_for = np.zeros(n)  # s
+        self._is_braked = np.zeros(n, dtype=np.bool_)
+        for i in range(n):
+            self._brake(i, hold=False)
+
+    def _brake(self, robot: int, *, hold: bool) -> None:
+        """Hold a robot where it stands, or let it go.
+
+        A standing robot creeps by 0.3 mm/s, as far as the solver is from convergence. Held, it
+        sleeps in Bullet's sense: what runs into it wakes it, and it costs no time.
+        """
+        self._is_braked[robot] = hold
+        state = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING + pybullet.ACTIVATION_STATE_WAKE_UP
+        if hold:
+            state = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING + pybullet.ACTIVATION_STATE_SLEEP
+        number = self._bodies[robot].number
+        pybullet.changeDynamics(number, -1, activationState=state, **self._call)
+
+    def _update_brakes(self, velocity: Array) -> None:
+        """Brake who stands; who moves though it is held was pushed, and is awake already."""
+        stands = (np.abs(velocity) < AT_REST).all(axis=1)
+        stands &= ~self._actuation.set_point.any(axis=1)
+        self._standing_for = np.where(stands, self._standing_for + self._dt, 0.0)
+        pushed = self._is_braked & velocity.any(axis=1)
+        for i in np.flatnonzero(pushed):
+            self._brake(int(i), hold=False)
+        due = (self._standing_for >= BRAKE_AFTER) & ~self._is_braked
+        for i in np.flatnonzero(due & (self._fleet.holonomic == 0)):
+            self._brake(int(i), hold=True)
 
     def _load_robot(self, model: RobotModel, pose: Array) -> _Body:
         x, y, yaw = (float(value) for value in pose)
@@ -325,6 +356,8 @@ class BulletEngine:
         for i, body in enumerate(self._bodies):
             if targets[i] == self._targets[i]:
                 continue  # a motor keeps its target
+            if self._is_braked[i]:
+                self._brake(i, hold=False)
             pybullet.setJointMotorControlArray(
                 body.number,
                 body.joints,
@@ -453,6 +486,8 @@ class BulletEngine:
 
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt
+        velocity = self._read_velocity()
+        self._update_brakes(velocity)
         parked = self._observer.parked(self._pose, time)
         if self._options.rays == "bullet":
             distances = self._bullet_distances(np.flatnonzero(parked))
@@ -462,7 +497,7 @@ class BulletEngine:
             tick=self._tick,
             time=time,
             pose=self._pose,
-            velocity=self._read_velocity(),
+            velocity=velocity,
             human_position=self._human.copy(),
             human_velocity=human_velocity,
             distances=distances,

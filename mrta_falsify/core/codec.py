@@ -276,7 +276,7 @@ def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
             for wanted, given in zip(rule.shape, array.shape, strict=False)
         )
         if not fits:
-            wanted = "(" + ", ".join(map(str, rule.shape)) + ")"
+            wanted = "(" + ", ".join(map(str, rule.shape)) + ("," * (len(rule.shape) == 1)) + ")"
             _fail(where, path, f"has shape {array.shape}; it must be {wanted}")
     problem = rule.violation(array)
     if problem:

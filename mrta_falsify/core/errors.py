@@ -50,7 +50,7 @@ class UnknownNameError(InputError):
     def __init__(self, kind: str, name: str, known: Iterable[str], *, where: str = "") -> None:
         known = sorted(known)
         nearest = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+        hint = f"; did you mean {nearest[0]!r}?" if nearest else "."
         prefix = f"{where}: " if where else ""
         listing = ", ".join(known) if known else "none"
         super().__init__(f"{prefix}unknown {kind} {name!r}{hint} Known: {listing}")

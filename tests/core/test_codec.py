@@ -101,7 +101,7 @@ def test_a_mistake_is_reported_with_file_field_value_and_what_is_allowed(data, m
 def test_wrong_array_shape_names_both_shapes(hall):
     data = codec.encode(hall)
     data["robots"][0]["pose"] = [1.0, 2.0]
-    with pytest.raises(InputError, match=r"robots\[0\].pose has shape \(2,\); it must be \(3\)"):
+    with pytest.raises(InputError, match=r"robots\[0\].pose has shape \(2,\); it must be \(3,\)"):
         codec.decode(World, data, where="w.json")
 
 

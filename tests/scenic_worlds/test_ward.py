@@ -44,7 +44,11 @@ def test_opposite_lanes_keep_right():
 
 @pytest.mark.parametrize(
     ("lengths", "word"),
-    [({"rooms": 0}, "rooms"), ({"corridor_width": 2.0}, "corridor_width"), ({"door_width": 0.5}, "door_width")],
+    [
+        ({"rooms": 0}, "rooms"),
+        ({"corridor_width": 2.0}, "corridor_width"),
+        ({"door_width": 0.5}, "door_width"),
+    ],
 )
 def test_a_ward_that_leaves_no_room_is_refused_by_name(lengths, word):
     with pytest.raises(ConfigError, match=word):

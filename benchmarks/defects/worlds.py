@@ -1,0 +1,407 @@
+"""One test world per planted defect, and the specification that catches it.
+
+Every builder makes ``world(seed)``: a small ward in which the default stack keeps the
+specification and the stack with the defect breaks it. The seed varies what the comment of
+each builder says (starts, times, widths, speeds); nothing is tuned per seed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.seeding import stream
+from mrta_falsify.core.world import Blockage, Furniture, HumanSpec, RobotSpec, Task, World
+from scenic_worlds.layouts.ward import ward_layout
+
+SPEED = 0.69  # m/s, mean speed of MRTA-Sim's travel times; deadlines are made from it
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A planted defect and where it shows."""
+
+    defect: str
+    specification: str  #: registered name, or module:Class
+    world: Callable[[int], World]
+    scene: str  #: what happens, in a sentence
+
+
+EXCLUSIVE_USE = "mrta_falsify.specs.exclusive:ExclusiveUse"
+
+
+def _robot(number: int, place: Array | Sequence[float], yaw: float = 0.0) -> RobotSpec:
+    return RobotSpec(name=f"robot{number + 1}", pose=np.array([place[0], place[1], yaw]))
+
+
+def _near(random: np.random.Generator, place: Array | Sequence[float], reach: float = 0.2) -> Array:
+    """``place`` moved by up to ``reach`` [m] per axis."""
+    return np.asarray(place) + random.uniform(-reach, reach, 2)
+
+
+def _yaw(random: np.random.Generator) -> float:
+    return float(random.uniform(-np.pi, np.pi))
+
+
+def _world(
+    layout: World,
+    seed: int,
+    *,
+    robots: Sequence[RobotSpec],
+    tasks: Sequence[Task],
+    horizon: float,
+    **more: tuple,
+) -> World:
+    return dataclasses.replace(
+        layout,
+        robots=tuple(robots),
+        tasks=tuple(tasks),
+        horizon=horizon,
+        seed=seed,
+        **more,
+    )
+
+
+def _reaching(layout: World, start: int, end: int) -> float:
+    """Time [s] that the dispatcher's table gives for the way between two rooms."""
+    return float(layout.travel_times[start, end])
+
+
+# --- controller ------------------------------------------------------------------------
+
+
+def _someone_comes_the_other_way(
+    seed: int, name: str, *, bystanders: int, companion: bool
+) -> World:
+    """A robot drives east on its lane; a person who does not react walks west on it.
+
+    Varied: where robot and person begin, how fast the person walks, when the task comes, the
+    width of the corridor; the companion's distance behind.
+    """
+    random = stream(seed, f"defects/{name}")
+    width = float(random.uniform(3.2, 4.2))
+    layout = ward_layout(rooms=5, corridor_width=width)
+    lane = width / 2.0 - 0.5
+    start = np.array([float(random.uniform(1.0, 2.0)), lane])
+    robots = [_robot(0, start, float(random.uniform(-0.3, 0.3)))]
+    arrival = float(random.uniform(0.0, 2.0))
+    tasks = [Task(arrival=arrival, start=4, end=3, deadline=110.0)]
+    if companion:
+        # Behind it, in the same cluster, on the same way; the last of the cluster, so its
+        # state is the one that the defect takes.
+        behind = layout.rooms[0].point + np.array([0.0, -1.0])
+        robots.append(_robot(1, _near(random, behind), _yaw(random)))
+    people = [
+        HumanSpec(name=f"bystander{i + 1}", route=np.array([room.point + [1.2, 0.8]]))
+        for i, room in enumerate(layout.rooms[:bystanders])
+    ]
+    x = float(random.uniform(12.0, 17.0))
+    route = np.array([[x, lane + random.uniform(-0.15, 0.15)], [0.6, lane]])
+    people.append(
+        HumanSpec(
+            name="walker",
+            route=route,
+            repeat=False,
+            speed=float(random.uniform(0.6, 1.3)),
+            reacts_to_robots=False,
+        )
+    )
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=60.0, humans=tuple(people))
+
+
+def cluster_rows_wrong_robot(seed: int) -> World:
+    """Two robots in one cluster, and a person ahead of the one that is not last in it."""
+    return _someone_comes_the_other_way(
+        seed, "cluster_rows_wrong_robot", bystanders=0, companion=True
+    )
+
+
+def humans_unseen_beyond_two(seed: int) -> World:
+    """Two people stand in rooms; the third walks towards the robot."""
+    return _someone_comes_the_other_way(
+        seed, "humans_unseen_beyond_two", bystanders=2, companion=False
+    )
+
+
+def follower_zero_command(seed: int) -> World:
+    """Two robots drive the corridor side by side and in one cluster all the way.
+
+    Varied: starts, headings, the corridor's width, service times. Deadlines come from the
+    dispatcher's own table of travel times.
+    """
+    random = stream(seed, "defects/follower_zero_command")
+    layout = ward_layout(
+        rooms=6, two_sided=True, room_width=12.0, corridor_width=float(random.uniform(3.6, 4.4))
+    )
+    robots = [
+        _robot(i, _near(random, layout.rooms[i].point), float(random.uniform(-0.5, 0.5)))
+        for i in range(2)
+    ]
+    service = float(random.uniform(0.0, 4.0))
+    tasks = [
+        Task(
+            arrival=0.0,
+            start=i,
+            end=4 + i,
+            deadline=_reaching(layout, i, 4 + i) + service,
+            pickup_time=service,
+        )
+        for i in range(2)
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=110.0)
+
+
+def fixed_priority_starves(seed: int) -> World:
+    """The robot that goes first is shut in by a person in its door; neighbours have work.
+
+    Varied: how long the person stands there, and where; starts; door and corridor widths.
+    """
+    random = stream(seed, "defects/fixed_priority_starves")
+    layout = ward_layout(
+        rooms=5,
+        room_width=3.2,
+        spots=1,
+        door_width=float(random.uniform(1.0, 1.2)),
+        corridor_width=float(random.uniform(3.2, 4.0)),
+    )
+    robots = [
+        _robot(i, _near(random, layout.rooms[i + 1].point), _yaw(random)) for i in range(3)
+    ]
+    leaves = float(random.uniform(50.0, 70.0))
+    door = layout.rooms[3].door.mean(axis=0) + [float(random.uniform(-0.1, 0.1)), 0.1]
+    person = HumanSpec(name="in_the_door", route=door[None, :], leaves_at=leaves)
+    tasks = [
+        Task(arrival=0.0, start=3, end=4, deadline=leaves + 2.0 * _reaching(layout, 3, 4)),
+        Task(arrival=0.0, start=1, end=0, deadline=2.0 * _reaching(layout, 1, 0)),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0, humans=(person,))
+
+
+# --- queues ----------------------------------------------------------------------------
+
+
+def queue_release_loses_exclusion(seed: int) -> World:
+    """One robot loads in a room, one waits for the room, a third leaves its doorway.
+
+    The third holds the room too, because it stood before the door. Varied: starts, service
+    time, when the tasks come.
+    """
+    random = stream(seed, "defects/queue_release_loses_exclusion")
+    layout = ward_layout(rooms=3, door_width=float(random.uniform(1.2, 1.6)))
+    room = layout.rooms[0].point
+    apron = layout.resources[0].entry[0]
+    robots = [
+        _robot(0, _near(random, room, 0.15), _yaw(random)),
+        _robot(1, _near(random, layout.resources[0].spots[1]), np.pi),
+        _robot(2, _near(random, apron, 0.15), _yaw(random)),
+    ]
+    loading = float(random.uniform(25.0, 40.0))
+    tasks = [
+        Task(arrival=0.0, start=0, end=2, deadline=200.0, pickup_time=loading),
+        Task(arrival=float(random.uniform(1.0, 2.0)), start=0, end=1, deadline=200.0),
+        Task(arrival=float(random.uniform(6.0, 9.0)), start=2, end=1, deadline=200.0),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0)
+
+
+def room_freed_while_parked(seed: int) -> World:
+    """A robot finishes in a room and rests there; another has a delivery for that room.
+
+    Varied: starts, when the tasks come, service times, the door's width.
+    """
+    random = stream(seed, "defects/room_freed_while_parked")
+    layout = ward_layout(rooms=3, door_width=float(random.uniform(1.0, 1.6)))
+    robots = [
+        _robot(0, _near(random, layout.rooms[1].point), _yaw(random)),
+        _robot(1, _near(random, layout.rooms[2].point), _yaw(random)),
+    ]
+    tasks = [
+        Task(
+            arrival=0.0,
+            start=1,
+            end=0,
+            deadline=200.0,
+            dropoff_time=float(random.uniform(0.0, 3.0)),
+        ),
+        Task(arrival=float(random.uniform(0.0, 25.0)), start=2, end=0, deadline=200.0),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0)
+
+
+def fourth_waiter_dropped(seed: int) -> World:
+    """One robot loads for a while; four others come for the same room.
+
+    Varied: starts, service times, the corridor's width.
+    """
+    random = stream(seed, "defects/fourth_waiter_dropped")
+    layout = ward_layout(rooms=4, spots=4, corridor_width=float(random.uniform(3.6, 4.4)))
+    robots = [_robot(0, _near(random, layout.rooms[0].point, 0.15), _yaw(random))]
+    places = [layout.rooms[1].point, layout.rooms[2].point, layout.rooms[3].point]
+    places.append(layout.parking[-1])
+    robots += [_robot(i + 1, _near(random, p, 0.15), _yaw(random)) for i, p in enumerate(places)]
+    loading = float(random.uniform(30.0, 40.0))
+    tasks = [Task(arrival=0.0, start=0, end=1, deadline=300.0, pickup_time=loading)]
+    tasks += [
+        Task(arrival=0.0, start=k, end=0, deadline=300.0, dropoff_time=float(random.uniform(0, 4)))
+        for k in (1, 2, 3, 3)
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=240.0)
+
+
+# --- waypoints, costmap, planner -------------------------------------------------------
+
+
+def same_room_twice_stalls(seed: int) -> World:
+    """A robot brings something to a room and takes the next thing from there.
+
+    Varied: start, service times, which rooms.
+    """
+    random = stream(seed, "defects/same_room_twice_stalls")
+    layout = ward_layout(rooms=3)
+    first, middle, last = (int(k) for k in random.permutation(3))
+    robot = _robot(0, _near(random, layout.rooms[first].point), _yaw(random))
+    tasks = [
+        Task(
+            arrival=0.0,
+            start=first,
+            end=middle,
+            deadline=300.0,
+            pickup_time=float(random.uniform(0.0, 3.0)),
+            dropoff_time=float(random.uniform(0.0, 3.0)),
+        ),
+        Task(arrival=0.0, start=middle, end=last, deadline=300.0),
+    ]
+    return _world(layout, seed, robots=[robot], tasks=tasks, horizon=120.0)
+
+
+def costmap_blind_to_furniture(seed: int) -> World:
+    """A bookshelf stands across the lane, with room to pass on one side of it.
+
+    Varied: where it stands, its size, on which side one can pass, the start.
+    """
+    random = stream(seed, "defects/costmap_blind_to_furniture")
+    width = float(random.uniform(3.6, 4.4))
+    layout = ward_layout(rooms=3, corridor_width=width, spots=2)
+    depth = float(random.uniform(0.35, 0.6))
+    # From the south wall over the lane (0.5 m south of the middle) and well beyond it.
+    reach = float(random.uniform(width / 2.0 + 0.1, width - 1.4))
+    middle = (float(random.uniform(5.6, 6.4)), reach / 2.0)
+    shelf = Furniture(
+        name="bookshelf", kind="bookshelf", polygon=rectangle(depth, reach, middle), height=1.8
+    )
+    robot = _robot(0, _near(random, layout.rooms[0].point), _yaw(random))
+    tasks = [Task(arrival=0.0, start=0, end=2, deadline=100.0)]
+    return _world(
+        layout, seed, robots=[robot], tasks=tasks, horizon=100.0, furniture=(shelf,)
+    )
+
+
+def planner_failure_blocks_all(seed: int) -> World:
+    """One robot's door is blocked for a while; the others' deliveries are due before that.
+
+    Varied: which robot, for how long, starts, service times, where the blockage stands.
+    """
+    random = stream(seed, "defects/planner_failure_blocks_all")
+    layout = ward_layout(rooms=4, corridor_width=float(random.uniform(3.2, 4.2)))
+    rooms = [int(k) for k in random.permutation(4)]
+    shut, free = rooms[0], rooms[1:3]
+    robots = [
+        _robot(i, _near(random, layout.rooms[room].point), _yaw(random))
+        for i, room in enumerate((shut, *free))
+    ]
+    door = layout.rooms[shut].door.mean(axis=0)
+    opens = float(random.uniform(60.0, 75.0))
+    bed = Blockage(
+        name="bed_in_the_door",
+        polygon=rectangle(1.4, 0.6, (door[0], door[1] + float(random.uniform(-0.2, 0.1)))),
+        start=0.0,
+        end=opens,
+    )
+    empty = rooms[3]
+    service = float(random.uniform(0.0, 3.0))
+    tasks = [
+        Task(arrival=0.0, start=shut, end=empty, deadline=opens + 60.0),
+        *(
+            Task(
+                arrival=0.0,
+                start=room,
+                end=empty,
+                deadline=_reaching(layout, room, empty) + 25.0,
+                pickup_time=service,
+            )
+            for room in free
+        ),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=140.0, events=(bed,))
+
+
+PLANTS: dict[str, Plant] = {
+    plant.defect: plant
+    for plant in (
+        Plant(
+            "cluster_rows_wrong_robot",
+            "no_robot_human_contact",
+            cluster_rows_wrong_robot,
+            "a person walks towards the first of two robots in a cluster",
+        ),
+        Plant(
+            "follower_zero_command",
+            "deadlines",
+            follower_zero_command,
+            "two robots drive side by side",
+        ),
+        Plant(
+            "queue_release_loses_exclusion",
+            EXCLUSIVE_USE,
+            queue_release_loses_exclusion,
+            "a robot leaves a doorway while another one loads inside and a third waits",
+        ),
+        Plant(
+            "room_freed_while_parked",
+            EXCLUSIVE_USE,
+            room_freed_while_parked,
+            "a delivery to a room in which a robot that has finished rests",
+        ),
+        Plant(
+            "same_room_twice_stalls",
+            "all_tasks_done",
+            same_room_twice_stalls,
+            "a drop-off and the next pick-up in one room",
+        ),
+        Plant(
+            "costmap_blind_to_furniture",
+            "all_tasks_done",
+            costmap_blind_to_furniture,
+            "a bookshelf across the lane, with a way round it",
+        ),
+        Plant(
+            "humans_unseen_beyond_two",
+            "no_robot_human_contact",
+            humans_unseen_beyond_two,
+            "the third person walks towards the robot",
+        ),
+        Plant(
+            "planner_failure_blocks_all",
+            "deadlines",
+            planner_failure_blocks_all,
+            "one robot is shut in for a minute, the others have deadlines before that",
+        ),
+        Plant(
+            "fourth_waiter_dropped",
+            "all_tasks_done",
+            fourth_waiter_dropped,
+            "four robots come for a room in which a fifth loads",
+        ),
+        Plant(
+            "fixed_priority_starves",
+            "deadlines",
+            fixed_priority_starves,
+            "the leader is shut in by a person in its door, its neighbours have work",
+        ),
+    )
+}

@@ -1,0 +1,126 @@
+"""Resources are used by no more robots than they have room for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from shapely.geometry import Polygon
+from shapely.geometry.polygon import orient
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Resource, World
+
+FAR = 10.0  # m, cap, as for gaps
+
+
+class ExclusiveUse:
+    """At most ``capacity`` robots are inside each resource at once.
+
+    Inside means that the robot's centre lies in the resource's own space: a room's outline
+    where the world has one, otherwise the release area without a rim (robots on the rim are
+    coming or going). Robustness [m]: signed distance, positive outside, of the robot that
+    would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. A
+    resource that is overfull at the start is judged from when it first was not.
+
+    It looks at positions only, not at what the stack's queues say.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """What counts as inside."""
+
+        rim: float = quantity(low=0.0, unit="m", default=0.5)  #: of release areas, left out
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        del dt
+        self._names = tuple(robot.name for robot in world.robots)
+        crowded = [r for r in world.resources if r.capacity < len(world.robots)]
+        self._resources = tuple(crowded)
+        self._areas = tuple(_inner_area(world, r, self._options.rim) for r in crowded)
+        self._judged = [False] * len(crowded)
+        self._worst = FAR
+        self._who: tuple[str, ...] = ()
+        self._violated_at: float | None = None
+        self._evidence: dict[str, Any] = {}
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        position = np.ascontiguousarray(frame.sensed.pose[:, :2])
+        for k, resource in enumerate(self._resources):
+            distance = signed_distances(self._areas[k], position)
+            margin = float(np.partition(distance, resource.capacity)[resource.capacity])
+            self._judged[k] = self._judged[k] or margin >= 0.0
+            if self._judged[k] and margin < self._worst:
+                self._note(frame, resource, distance, margin)
+
+    def _note(self, frame: Frame, resource: Resource, distance: Array, margin: float) -> None:
+        self._worst = margin
+        order = np.argsort(distance, kind="stable")[: resource.capacity + 1]
+        near = [self._names[i] for i in order]
+        if margin < 0.0:
+            self._who = tuple(sorted(near))
+            if self._violated_at is None:
+                self._violated_at = frame.sensed.time
+        self._evidence = {
+            "resource": resource.name,
+            "capacity": resource.capacity,
+            "time": frame.sensed.time,
+            "nearest": near,
+            "distances": [float(distance[i]) for i in order],
+        }
+
+    def verdict(self) -> Verdict:
+        """Verdict to date."""
+        return Verdict(
+            spec="exclusive_use",
+            robustness=self._worst,
+            violated=self._worst < 0.0,
+            violated_at=self._violated_at,
+            who=self._who,
+            evidence=self._evidence,
+        )
+
+
+def _inner_area(world: World, resource: Resource, rim: float) -> Array:
+    """Outline ``(V, 2)`` [m] of a resource's own space."""
+    if resource.room is not None and len(world.rooms[resource.room].area) >= 3:
+        return np.asarray(world.rooms[resource.room].area)
+    outline = Polygon(resource.release_area)
+    inner = outline.buffer(-rim, join_style="mitre")
+    if inner.is_empty:
+        inner = outline
+    largest = max(getattr(inner, "geoms", [inner]), key=lambda part: part.area)
+    return np.array(orient(largest).exterior.coords)[:-1]
+
+
+@numba.njit(cache=True)
+def signed_distances(polygon: Array, points: Array) -> Array:
+    """Distances ``(N,)`` [m] of ``points`` ``(N, 2)`` to a polygon ``(V, 2)``, inside negative."""
+    count = len(polygon)
+    result = np.empty(len(points))
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        square, inside = np.inf, False
+        for k in range(count):
+            ax, ay = polygon[k - 1, 0], polygon[k - 1, 1]
+            bx, by = polygon[k, 0], polygon[k, 1]
+            dx, dy = bx - ax, by - ay
+            length = dx * dx + dy * dy
+            share = 0.0
+            if length > 0.0:
+                share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length))
+            square = min(square, (ax + share * dx - x) ** 2 + (ay + share * dy - y) ** 2)
+            if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
+                inside = not inside
+        result[i] = -np.sqrt(square) if inside else np.sqrt(square)
+    return result
