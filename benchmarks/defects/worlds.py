@@ -87,15 +87,15 @@ def _someone_comes_the_other_way(
     width = float(random.uniform(3.2, 4.2))
     layout = ward_layout(rooms=5, corridor_width=width)
     lane = width / 2.0 - 0.5
-    start = np.array([float(random.uniform(1.0, 2.0)), lane])
+    start = np.array([float(random.uniform(3.0, 4.0)), lane])
     robots = [_robot(0, start, float(random.uniform(-0.3, 0.3)))]
     arrival = float(random.uniform(0.0, 2.0))
     tasks = [Task(arrival=arrival, start=4, end=3, deadline=110.0)]
     if companion:
-        # Behind it, in the same cluster, on the same way; the last of the cluster, so its
-        # state is the one that the defect takes.
-        behind = layout.rooms[0].point + np.array([0.0, -1.0])
-        robots.append(_robot(1, _near(random, behind), _yaw(random)))
+        # Behind it, on the same way; the last of the cluster, whose state the defect takes.
+        behind = start - np.array([float(random.uniform(1.5, 2.4)), 0.0])
+        robots.append(_robot(1, behind, float(random.uniform(-0.3, 0.3))))
+        tasks.append(Task(arrival=arrival, start=3, end=2, deadline=110.0))
     people = [
         HumanSpec(name=f"bystander{i + 1}", route=np.array([room.point + [1.2, 0.8]]))
         for i, room in enumerate(layout.rooms[:bystanders])
@@ -111,7 +111,7 @@ def _someone_comes_the_other_way(
             reacts_to_robots=False,
         )
     )
-    return _world(layout, seed, robots=robots, tasks=tasks, horizon=60.0, humans=tuple(people))
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=90.0, humans=tuple(people))
 
 
 def cluster_rows_wrong_robot(seed: int) -> World:
@@ -129,29 +129,31 @@ def humans_unseen_beyond_two(seed: int) -> World:
 
 
 def follower_zero_command(seed: int) -> World:
-    """Two robots drive the corridor side by side and in one cluster all the way.
+    """Three robots drive down the corridor one behind the other, in one cluster.
 
+    Each follower falls back until it is out of the cluster, and the next one behind it.
     Varied: starts, headings, the corridor's width, service times. Deadlines come from the
     dispatcher's own table of travel times.
     """
     random = stream(seed, "defects/follower_zero_command")
-    layout = ward_layout(
-        rooms=6, two_sided=True, room_width=12.0, corridor_width=float(random.uniform(3.6, 4.4))
-    )
+    width = float(random.uniform(3.6, 4.4))
+    layout = ward_layout(rooms=8, two_sided=True, room_width=9.0, corridor_width=width)
+    lane = width / 2.0 - 0.5
+    gap = float(random.uniform(0.9, 1.2))
     robots = [
-        _robot(i, _near(random, layout.rooms[i].point), float(random.uniform(-0.5, 0.5)))
-        for i in range(2)
+        _robot(i, (1.5 + i * gap, lane + random.uniform(-0.1, 0.1)), random.uniform(-0.2, 0.2))
+        for i in range(3)
     ]
     service = float(random.uniform(0.0, 4.0))
     tasks = [
         Task(
             arrival=0.0,
-            start=i,
-            end=4 + i,
-            deadline=_reaching(layout, i, 4 + i) + service,
+            start=start,
+            end=end,
+            deadline=_reaching(layout, 0, start) + service + _reaching(layout, start, end),
             pickup_time=service,
         )
-        for i in range(2)
+        for start, end in ((2, 3), (4, 5), (6, 7))
     ]
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=110.0)
 
@@ -174,7 +176,9 @@ def fixed_priority_starves(seed: int) -> World:
     ]
     leaves = float(random.uniform(50.0, 70.0))
     door = layout.rooms[3].door.mean(axis=0) + [float(random.uniform(-0.1, 0.1)), 0.1]
-    person = HumanSpec(name="in_the_door", route=door[None, :], leaves_at=leaves)
+    person = HumanSpec(
+        name="in_the_door", route=door[None, :], leaves_at=leaves, reacts_to_robots=False
+    )
     tasks = [
         Task(arrival=0.0, start=3, end=4, deadline=leaves + 2.0 * _reaching(layout, 3, 4)),
         Task(arrival=0.0, start=1, end=0, deadline=2.0 * _reaching(layout, 1, 0)),
@@ -228,7 +232,7 @@ def room_freed_while_parked(seed: int) -> World:
             deadline=200.0,
             dropoff_time=float(random.uniform(0.0, 3.0)),
         ),
-        Task(arrival=float(random.uniform(0.0, 25.0)), start=2, end=0, deadline=200.0),
+        Task(arrival=float(random.uniform(15.0, 35.0)), start=2, end=0, deadline=200.0),
     ]
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0)
 
@@ -239,18 +243,24 @@ def fourth_waiter_dropped(seed: int) -> World:
     Varied: starts, service times, the corridor's width.
     """
     random = stream(seed, "defects/fourth_waiter_dropped")
-    layout = ward_layout(rooms=4, spots=4, corridor_width=float(random.uniform(3.6, 4.4)))
-    robots = [_robot(0, _near(random, layout.rooms[0].point, 0.15), _yaw(random))]
-    places = [layout.rooms[1].point, layout.rooms[2].point, layout.rooms[3].point]
-    places.append(layout.parking[-1])
-    robots += [_robot(i + 1, _near(random, p, 0.15), _yaw(random)) for i, p in enumerate(places)]
-    loading = float(random.uniform(30.0, 40.0))
-    tasks = [Task(arrival=0.0, start=0, end=1, deadline=300.0, pickup_time=loading)]
-    tasks += [
-        Task(arrival=0.0, start=k, end=0, deadline=300.0, dropoff_time=float(random.uniform(0, 4)))
-        for k in (1, 2, 3, 3)
+    layout = ward_layout(rooms=6, spots=4, corridor_width=float(random.uniform(3.6, 4.4)))
+    places = [room.point[:1].tolist() + [0.6] for room in layout.rooms[1:5]]
+    robots = [
+        dataclasses.replace(_robot(i, _near(random, place, 0.15), _yaw(random)), capacity=1)
+        for i, place in enumerate([layout.rooms[0].point, *places])
     ]
-    return _world(layout, seed, robots=robots, tasks=tasks, horizon=240.0)
+    loading = float(random.uniform(30.0, 36.0))
+    tasks = [
+        Task(
+            arrival=0.0,
+            start=0,
+            end=end,
+            deadline=300.0,
+            pickup_time=loading if end == 5 else float(random.uniform(0.0, 2.0)),
+        )
+        for end in range(1, 6)
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=200.0)
 
 
 # --- waypoints, costmap, planner -------------------------------------------------------
@@ -307,9 +317,9 @@ def planner_failure_blocks_all(seed: int) -> World:
     Varied: which robot, for how long, starts, service times, where the blockage stands.
     """
     random = stream(seed, "defects/planner_failure_blocks_all")
-    layout = ward_layout(rooms=4, corridor_width=float(random.uniform(3.2, 4.2)))
-    rooms = [int(k) for k in random.permutation(4)]
-    shut, free = rooms[0], rooms[1:3]
+    layout = ward_layout(rooms=6, corridor_width=float(random.uniform(3.2, 4.2)))
+    rooms = [int(k) for k in random.permutation(6)]
+    shut, free, empty = rooms[0], rooms[1:3], rooms[3:]
     robots = [
         _robot(i, _near(random, layout.rooms[room].point), _yaw(random))
         for i, room in enumerate((shut, *free))
@@ -322,19 +332,18 @@ def planner_failure_blocks_all(seed: int) -> World:
         start=0.0,
         end=opens,
     )
-    empty = rooms[3]
     service = float(random.uniform(0.0, 3.0))
     tasks = [
-        Task(arrival=0.0, start=shut, end=empty, deadline=opens + 60.0),
+        Task(arrival=0.0, start=shut, end=empty[2], deadline=opens + 60.0),
         *(
             Task(
                 arrival=0.0,
                 start=room,
-                end=empty,
-                deadline=_reaching(layout, room, empty) + 25.0,
+                end=end,
+                deadline=_reaching(layout, room, end) + 10.0,
                 pickup_time=service,
             )
-            for room in free
+            for room, end in zip(free, empty, strict=False)
         ),
     ]
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=140.0, events=(bed,))

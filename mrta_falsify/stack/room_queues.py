@@ -20,6 +20,7 @@ class QueueState:
 
     holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
+    forgotten: list[int] = field(default_factory=list)  #: robots that `fourth_waiter_dropped` lost
 
 
 def inside(polygon: Array, point: Array) -> bool:
@@ -65,11 +66,18 @@ class Queue:
                     deadline=waiter.deadline,
                 )
                 return False
-        forgets = "fourth_waiter_dropped" in self._defects
-        if forgets and len(state.waiters) >= FORGOTTEN_FROM:
+        if self._forgets(state, waiter.robot):
             return False
         state.waiters.append(waiter)
         return True
+
+    def _forgets(self, state: QueueState, robot: int) -> bool:
+        """What `fourth_waiter_dropped` does; a robot that is lost once asks in vain."""
+        if "fourth_waiter_dropped" not in self._defects:
+            return False
+        if len(state.waiters) >= FORGOTTEN_FROM and robot not in state.forgotten:
+            state.forgotten.append(robot)
+        return robot in state.forgotten
 
     def order(self, state: QueueState) -> tuple[int, ...]:
         """Waiting robots, the next holder first."""

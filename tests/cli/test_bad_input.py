@@ -79,7 +79,7 @@ def _rename(*path, new):
             ["robots[0].max_speed is -1.0 m/s", "it must be > 0"],
         ),
         (_set("horizon", value="long"), ["horizon is 'long'", "it must be a number"]),
-        (_set("rooms", 0, "point", value=[1.0]), ["rooms[0].point has shape (1,)", "(2)"]),
+        (_set("rooms", 0, "point", value=[1.0]), ["rooms[0].point has shape (1,)", "(2,)"]),
     ],
 )
 def test_a_wrong_world_is_refused(cli, edited, edit, parts):
