@@ -266,6 +266,7 @@ RELEASE: dict[int, Points] = {
 }
 
 REQUEST_REACH = 5.0  # m, half the side of the published request box
+ASK_BEFORE_TAIL = 4.5  # m, robots turn off their lane about 3 m before the tail spot
 
 # --- our own design: the repaired road network ------------------------------------------
 # Corridors are 2.88 m wide. Three tracks share the width: 0.65 m to the wall, the waiting
@@ -865,6 +866,13 @@ def _request_box(point: Array) -> Array:
     return _outline(_box(x - reach, y - reach, x + reach, y + reach))
 
 
+def _request_area(point: Array, spots: Array) -> Array:
+    """The published box, grown so that a robot asks before its lane turns off to the tail."""
+    box = shapely.Polygon(_request_box(point))
+    queue = shapely.LineString(spots).buffer(ASK_BEFORE_TAIL, quad_segs=2)
+    return _outline(shapely.get_coordinates(box.union(queue).convex_hull)[:-1])
+
+
 def build_resources(rooms: tuple[Room, ...]) -> tuple[Resource, ...]:
     """One exclusive resource per room, with our waiting spots."""
     return tuple(
@@ -874,7 +882,7 @@ def build_resources(rooms: tuple[Room, ...]) -> tuple[Resource, ...]:
             room=k,
             spots=_polyline(SPOTS[k]),
             entry=_polyline(ENTRY[k]),
-            request_area=_request_box(room.point),
+            request_area=_request_area(room.point, np.array(SPOTS[k])),
             release_area=_outline(RELEASE[k]),
         )
         for k, room in enumerate(rooms)
