@@ -92,7 +92,7 @@ class BulletEngine:
         """Tuned by ``benchmarks/engine/tune.py``."""
 
         step_size: float = quantity(above=0.0, high=0.05, unit="s", default=0.0125)
-        solver_iterations: int = quantity(low=1, high=1000, default=10)
+        solver_iterations: int = quantity(low=1, high=1000, default=8)
         contact_margin: float = quantity(
             above=0.0, high=0.05, unit="m", default=0.001
         )  #: contact points farther apart are dropped
@@ -247,7 +247,7 @@ class BulletEngine:
                     model.urdf,
                     *where,
                     useFixedBase=is_carried,
-                    flags=pybullet.URDF_MERGE_FIXED_LINKS,
+                    flags=pybullet.URDF_MERGE_FIXED_LINKS + pybullet.URDF_USE_INERTIA_FROM_FILE,
                     **self._call,
                 )
         except pybullet.error as error:
@@ -456,9 +456,8 @@ class BulletEngine:
             radius = self._around.human_radius[pair.human]
             return float(gaps.polygon_point_gap(placed, corners, x, y) - radius)
         polygon = self._around.blockages[pair.blockage].polygon
-        return gaps.solid_gap(
-            polygon_edges([polygon]), placed, corners, self._pose[i, 0], self._pose[i, 1]
-        )
+        edges = polygon_edges([polygon])
+        return float(gaps.blocks_gap(edges, placed, corners, self._pose[i, 0], self._pose[i, 1]))
 
     def _note_overlaps(self, body: int, *, human: int = -1, blockage: int = -1) -> None:
         """What appears on top of a robot must not throw it: no collision until it has left."""

@@ -15,6 +15,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from simulator_interface.rays import EdgeGrid
 
 FAR = 5.0  # m; gaps beyond are reported as inf
+STRAIGHT_ON = 0.02  # m; who walks past a robot's centre this near walks straight at it
 ROBOT, HUMAN, STATIC = 0, 1, 2  # columns of ``gap``
 
 
@@ -137,6 +138,22 @@ def _edge_gap_below(
 
 
 @njit(cache=True)
+def blocks_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
+    """Gap [m] of a footprint around (x, y) to few solids, given by their ``edges`` ``(E, 4)``.
+
+    A robot in the middle of a solid, away from its edges, has the negative distance to them.
+    """
+    best, nearest, inside = np.inf, np.inf, False
+    for e in range(len(edges)):
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        best = min(best, polygon_edge_gap(placed, corners, edges[e]))
+        nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return min(best, -nearest) if inside else best
+
+
+@njit(cache=True)
 def static_gap(
     grid: EdgeGrid,
     extra: Array,
@@ -151,8 +168,7 @@ def static_gap(
 
     Args:
         grid: solids that stand all the time.
-        extra: ``(E, 4)`` edges of further solids, few. A robot in the middle of one, away
-            from its edges, has the negative distance to them.
+        extra: ``(E, 4)`` edges of further solids, few.
         polygon: ``(V, 2)`` placed footprint [m].
         corners: how many of V count.
         x: of the robot's origin [m].
@@ -164,16 +180,8 @@ def static_gap(
         Gap [m], negative: depth.
     """
     best = cutoff
-    inside = False
-    nearest = np.inf
-    for e in range(len(extra)):
-        ax, ay, bx, by = extra[e, 0], extra[e, 1], extra[e, 2], extra[e, 3]
-        best = _edge_gap_below(polygon, corners, x, y, reach, extra[e], best)
-        nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
-        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-            inside = not inside
-    if inside:
-        best = min(best, -nearest)
+    if len(extra):
+        best = min(best, blocks_gap(extra, polygon, corners, x, y))
     cell = grid.cell
     gx, gy = (x - grid.origin[0]) / cell, (y - grid.origin[1]) / cell
     col, row = math.floor(gx), math.floor(gy)
@@ -377,7 +385,7 @@ def move_people(
         length = math.sqrt(dx * dx + dy * dy)
         nx, ny = _outward(placed[robot], corners[robot], x, y)
         turn = (x - pose[robot, 0]) * dy - (y - pose[robot, 1]) * dx
-        way = -1.0 if turn < 0.0 else 1.0  # straight on: pass on the right
+        way = -1.0 if turn < -STRAIGHT_ON * length else 1.0  # straight on: pass on the right
         free_before = _disc_clear(grid, extra, x, y, r)
         for _ in range(2):
             sx, sy = x - way * ny * length, y + way * nx * length
@@ -391,23 +399,6 @@ def move_people(
                 position[h, 0], position[h, 1] = sx, sy
                 break
             way = -way
-
-
-def solid_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
-    """Gap [m] of one footprint ``(V, 2)`` around (x, y) to one solid of ``edges`` ``(E, 4)``."""
-    return float(_solid_gap(edges, placed, corners, x, y))
-
-
-@njit(cache=True)
-def _solid_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
-    best, nearest, inside = np.inf, np.inf, False
-    for e in range(len(edges)):
-        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-        best = min(best, polygon_edge_gap(placed, corners, edges[e]))
-        nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
-        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-            inside = not inside
-    return min(best, -nearest) if inside else best
 
 
 @njit(cache=True)

@@ -19,10 +19,17 @@ from mrta_falsify.core.world import World
 from simulator_interface import gaps
 from simulator_interface.actuation import Actuation, slipping
 from simulator_interface.bodies import check_starts, gather_fleet
-from simulator_interface.gaps import place_outline, polygon_gap, polygon_point_gap, static_gap
+from simulator_interface.gaps import (
+    blocks_gap,
+    place_outline,
+    polygon_gap,
+    polygon_point_gap,
+    static_gap,
+)
 from simulator_interface.rays import EdgeGrid
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
 
+TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds nobody
 HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
 
 
@@ -158,7 +165,9 @@ def _fill_hindrance(
     where: Array,
     depth: Array,
 ) -> int:
-    """Write gaps below 0 of robot ``i`` at pose ``where`` to ``depth`` (robot, human, static).
+    """Write gaps below 0 of robot ``i`` at pose ``where`` to ``depth``.
+
+    Its entries are robot, human, permanent static, blockage.
 
     Returns:
         The robot it overlaps most, -1: none.
@@ -180,8 +189,19 @@ def _fill_hindrance(
         if present[h] and apart < reach[i] + human_radius[h]:
             gap = polygon_point_gap(body, corners[i], human[h, 0], human[h, 1]) - human_radius[h]
             depth[1] = min(depth[1], gap)
-    depth[2] = static_gap(grid, extra, body, corners[i], x, y, reach[i], 0.0)
+    depth[2] = static_gap(grid, extra[:0], body, corners[i], x, y, reach[i], 0.0)
+    if len(extra):
+        depth[3] = blocks_gap(extra, body, corners[i], x, y)
     return hit
+
+
+@njit(cache=True)
+def _is_held(now: Array, then: Array) -> bool:
+    """Whether a step would lead into something, or deeper into it."""
+    held = False
+    for k in range(len(now)):
+        held = held or (then[k] < 0.0 and then[k] <= now[k] and now[k] > -TRAPPED)
+    return held
 
 
 @njit(cache=True)
@@ -218,7 +238,7 @@ def _drive(
     """Move all robots, one after the other, for one sub-step."""
     body = np.empty_like(outline[0]) if len(outline) else np.empty((0, 2))
     there = np.empty(3)
-    now, then = np.zeros(3), np.zeros(3)
+    now, then = np.zeros(4), np.zeros(4)
     for i in range(len(pose)):
         wanted = set_point[i].copy()
         if holonomic[i] == 1:
@@ -229,25 +249,23 @@ def _drive(
         share = 1.0 - math.exp(-step / response[i]) if response[i] > 0.0 else 1.0
         for k in range(3):
             velocity[i, k] += share * (wanted[k] - velocity[i, k])
-        part = 1.0
-        hindered = False
         _fill_moved(pose[i], velocity[i], step, there)
         hit = _fill_hindrance(
             i, pose, outline, corners, reach, placed, body, grid, extra,
             human, human_radius, present, there, then,
         )  # fmt: skip
-        if min(then[0], then[1], then[2]) < 0.0:
+        held = False
+        if then.min() < 0.0:
             _fill_hindrance(
                 i, pose, outline, corners, reach, placed, body, grid, extra,
                 human, human_radius, present, pose[i], now,
             )  # fmt: skip
-            for k in range(3):
-                if then[k] < 0.0 and then[k] <= now[k]:
-                    hindered = True
-                    contact[i, k] = True
-            if hindered and contact[i, 0] and hit >= 0:
+            held = _is_held(now, then)
+            for k in range(4):
+                contact[i, min(k, 2)] = contact[i, min(k, 2)] or then[k] < 0.0
+            if then[0] < 0.0:
                 contact[hit, 0] = True
-        if hindered:
+        if held:
             part, low, high = 0.0, 0.0, 1.0
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
@@ -256,14 +274,10 @@ def _drive(
                     i, pose, outline, corners, reach, placed, body, grid, extra,
                     human, human_radius, present, there, then,
                 )  # fmt: skip
-                is_free = True
-                for k in range(3):
-                    if then[k] < 0.0 and then[k] <= now[k]:
-                        is_free = False
-                if is_free:
-                    part = low = middle
-                else:
+                if _is_held(now, then):
                     high = middle
+                else:
+                    part = low = middle
             _fill_moved(pose[i], velocity[i], part * step, there)
             velocity[i] *= part
         pose[i] = there

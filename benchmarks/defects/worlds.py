@@ -16,7 +16,15 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.core.world import Blockage, Furniture, HumanSpec, RobotSpec, Task, World
+from mrta_falsify.core.world import (
+    Blockage,
+    CommsOutage,
+    Furniture,
+    HumanSpec,
+    RobotSpec,
+    Task,
+    World,
+)
 from scenic_worlds.layouts.ward import ward_layout
 
 SPEED = 0.69  # m/s, mean speed of MRTA-Sim's travel times; deadlines are made from it
@@ -97,7 +105,7 @@ def _someone_comes_the_other_way(
         robots.append(_robot(1, behind, float(random.uniform(-0.3, 0.3))))
         tasks.append(Task(arrival=arrival, start=3, end=2, deadline=110.0))
     people = [
-        HumanSpec(name=f"bystander{i + 1}", route=np.array([room.point + [1.2, 0.8]]))
+        HumanSpec(name=f"bystander{i + 1}", route=room.point[None, :] + np.array([1.2, 0.8]))
         for i, room in enumerate(layout.rooms[:bystanders])
     ]
     x = float(random.uniform(12.0, 17.0))
@@ -159,9 +167,10 @@ def follower_zero_command(seed: int) -> World:
 
 
 def fixed_priority_starves(seed: int) -> World:
-    """The robot that goes first is shut in by a person in its door; neighbours have work.
+    """The robot that goes first is shut in by an idle one; its neighbour has work elsewhere.
 
-    Varied: how long the person stands there, and where; starts; door and corridor widths.
+    The idle robot stands in the door and cannot be asked aside while its link to leaders is
+    down. Varied: for how long, where and how it stands, starts, door and corridor widths.
     """
     random = stream(seed, "defects/fixed_priority_starves")
     layout = ward_layout(
@@ -171,19 +180,21 @@ def fixed_priority_starves(seed: int) -> World:
         door_width=float(random.uniform(1.0, 1.2)),
         corridor_width=float(random.uniform(3.2, 4.0)),
     )
+    door = layout.rooms[3].door.mean(axis=0)
     robots = [
-        _robot(i, _near(random, layout.rooms[i + 1].point), _yaw(random)) for i in range(3)
+        _robot(0, _near(random, layout.rooms[2].point), _yaw(random)),
+        _robot(1, _near(random, layout.rooms[3].point), _yaw(random)),
+        _robot(2, _near(random, door, 0.1), _yaw(random)),
     ]
-    leaves = float(random.uniform(50.0, 70.0))
-    door = layout.rooms[3].door.mean(axis=0) + [float(random.uniform(-0.1, 0.1)), 0.1]
-    person = HumanSpec(
-        name="in_the_door", route=door[None, :], leaves_at=leaves, reacts_to_robots=False
+    ends = float(random.uniform(30.0, 45.0))
+    outage = CommsOutage(
+        name="deaf", robots=("robot3",), links=("leader", "states"), start=0.0, end=ends
     )
     tasks = [
-        Task(arrival=0.0, start=3, end=4, deadline=leaves + 2.0 * _reaching(layout, 3, 4)),
-        Task(arrival=0.0, start=1, end=0, deadline=2.0 * _reaching(layout, 1, 0)),
+        Task(arrival=0.0, start=3, end=4, deadline=ends + 2.0 * _reaching(layout, 3, 4)),
+        Task(arrival=0.0, start=2, end=1, deadline=_reaching(layout, 2, 1) + 10.0),
     ]
-    return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0, humans=(person,))
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0, events=(outage,))
 
 
 # --- queues ----------------------------------------------------------------------------
@@ -244,7 +255,7 @@ def fourth_waiter_dropped(seed: int) -> World:
     """
     random = stream(seed, "defects/fourth_waiter_dropped")
     layout = ward_layout(rooms=6, spots=4, corridor_width=float(random.uniform(3.6, 4.4)))
-    places = [room.point[:1].tolist() + [0.6] for room in layout.rooms[1:5]]
+    places = [np.array([room.point[0], 0.6]) for room in layout.rooms[1:5]]
     robots = [
         dataclasses.replace(_robot(i, _near(random, place, 0.15), _yaw(random)), capacity=1)
         for i, place in enumerate([layout.rooms[0].point, *places])
@@ -306,9 +317,7 @@ def costmap_blind_to_furniture(seed: int) -> World:
     )
     robot = _robot(0, _near(random, layout.rooms[0].point), _yaw(random))
     tasks = [Task(arrival=0.0, start=0, end=2, deadline=100.0)]
-    return _world(
-        layout, seed, robots=[robot], tasks=tasks, horizon=100.0, furniture=(shelf,)
-    )
+    return _world(layout, seed, robots=[robot], tasks=tasks, horizon=100.0, furniture=(shelf,))
 
 
 def planner_failure_blocks_all(seed: int) -> World:
@@ -410,7 +419,7 @@ PLANTS: dict[str, Plant] = {
             "fixed_priority_starves",
             "deadlines",
             fixed_priority_starves,
-            "the leader is shut in by a person in its door, its neighbours have work",
+            "an idle robot in the door shuts the leader in, a neighbour has work",
         ),
     )
 }

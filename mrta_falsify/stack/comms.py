@@ -19,6 +19,10 @@ class Links:
     states: BoolArray  #: (N,)
     leader: BoolArray  #: (N,)
 
+    def down_for(self, robot: int) -> tuple[str, ...]:
+        """Names of the links of one robot that are down."""
+        return tuple(name for name in LINKS if not getattr(self, name)[robot])
+
 
 def links_at(world: World, time: float) -> Links:
     """Links of the robots of ``world`` at ``time`` [s]."""

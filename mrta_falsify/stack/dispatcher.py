@@ -1,8 +1,15 @@
-"""The dispatcher: tasks in, itineraries out, arrival times back."""
+"""The dispatcher: tasks in, itineraries out, arrival times back.
+
+It calls the allocator when tasks arrive, when tasks wait and a robot can be reached, and when
+a robot runs late and moving its later stops may help. Its memory holds open tasks only, so a
+long shift costs no more than a short one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import bisect
+import dataclasses
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,9 +26,11 @@ from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.core.world import World
 
-LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part is planned again
-MEAN_SPEED = 0.69  # m/s, loaded travel times of MRTA-Sim over its road lengths
+LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part may be planned again
 REPLAN_PERIOD = 10.0  # s, at most one such re-plan per period
+LOOK_PERIOD = 0.5  # s between looks at waiting tasks and late robots, 2 Hz as MRTA-Sim's queues
+GAIN = 5.0  # s, a re-plan must save this much, so that plans do not flutter
+LATENESS_WEIGHT = 20.0  # one second too late weighs as much as this many seconds of work
 
 
 @dataclass(slots=True)
@@ -29,11 +38,17 @@ class DispatcherState:
     """What the dispatcher remembers."""
 
     known: int = 0  #: tasks of the arrival order that have arrived
-    delivered: set[int] = field(default_factory=set)
-    picked_up: set[int] = field(default_factory=set)
-    waiting: set[int] = field(default_factory=set)  #: tasks that no robot has yet
-    missed: set[int] = field(default_factory=set)  #: deadlines reported as missed
-    last_call: float = -np.inf  #: [s]
+    delivered: int = 0  #: how many
+    open: list[int] = field(default_factory=list)  #: arrived, not delivered; task numbers, sorted
+    waiting: list[int] = field(default_factory=list)  #: open tasks that no robot has, sorted
+    due: list[tuple[float, int]] = field(default_factory=list)  #: deadlines to watch, sorted
+    look_at: float = 0.0  #: next look at waiting tasks and late robots [s]
+    replan_at: float = 0.0  #: no re-plan for late robots before this [s]
+
+    def deliver(self, task: int) -> None:
+        """Take in that ``task`` has been dropped off."""
+        self.open.remove(task)
+        self.delivered += 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,8 +58,16 @@ class Report:
     itinerary: tuple[Stop, ...]
     onboard: tuple[int, ...]
     room: int  #: room it was in last
-    distance: float  #: way left to its next stop [m]
+    first_ends: float  #: when its first stop will be done, from where it is now [s]
     reachable: bool  #: joined, and the dispatcher link is up
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Orders:
+    """New itineraries by robot number (nothing if nothing changed), and what happened."""
+
+    itineraries: dict[int, tuple[Stop, ...]]
+    events: list[StackEvent]
 
 
 class Dispatcher:
@@ -57,95 +80,146 @@ class Dispatcher:
         self._capacity = [robot.capacity for robot in world.robots]
         self._times = closed_travel_times(world.travel_times)
 
-    def all_arrived(self, state: DispatcherState) -> bool:
-        """Whether no task is still to come."""
-        return state.known == len(self._order)
-
     def all_done(self, state: DispatcherState) -> bool:
-        """Whether every task is delivered."""
-        return len(state.delivered) == len(self._tasks)
+        """Whether every task is delivered and none is to come."""
+        return state.delivered == len(self._tasks)
+
+    def travel_time(self, start: int, end: int) -> float:
+        """Time [s] from room to room."""
+        return float(self._times[start, end])
 
     def dispatch(
-        self, state: DispatcherState, time: float, reports: Sequence[Report]
-    ) -> tuple[dict[int, tuple[Stop, ...]], list[StackEvent]]:
-        """New itineraries by robot number (empty if nothing changed), and what happened."""
+        self, state: DispatcherState, time: float, reports: Callable[[], Sequence[Report]]
+    ) -> Orders:
+        """Look for reasons to call the allocator, and do so.
+
+        Args:
+            state: memory, changed in place.
+            time: [s].
+            reports: gives a report of every robot; asked only when there is a reason.
+        """
         arrived = self._take_arrivals(state, time)
         events = self._missed_deadlines(state, time)
-        free = [r.reachable and not r.itinerary for r in reports]
-        late = time - state.last_call >= REPLAN_PERIOD and self._runs_late(time, reports)
-        retry = bool(state.waiting) and any(free)
-        if not (arrived or late or retry):
-            return {}, events
-        state.last_call = time
-        robots = [i for i, report in enumerate(reports) if report.reachable]
-        problem = self._problem(state, time, reports, robots, keep_plans=not late)
-        answer = self._allocator.allocate(problem)
-        state.waiting = set(answer.unserved)
-        new = self._accepted(answer, reports, robots)
-        for robot, itinerary in new.items():
-            before = {stop.task for stop in reports[robot].itinerary}
-            for task in dict.fromkeys(stop.task for stop in itinerary):
-                if task not in before and task not in reports[robot].onboard:
-                    events.append(StackEvent(time=time, kind="assigned", robot=robot, task=task))
-        why = "tasks arrived" if arrived else "robots late" if late else "tasks waiting"
-        detail = "; ".join(part for part in (why, answer.reason) if part)
-        events.append(StackEvent(time=time, kind="allocated", detail=detail))
-        return new, events
+        if not arrived and (time < state.look_at or not state.open):
+            return Orders(itineraries={}, events=events)
+        state.look_at = time + LOOK_PERIOD
+        fleet = reports()
+        robots = [i for i, report in enumerate(fleet) if report.reachable]
+        if arrived or (state.waiting and robots):
+            orders = self._allocate(state, time, fleet, robots, arrived=arrived)
+        elif time >= state.replan_at and any(_runs_late(time, fleet[i]) for i in robots):
+            state.replan_at = time + REPLAN_PERIOD
+            orders = self._replan(state, time, fleet, robots)
+        else:
+            return Orders(itineraries={}, events=events)
+        return Orders(itineraries=orders.itineraries, events=events + orders.events)
+
+    # --- what is due ----------------------------------------------------------------------
 
     def _take_arrivals(self, state: DispatcherState, time: float) -> bool:
         before = state.known
         while (
             state.known < len(self._order) and self._tasks[self._order[state.known]].arrival <= time
         ):
-            state.waiting.add(self._order[state.known])
+            number = self._order[state.known]
+            bisect.insort(state.open, number)
+            bisect.insort(state.waiting, number)
+            bisect.insort(state.due, (self._tasks[number].deadline, number))
             state.known += 1
         return state.known > before
 
-    def _missed_deadlines(self, state: DispatcherState, time: float) -> list[StackEvent]:
+    @staticmethod
+    def _missed_deadlines(state: DispatcherState, time: float) -> list[StackEvent]:
         events = []
-        for number in self._order[: state.known]:
-            done = number in state.delivered or number in state.missed
-            if not done and self._tasks[number].deadline < time:
-                state.missed.add(number)
+        while state.due and state.due[0][0] < time:
+            _, number = state.due.pop(0)
+            if number in state.open:
                 events.append(StackEvent(time=time, kind="deadline-missed", task=number))
         return events
 
-    @staticmethod
-    def _runs_late(time: float, reports: Sequence[Report]) -> bool:
-        return any(
-            report.reachable
-            and len(report.itinerary) > 1
-            and time - report.itinerary[0].time > LATE_FEEDBACK
-            for report in reports
+    # --- calls of the allocator -------------------------------------------------------------
+
+    def _allocate(
+        self,
+        state: DispatcherState,
+        time: float,
+        fleet: Sequence[Report],
+        robots: Sequence[int],
+        *,
+        arrived: bool,
+    ) -> Orders:
+        problem = self._problem(state, time, fleet, robots, keep_plans=True)
+        answer = self._allocator.allocate(problem)
+        fault = fault_of(problem, answer)
+        if fault:
+            # Nothing is lost: the robots keep what they have, the new tasks wait.
+            state.look_at = time + REPLAN_PERIOD
+            event = StackEvent(time=time, kind="allocation-refused", detail=fault)
+            return Orders(itineraries={}, events=[event])
+        before = tuple(state.waiting)
+        itineraries = self._itineraries(problem, answer, fleet)
+        state.waiting = sorted(set(state.open) - _taken(itineraries, fleet))
+        if not arrived and tuple(state.waiting) == before:
+            state.look_at = time + REPLAN_PERIOD  # the allocator does not want them yet
+            return Orders(itineraries=itineraries, events=[])
+        why = "tasks arrived" if arrived else "tasks waited"
+        return Orders(
+            itineraries=itineraries, events=_notes(time, why, answer.reason, itineraries, fleet)
         )
+
+    def _replan(
+        self,
+        state: DispatcherState,
+        time: float,
+        fleet: Sequence[Report],
+        robots: Sequence[int],
+    ) -> Orders:
+        """Free the stops that are not committed, and take the new plan if it is better."""
+        kept = self._problem(state, time, fleet, robots, keep_plans=True)
+        freed = self._problem(state, time, fleet, robots, keep_plans=False)
+        old, new = self._allocator.allocate(kept), self._allocator.allocate(freed)
+        if fault_of(kept, old):
+            return Orders(itineraries={}, events=[])
+        better = (
+            not fault_of(freed, new)
+            and len(new.unserved) <= len(old.unserved)
+            and self._cost(new) < self._cost(old) - GAIN
+        )
+        if not better:
+            # The old plan with the times that are to be expected now.
+            return Orders(itineraries=self._itineraries(kept, old, fleet), events=[])
+        itineraries = self._itineraries(freed, new, fleet)
+        state.waiting = sorted(set(state.open) - _taken(itineraries, fleet))
+        notes = _notes(time, "robots late", new.reason, itineraries, fleet)
+        return Orders(itineraries=itineraries, events=notes)
+
+    def _cost(self, answer: Allocation) -> float:
+        drops = [s for plan in answer.itineraries for s in plan if s.action == "dropoff"]
+        late = sum(max(0.0, s.time - self._tasks[s.task].deadline) for s in drops)
+        return sum(s.time for s in drops) + LATENESS_WEIGHT * late
+
+    # --- the allocator's view ---------------------------------------------------------------
 
     def _problem(
         self,
         state: DispatcherState,
         time: float,
-        reports: Sequence[Report],
+        fleet: Sequence[Report],
         robots: Sequence[int],
         *,
         keep_plans: bool,
     ) -> AllocationProblem:
-        elsewhere = {
-            stop.task
-            for i, report in enumerate(reports)
-            if i not in robots
-            for stop in report.itinerary
-        }
-        plans = [self._plan(i, time, reports[i], keep_plans) for i in robots]
-        gone = state.delivered | elsewhere
-        for i in robots:
-            first = reports[i].itinerary[:1]
-            gone |= {stop.task for stop in first if stop.action == "dropoff"}
-        tasks = tuple(
-            self._open_task(number)
-            for number in sorted(self._order[: state.known])
-            if number not in gone
-        )
+        gone: set[int] = set()
+        for report in fleet:
+            if not report.reachable:
+                gone |= {stop.task for stop in report.itinerary}
+            elif report.itinerary and report.itinerary[0].action == "dropoff":
+                gone.add(report.itinerary[0].task)
         return AllocationProblem(
-            now=time, robots=tuple(plans), tasks=tasks, travel_times=self._times
+            now=time,
+            robots=tuple(self._plan(i, time, fleet[i], keep_plans) for i in robots),
+            tasks=tuple(self._open_task(number) for number in state.open if number not in gone),
+            travel_times=self._times,
         )
 
     def _plan(self, robot: int, time: float, report: Report, keep_plans: bool) -> RobotPlan:
@@ -153,7 +227,7 @@ class Dispatcher:
         room, free_at, rest = report.room, time, report.itinerary
         if report.itinerary:
             first, rest = report.itinerary[0], report.itinerary[1:]
-            room, free_at = first.room, time + report.distance / MEAN_SPEED
+            room, free_at = first.room, max(time, report.first_ends)
             if first.action == "pickup":
                 onboard.append(first.task)
             else:
@@ -181,15 +255,95 @@ class Dispatcher:
         )
 
     @staticmethod
-    def _accepted(
-        answer: Allocation, reports: Sequence[Report], robots: Sequence[int]
+    def _itineraries(
+        problem: AllocationProblem, answer: Allocation, fleet: Sequence[Report]
     ) -> dict[int, tuple[Stop, ...]]:
-        """Committed first stop and the allocator's rest, for robots whose plan changed."""
+        """The committed first stop, with its expected time, and the allocator's rest."""
         new = {}
-        for place, robot in enumerate(robots):
-            itinerary = (*reports[robot].itinerary[:1], *answer.itineraries[place])
-            new[robot] = itinerary
+        for plan, rest in zip(problem.robots, answer.itineraries, strict=True):
+            first = fleet[plan.robot].itinerary[:1]
+            timed = tuple(dataclasses.replace(stop, time=plan.free_at) for stop in first)
+            new[plan.robot] = (*timed, *rest)
         return new
+
+
+def _runs_late(time: float, report: Report) -> bool:
+    """Whether the robot is behind its plan and has stops that could be served otherwise."""
+    rest = report.itinerary[1:]
+    movable = any(stop.action == "pickup" for stop in rest) or len(rest) > 1
+    return movable and max(time, report.first_ends) - report.itinerary[0].time > LATE_FEEDBACK
+
+
+def _taken(itineraries: dict[int, tuple[Stop, ...]], fleet: Sequence[Report]) -> set[int]:
+    """Tasks that some robot has, under new ``itineraries``."""
+    plans = [itineraries.get(i, report.itinerary) for i, report in enumerate(fleet)]
+    return {stop.task for plan in plans for stop in plan}
+
+
+def _notes(
+    time: float,
+    why: str,
+    reason: str,
+    itineraries: dict[int, tuple[Stop, ...]],
+    fleet: Sequence[Report],
+) -> list[StackEvent]:
+    events = []
+    for robot, itinerary in itineraries.items():
+        before = {stop.task for stop in fleet[robot].itinerary}
+        for task in dict.fromkeys(stop.task for stop in itinerary):
+            if task not in before:
+                events.append(StackEvent(time=time, kind="assigned", robot=robot, task=task))
+    detail = "; ".join(part for part in (why, reason) if part)
+    events.append(StackEvent(time=time, kind="allocated", detail=detail))
+    return events
+
+
+def fault_of(problem: AllocationProblem, answer: Allocation) -> str:
+    """What is wrong with an allocator's answer, in words; empty if it can be carried out.
+
+    Late or unserved tasks are no fault. A fault is what would lose a task or ask for the
+    impossible: a load that is never dropped, a drop-off before its pick-up, a task that two
+    robots have, a robot that carries too much.
+    """
+    if len(answer.itineraries) != len(problem.robots):
+        return f"{len(answer.itineraries)} itineraries for {len(problem.robots)} robots"
+    tasks = {task.number: task for task in problem.tasks}
+    owner: dict[int, int] = {}
+    for plan, itinerary in zip(problem.robots, answer.itineraries, strict=True):
+        fault = _itinerary_fault(plan, itinerary, tasks)
+        if fault:
+            return f"robot {plan.robot}: {fault}"
+        for stop in itinerary:
+            if owner.setdefault(stop.task, plan.robot) != plan.robot:
+                return f"task {stop.task} is given to robots {owner[stop.task]} and {plan.robot}"
+    return ""
+
+
+def _itinerary_fault(plan: RobotPlan, itinerary: Sequence[Stop], tasks: dict[int, OpenTask]) -> str:
+    load, done = set(plan.onboard), set[int]()
+    for stop in itinerary:
+        if stop.task not in tasks:
+            return f"task {stop.task} is not open"
+        task = tasks[stop.task]
+        place = task.start if stop.action == "pickup" else task.end
+        if stop.room != place:
+            return f"{stop.action} of task {stop.task} in room {stop.room}; it is in room {place}"
+        if stop.action == "pickup":
+            if stop.task in load or stop.task in done:
+                return f"task {stop.task} is picked up twice"
+            load.add(stop.task)
+            if len(load) > plan.capacity:
+                return f"carries {len(load)} at task {stop.task}; at most {plan.capacity}"
+        elif stop.task not in load:
+            return f"task {stop.task} is dropped without having been picked up"
+        else:
+            load.remove(stop.task)
+            done.add(stop.task)
+    return _names("never drops task", load)
+
+
+def _names(prefix: str, numbers: Collection[int]) -> str:
+    return f"{prefix} {', '.join(map(str, sorted(numbers)))}" if numbers else ""
 
 
 def closed_travel_times(times: Array) -> Array:

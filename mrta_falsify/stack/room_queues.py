@@ -1,4 +1,9 @@
-"""Queues of shared resources: who holds a room, who waits where."""
+"""Queues of shared resources: who holds a room, who waits where.
+
+One set of rules for rooms, corridors, doors, lifts and chargers: at most ``capacity`` holders,
+everybody else waits in the order of the queue policy, nobody is dropped. ``areas`` and
+``stack`` say when a robot asks and lets go.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import QueuePolicy, Waiter
@@ -20,15 +26,20 @@ class QueueState:
 
     holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
-    forgotten: list[int] = field(default_factory=list)  #: robots that `fourth_waiter_dropped` lost
+    entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]
+    forgotten: list[int] = field(default_factory=list)  #: by `fourth_waiter_dropped`
 
 
+@njit(cache=True)
 def inside(polygon: Array, point: Array) -> bool:
     """Whether ``point`` ``(2,)`` lies in the simple polygon ``(V, 2)`` (even-odd rule)."""
-    x, y = float(point[0]), float(point[1])
+    x, y = point[0], point[1]
     hit = False
-    last_x, last_y = float(polygon[-1, 0]), float(polygon[-1, 1])
-    for corner_x, corner_y in polygon.tolist():
+    if len(polygon) == 0:
+        return hit
+    last_x, last_y = polygon[-1, 0], polygon[-1, 1]
+    for i in range(len(polygon)):
+        corner_x, corner_y = polygon[i, 0], polygon[i, 1]
         if (corner_y > y) != (last_y > y):
             crossing = (last_x - corner_x) * (y - corner_y) / (last_y - corner_y) + corner_x
             if x < crossing:
@@ -47,15 +58,19 @@ class Queue:
 
     def is_asked_from(self, position: Array) -> bool:
         """Whether a robot at ``position`` ``(2,)`` [m] is near enough to ask."""
-        return inside(self.resource.request_area, position)
+        return bool(inside(self.resource.request_area, position))
 
     def is_left_at(self, position: Array) -> bool:
         """Whether a robot at ``position`` ``(2,)`` [m] is out of the others' way."""
         return not inside(self.resource.release_area, position)
 
+    def is_served(self, state: QueueState, robot: int, time: float) -> bool:
+        """Whether a holder's visit has lasted for the service time, or not begun."""
+        return time >= state.entered.get(robot, -np.inf) + self.resource.service_time
+
     def ask(self, state: QueueState, waiter: Waiter) -> bool:
         """Enter the queue; says whether the robot was not in it before."""
-        if waiter.robot in state.holders:
+        if waiter.robot in state.holders or waiter.robot in state.forgotten:
             return False
         for place, known in enumerate(state.waiters):
             if known.robot == waiter.robot:
@@ -66,18 +81,12 @@ class Queue:
                     deadline=waiter.deadline,
                 )
                 return False
-        if self._forgets(state, waiter.robot):
+        forgets = "fourth_waiter_dropped" in self._defects
+        if forgets and len(state.waiters) >= FORGOTTEN_FROM:
+            state.forgotten.append(waiter.robot)
             return False
         state.waiters.append(waiter)
         return True
-
-    def _forgets(self, state: QueueState, robot: int) -> bool:
-        """What `fourth_waiter_dropped` does; a robot that is lost once asks in vain."""
-        if "fourth_waiter_dropped" not in self._defects:
-            return False
-        if len(state.waiters) >= FORGOTTEN_FROM and robot not in state.forgotten:
-            state.forgotten.append(robot)
-        return robot in state.forgotten
 
     def order(self, state: QueueState) -> tuple[int, ...]:
         """Waiting robots, the next holder first."""
@@ -88,16 +97,20 @@ class Queue:
         ordered = self.order(state)
         return ordered.index(robot) if robot in ordered else -1
 
+    def has_place(self, state: QueueState) -> bool:
+        """Whether another robot may hold the resource."""
+        return len(state.holders) < self.resource.capacity
+
     def grant(self, state: QueueState) -> tuple[int, ...]:
         """Give free places to waiting robots; the robots that got one."""
         granted = []
-        while state.waiters and len(state.holders) < self.resource.capacity:
-            granted.append(self._admit(state))
+        while state.waiters and self.has_place(state):
+            granted.append(self.admit(state, self.order(state)[0]))
         return tuple(granted)
 
-    def _admit(self, state: QueueState) -> int:
-        robot = self.order(state)[0]
-        state.waiters = [waiter for waiter in state.waiters if waiter.robot != robot]
+    def admit(self, state: QueueState, robot: int) -> int:
+        """Make ``robot`` a holder; it waits no longer."""
+        self.withdraw(state, robot)
         state.holders.append(robot)
         return robot
 
@@ -110,13 +123,14 @@ class Queue:
         if robot not in state.holders:
             return False
         state.holders.remove(robot)
+        state.entered.pop(robot, None)
         return True
 
     def careless_admission(self, state: QueueState) -> tuple[int, ...]:
         """What `queue_release_loses_exclusion` does whenever anybody leaves the queue."""
         if "queue_release_loses_exclusion" not in self._defects or not state.waiters:
             return ()
-        return (self._admit(state),)
+        return (self.admit(state, self.order(state)[0]),)
 
     def waiting_point(self, place: int, approach: Array) -> Array:
         """Where the robot at ``place`` in the queue stands.

@@ -2,11 +2,12 @@
 
 ``due tasks -> allocator -> itineraries -> waypoints -> queue grants -> paths -> ranks ->
 look-ahead -> controller -> command``. The memory is an explicit value, :class:`StackState`:
-``copy.deepcopy`` forks it, ``digest()`` compares it.
+``copy.deepcopy`` forks it, ``digest()`` compares it. See ``docs/stack.md`` for the rules.
 """
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,14 +28,14 @@ from mrta_falsify.core.protocols import (
     Waiter,
     WaypointGenerator,
 )
-from mrta_falsify.core.world import Lane, World
+from mrta_falsify.core.world import Blockage, Lane, World
+from mrta_falsify.stack.areas import STOP_SHORT, Areas, Gate, Traveller, find_crossing
 from mrta_falsify.stack.comms import Links, links_at, outage_times
-from mrta_falsify.stack.control.lookahead import lookahead_point, remaining_path
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, Report
+from mrta_falsify.stack.fingerprint import fingerprint
 from mrta_falsify.stack.navigation import (
     NO_POINTS,
     OFF_PATH,
-    PARKED_AFTER,
     RETRY,
     ROOM_REACHED,
     SPOT_REACHED,
@@ -42,18 +43,26 @@ from mrta_falsify.stack.navigation import (
     PlanningService,
     ServiceState,
     Way,
-    distance_off,
+    cut_path,
+    is_within,
+    look_along,
     path_length,
 )
+from mrta_falsify.stack.refuges import APART, choose_refuge, refuges_of
 from mrta_falsify.stack.room_queues import Queue, QueueState
 from mrta_falsify.stack.waypoints import join
 
 LOOK_AHEAD = 0.5  # m, MRTA-Sim
 AT_REST = 0.1  # m/s, slow enough to load and unload
+AT_PATH_END = 0.15  # m, controllers stop within 0.1 m of their goal
 PROGRESS = 0.2  # m, moving this far counts as progress
 PLANS_PER_TICK = 6
-REPLAN_TICKS = 10  # checks of a path at 2 Hz, spread over the robots
+REPLAN_TICKS = 10  # checks of paths and of idle robots in the way, 2 Hz at 20 Hz control
 NEAR_SPOT = 0.9  # m, a robot this near to a waiting spot uses the way from there
+MEAN_SPEED = 0.69  # m/s, loaded travel times of MRTA-Sim over its road lengths
+NO_PATH_DELAY = 120.0  # s that a robot without a path is expected to be late
+IN_THE_WAY_AFTER = 5.0  # s without progress, then an idle robot ahead is sent away
+CLEARED = 1.5  # m of a stuck robot's path that idle robots have to clear
 
 #: where a robot's route leads
 NOWHERE, TO_ROOM, TO_SPOT, TO_PARKING = "", "room", "spot", "parking"
@@ -69,10 +78,16 @@ class Mission:
     aim: str = NOWHERE
     room: int = -1  #: room it was in last
     place: int = -1  #: place in the queue it stands in, -1: none
-    parking: int = -1  #: parking spot it has or heads for, -1: none
+    parking: int = -1  #: refuge it has or heads for, -1: none
+    unreachable: list[int] = field(default_factory=list)  #: refuges it found no path to
+    park_at: float = 0.0  #: not sent away before this [s]
+    stops_short_of: int = -1  #: queue without spots it may not enter yet, -1: none
+    wants_room: bool = False  #: asks for its room from before an area
+    gate: Gate = field(default_factory=Gate)
+    standing: Phase | None = None  #: waits at an area, or is served by one
     serve_until: float = -1.0  #: end of the service in progress, < 0: none
     way: Way = field(default_factory=Way)
-    anchor: Array = field(default_factory=lambda: np.full(2, np.inf))
+    anchor: tuple[float, float] = (np.inf, np.inf)  #: where it made progress last [m]
     moved_at: float = 0.0  #: last time it was PROGRESS away from where it was
 
 
@@ -86,11 +101,14 @@ class StackState:
     service: ServiceState
     controller: Controller
     next_planner: int = 0  #: robot whose plan is computed first
+    link_epoch: int = 0  #: changes of links seen so far
+    map_epoch: int = 0  #: changes of blockages seen so far
 
     def digest(self) -> str:
         """sha256 over everything that decides the next commands."""
-        text = repr((self.missions, self.queues, self.dispatcher, self.service))
-        return hashlib.sha256(text.encode()).hexdigest()
+        seen = hashlib.sha256()
+        fingerprint(self, seen)
+        return seen.hexdigest()
 
 
 class Stack:
@@ -112,7 +130,11 @@ class Stack:
             for i, queue in enumerate(self._queues)
             if queue.resource.kind == "room"
         }
-        self._areas = [i for i, q in enumerate(self._queues) if q.resource.kind != "room"]
+        self._areas = Areas(self._queues)
+        self._rooms = [
+            (i, queue) for i, queue in enumerate(self._queues) if queue.resource.kind == "room"
+        ]
+        self._refuges = refuges_of(world)
         self._waypoints: WaypointGenerator = registry.build(
             "waypoint_generator", config.waypoint_generator, defects=defects
         )
@@ -125,8 +147,11 @@ class Stack:
         self._lanes: dict[tuple[int, int], Lane] = {
             (lane.start, lane.end): lane for lane in world.lanes
         }
-        self._link_changes = np.array(outage_times(world))
-        self._links: dict[int, Links] = {}
+        self._link_changes = outage_times(world)
+        before = links_at(world, -1.0)
+        self._links = [before, *(links_at(world, time) for time in self._link_changes)]
+        blockages = [event for event in world.events if isinstance(event, Blockage)]
+        self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
         robots = world.robots
         self._max_speed = np.array([robot.max_speed for robot in robots])
         self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
@@ -159,9 +184,7 @@ class Stack:
 
     def all_done(self, state: StackState) -> bool:
         """Whether every task is delivered and none is to come."""
-        return self._dispatcher.all_arrived(state.dispatcher) and self._dispatcher.all_done(
-            state.dispatcher
-        )
+        return self._dispatcher.all_done(state.dispatcher)
 
     def step(
         self, state: StackState, fleet: FleetState
@@ -177,27 +200,40 @@ class Stack:
             happened and why.
         """
         events: list[StackEvent] = []
-        links = self._links_of(fleet.time)
+        links = self._current_links(state, fleet.time, events)
         self._join(state, fleet, events)
         self._follow_progress(state, fleet)
         self._dispatch(state, fleet, links, events)
-        self._leave_resources(state, fleet, events)
+        self._leave_rooms(state, fleet, events)
         for robot, mission in enumerate(state.missions):
             self._pursue(state, robot, mission, fleet, events)
-        self._grant(state, fleet, events)
+        self._grant_rooms(state, fleet, events)
         self._make_room(state, fleet, events)
         self._advance(state, fleet, events)
         self._plan(state, fleet, links, events)
-        command, intent = self._control(state, fleet, links)
+        views = self._look_ahead(state, fleet)
+        self._limit(state, views, fleet, events)
+        command, intent = self._control(state, views, fleet, links)
         return state, command, intent, tuple(events)
 
     # --- what is known ------------------------------------------------------------------
 
-    def _links_of(self, time: float) -> Links:
-        epoch = int(np.searchsorted(self._link_changes, time, side="right"))
-        if epoch not in self._links:
-            self._links[epoch] = links_at(self._world, time)
-        return self._links[epoch]
+    def _current_links(self, state: StackState, time: float, events: list[StackEvent]) -> Links:
+        epoch = bisect.bisect_right(self._link_changes, time)
+        links = self._links[epoch]
+        if epoch == state.link_epoch:
+            return links
+        earlier = self._links[state.link_epoch]
+        state.link_epoch = epoch
+        for robot in range(len(state.missions)):
+            before, now = earlier.down_for(robot), links.down_for(robot)
+            lost = ", ".join(name for name in now if name not in before)
+            back = ", ".join(name for name in before if name not in now)
+            if lost:
+                events.append(StackEvent(time=time, kind="comms-lost", robot=robot, detail=lost))
+            if back:
+                events.append(StackEvent(time=time, kind="comms-back", robot=robot, detail=back))
+        return links
 
     def _join(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
         for robot, mission in enumerate(state.missions):
@@ -207,31 +243,54 @@ class Stack:
 
     @staticmethod
     def _follow_progress(state: StackState, fleet: FleetState) -> None:
+        positions = fleet.pose.tolist()
         for robot, mission in enumerate(state.missions):
-            gap = fleet.pose[robot, :2] - mission.anchor
-            if not gap[0] * gap[0] + gap[1] * gap[1] <= PROGRESS * PROGRESS:
-                mission.anchor = fleet.pose[robot, :2].copy()
-                mission.moved_at = fleet.time
+            x, y, _ = positions[robot]
+            dx, dy = x - mission.anchor[0], y - mission.anchor[1]
+            if dx * dx + dy * dy > PROGRESS * PROGRESS:
+                mission.anchor, mission.moved_at = (x, y), fleet.time
 
     # --- tasks --------------------------------------------------------------------------
 
     def _dispatch(
         self, state: StackState, fleet: FleetState, links: Links, events: list[StackEvent]
     ) -> None:
-        reports = [
-            Report(
-                itinerary=tuple(mission.itinerary),
-                onboard=tuple(mission.onboard),
-                room=mission.room,
-                distance=path_length(mission.way.path) if mission.itinerary else 0.0,
-                reachable=mission.phase != Phase.OFF and bool(links.dispatcher[robot]),
-            )
-            for robot, mission in enumerate(state.missions)
-        ]
-        new, happened = self._dispatcher.dispatch(state.dispatcher, fleet.time, reports)
-        events.extend(happened)
-        for robot, itinerary in new.items():
+        def reports() -> list[Report]:
+            return [
+                Report(
+                    itinerary=tuple(mission.itinerary),
+                    onboard=tuple(mission.onboard),
+                    room=mission.room,
+                    first_ends=self._first_stop_ends(mission, fleet.pose[robot, :2], fleet.time),
+                    reachable=mission.phase != Phase.OFF and bool(links.dispatcher[robot]),
+                )
+                for robot, mission in enumerate(state.missions)
+            ]
+
+        orders = self._dispatcher.dispatch(state.dispatcher, fleet.time, reports)
+        events.extend(orders.events)
+        for robot, itinerary in orders.itineraries.items():
             state.missions[robot].itinerary = list(itinerary)
+
+    def _first_stop_ends(self, mission: Mission, position: Array, time: float) -> float:
+        """When the first stop of an itinerary will be done [s], from where the robot is now."""
+        if not mission.itinerary:
+            return time
+        if mission.serve_until >= 0.0:
+            return max(time, mission.serve_until)
+        stop, way = mission.itinerary[0], mission.way
+        task = self._world.tasks[stop.task]
+        service = task.pickup_time if stop.action == "pickup" else task.dropoff_time
+        if way.failed:
+            service += NO_PATH_DELAY
+        if mission.aim not in (TO_ROOM, TO_SPOT) or not len(way.path):
+            drive = self._dispatcher.travel_time(mission.room, stop.room)
+        else:
+            rest, *_, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
+            drive = (length + path_length(np.vstack([rest[-1:], way.route[2:]]))) / MEAN_SPEED
+            if mission.aim == TO_SPOT:
+                drive += float(np.hypot(*(self._points[stop.room] - way.route[-1]))) / MEAN_SPEED
+        return time + drive + service
 
     def _pursue(
         self,
@@ -249,7 +308,8 @@ class Stack:
             if mission.aim != TO_PARKING:
                 if mission.aim != NOWHERE or mission.way.is_going:
                     mission.way.stop()
-                mission.aim, mission.phase = NOWHERE, Phase.IDLE
+                mission.aim, mission.phase, mission.stops_short_of = NOWHERE, Phase.IDLE, -1
+                mission.place = -1
             return
         if mission.serve_until >= 0.0:
             return
@@ -265,7 +325,11 @@ class Stack:
         if robot in memory.holders:
             self._head_for_room(mission, room, position, from_spot=mission.place >= 0)
             return
-        near = queue.is_asked_from(position) or self._is_near_spot(queue, position)
+        near = (
+            mission.wants_room
+            or queue.is_asked_from(position)
+            or self._is_near_spot(queue, position)
+        )
         if near:
             waiter = Waiter(
                 robot=robot,
@@ -284,8 +348,9 @@ class Stack:
         self._head_for_spot(state, robot, mission, index, room, position)
 
     def _next_deadline(self, mission: Mission) -> float:
-        drops = [self._world.tasks[s.task].deadline for s in mission.itinerary]
-        return min(drops, default=np.inf)
+        drops = (stop.task for stop in mission.itinerary if stop.action == "dropoff")
+        task = next(drops, None)
+        return np.inf if task is None else self._world.tasks[task].deadline
 
     def _serve(
         self,
@@ -303,7 +368,7 @@ class Stack:
                     return
                 task = self._world.tasks[stop.task]
                 service = task.pickup_time if stop.action == "pickup" else task.dropoff_time
-                mission.serve_until = fleet.time + service
+                mission.serve_until = fleet.time + service + self._visit_time(state, robot, stop)
                 mission.room, mission.place = stop.room, -1
                 mission.way.stop()
                 mission.aim, mission.phase = NOWHERE, Phase.SERVING
@@ -313,10 +378,9 @@ class Stack:
             del mission.itinerary[0]
             if stop.action == "pickup":
                 mission.onboard.append(stop.task)
-                state.dispatcher.picked_up.add(stop.task)
             else:
                 mission.onboard.remove(stop.task)
-                state.dispatcher.delivered.add(stop.task)
+                state.dispatcher.deliver(stop.task)
             kind = "picked-up" if stop.action == "pickup" else "dropped-off"
             name = self._world.rooms[stop.room].name
             events.append(
@@ -332,13 +396,20 @@ class Stack:
     ) -> bool:
         if mission.aim == "stalled":
             return False
-        gap = self._points[stop.room] - fleet.pose[robot, :2]
-        if np.hypot(gap[0], gap[1]) > ROOM_REACHED:
+        if not _is_at(self._points[stop.room], fleet.pose[robot, :2], ROOM_REACHED, mission.way):
             return False
         index = self._queue_of_room.get(stop.room)
         if index is not None and robot not in state.queues[index].holders:
             return False
         return bool(np.abs(fleet.velocity[robot, :2]).max() <= AT_REST)
+
+    def _visit_time(self, state: StackState, robot: int, stop: Stop) -> float:
+        """Service time of the room itself [s], once per visit."""
+        index = self._queue_of_room.get(stop.room)
+        if index is None or robot in state.queues[index].entered:
+            return 0.0
+        state.queues[index].entered[robot] = state.missions[robot].serve_until
+        return self._queues[index].resource.service_time
 
     # --- ways ---------------------------------------------------------------------------
 
@@ -360,6 +431,8 @@ class Stack:
         if not len(route):
             route = self._points[room][None, :]
         mission.aim, mission.place, mission.parking = TO_ROOM, -1, -1
+        mission.stops_short_of, mission.wants_room = -1, False
+        mission.unreachable.clear()
         mission.way.head_for(np.asarray(route))
 
     def _head_for_spot(
@@ -372,51 +445,65 @@ class Stack:
         position: Array,
     ) -> None:
         queue = self._queues[index]
+        spots = queue.resource.spots
         place = queue.place_of(state.queues[index], robot)
-        lane = self._lanes.get((mission.room, room))
-        approach = np.asarray(lane.to_queue) if lane is not None else queue.resource.spots
-        if not len(approach):
-            approach = self._points[room][None, :]
-        known = place if place >= 0 else len(queue.resource.spots) - 1
-        spot = queue.waiting_point(max(known, 0), approach)
-        arrived = np.hypot(*(spot - position)) <= SPOT_REACHED
-        mission.phase = Phase.QUEUEING if arrived and place >= 0 else Phase.DRIVING
         if mission.aim == TO_SPOT and mission.place == place:
+            self._note_waiting(mission, position)
             return
+        lane = self._lanes.get((mission.room, room))
         moves_up = mission.aim == TO_SPOT and self._is_near_spot(queue, position)
-        if lane is None or moves_up:
-            route = spot[None, :]
+        if not len(spots):
+            # Nowhere to wait: on the way to the room, short of it.
+            mission.stops_short_of = index
+            if lane is None:
+                route = self._points[room][None, :]
+            else:
+                way = self._waypoints.to_room(lane)
+                route = join(way, position, self._points[mission.room])
         else:
-            route = join(self._waypoints.to_queue(lane, spot), position, self._points[mission.room])
+            approach = spots if lane is None else np.asarray(lane.to_queue)
+            spot = queue.waiting_point(place if place >= 0 else len(spots) - 1, approach)
+            if lane is None or moves_up:
+                route = spot[None, :]
+            else:
+                way = self._waypoints.to_queue(lane, spot)
+                route = join(way, position, self._points[mission.room])
+        goes_on = mission.stops_short_of >= 0 and mission.aim == TO_SPOT
         mission.aim, mission.place, mission.parking = TO_SPOT, place, -1
-        mission.way.head_for(np.asarray(route))
+        mission.unreachable.clear()
+        if not goes_on:
+            mission.way.head_for(np.asarray(route))
+        self._note_waiting(mission, position)
+
+    @staticmethod
+    def _note_waiting(mission: Mission, position: Array) -> None:
+        """Queueing as soon as the robot stands at its place; a little later on the way back."""
+        reach = 2.0 * SPOT_REACHED if mission.phase == Phase.QUEUEING else SPOT_REACHED
+        arrived = (
+            mission.stops_short_of < 0
+            and mission.place >= 0
+            and len(mission.way.route) > 0
+            and _is_at(mission.way.route[-1], position, reach, mission.way)
+        )
+        mission.phase = Phase.QUEUEING if arrived else Phase.DRIVING
 
     @staticmethod
     def _is_near_spot(queue: Queue, position: Array) -> bool:
-        spots = queue.resource.spots
-        if not len(spots):
-            return False
-        gaps = spots - position
-        return bool((gaps[:, 0] ** 2 + gaps[:, 1] ** 2).min() <= NEAR_SPOT**2)
+        return bool(is_within(queue.resource.spots, position, NEAR_SPOT))
 
     # --- resources ----------------------------------------------------------------------
 
-    def _leave_resources(
-        self, state: StackState, fleet: FleetState, events: list[StackEvent]
-    ) -> None:
-        for queue, memory in zip(self._queues, state.queues, strict=True):
+    def _leave_rooms(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
+        for index, queue in self._rooms:
+            memory = state.queues[index]
             for robot in tuple(memory.holders):
                 mission = state.missions[robot]
-                room = queue.resource.room
-                heads_here = bool(mission.itinerary) and mission.itinerary[0].room == room
+                heads_here = (
+                    bool(mission.itinerary) and mission.itinerary[0].room == queue.resource.room
+                )
                 if heads_here and mission.aim in (TO_ROOM, NOWHERE):
                     continue
-                finished = (
-                    "room_freed_while_parked" in self._defects
-                    and not mission.itinerary
-                    and mission.phase == Phase.IDLE
-                )
-                if finished or queue.is_left_at(fleet.pose[robot, :2]):
+                if self._lets_go(queue, memory, robot, mission, fleet):
                     queue.release(memory, robot)
                     name = queue.resource.name
                     events.append(
@@ -430,8 +517,22 @@ class Stack:
                     queue.withdraw(memory, waiter.robot)
                     self._note_grants(queue.careless_admission(memory), queue, fleet, events)
 
-    def _grant(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
-        for queue, memory in zip(self._queues, state.queues, strict=True):
+    def _lets_go(
+        self, queue: Queue, memory: QueueState, robot: int, mission: Mission, fleet: FleetState
+    ) -> bool:
+        """Whether a holder that has no further stop in the room gives it back."""
+        is_idle = mission.phase == Phase.IDLE and not mission.itinerary
+        if is_idle and "room_freed_while_parked" in self._defects:
+            return True
+        if queue.resource.hold == "until_served" and robot in memory.entered:
+            return True
+        return queue.is_left_at(fleet.pose[robot, :2])
+
+    def _grant_rooms(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
+        for index, queue in self._rooms:
+            memory = state.queues[index]
+            if not memory.waiters:
+                continue
             granted = queue.grant(memory)
             self._note_grants(granted, queue, fleet, events)
             for robot in granted:
@@ -449,54 +550,116 @@ class Stack:
         for robot in granted:
             events.append(StackEvent(time=fleet.time, kind="granted", robot=robot, resource=name))
 
+    # --- idle robots --------------------------------------------------------------------
+
     def _make_room(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
-        """Idle robots leave what others ask for; those that arrived at a parking spot rest."""
-        parking = self._world.parking
-        for mission, pose in zip(state.missions, fleet.pose, strict=True):
+        """Idle robots leave what others ask for; those that arrived at a refuge rest."""
+        resting = []
+        for robot, mission in enumerate(state.missions):
             if mission.aim == TO_PARKING:
-                gap = parking[mission.parking] - pose[:2]
-                if np.hypot(gap[0], gap[1]) <= SPOT_REACHED:
-                    mission.way.stop()
-                    mission.aim, mission.phase = NOWHERE, Phase.IDLE
-        if not len(parking):
+                self._end_parking(mission, robot, fleet)
+            if (
+                mission.phase == Phase.IDLE
+                and mission.aim == NOWHERE
+                and not mission.itinerary
+                and fleet.time >= mission.park_at
+            ):
+                resting.append(robot)
+        if not resting:
             return
-        for queue, memory in zip(self._queues, state.queues, strict=True):
-            if not memory.waiters and not self._is_wanted(state, queue):
+        wanted = self._wanted_queues(state)
+        for robot in resting:
+            for index, other in wanted.items():
+                if self._occupies(state, index, robot, fleet.pose[robot, :2]):
+                    name = self._queues[index].resource.name
+                    self._send_away(state, robot, fleet, events, name=name, other=other)
+                    break
+            else:
+                if (fleet.tick + robot) % REPLAN_TICKS == 0:
+                    self._clear_way(state, robot, fleet, events)
+
+    def _end_parking(self, mission: Mission, robot: int, fleet: FleetState) -> None:
+        place = self._refuges.points[mission.parking]
+        if _is_at(place, fleet.pose[robot, :2], SPOT_REACHED, mission.way):
+            mission.unreachable.clear()
+        elif mission.way.failed:
+            mission.unreachable.append(mission.parking)
+            mission.parking = -1
+        else:
+            return
+        mission.way.stop()
+        mission.aim, mission.phase = NOWHERE, Phase.IDLE
+
+    def _wanted_queues(self, state: StackState) -> dict[int, int]:
+        """Resources that somebody waits for or is on the way to, and who that is."""
+        wanted: dict[int, int] = {}
+        for robot, mission in enumerate(state.missions):
+            if mission.itinerary:
+                index = self._queue_of_room.get(mission.itinerary[0].room)
+                if index is not None:
+                    wanted.setdefault(index, robot)
+        for index, memory in enumerate(state.queues):
+            if memory.waiters:
+                wanted[index] = memory.waiters[0].robot
+        return wanted
+
+    def _occupies(self, state: StackState, index: int, robot: int, position: Array) -> bool:
+        if robot in state.queues[index].holders:
+            return True
+        # The defect is that nobody notices a robot that is parked in a room it has freed.
+        careless = "room_freed_while_parked" in self._defects
+        return not careless and not self._queues[index].is_left_at(position)
+
+    def _clear_way(
+        self, state: StackState, robot: int, fleet: FleetState, events: list[StackEvent]
+    ) -> None:
+        """Send an idle robot away from another's destination, or from where one is stuck."""
+        position = fleet.pose[robot, :2]
+        for other, mission in enumerate(state.missions):
+            way = mission.way
+            if other == robot or not way.is_going:
                 continue
-            for robot in memory.holders:
-                mission = state.missions[robot]
-                if mission.phase == Phase.IDLE and mission.aim == NOWHERE:
-                    other = memory.waiters[0].robot if memory.waiters else -1
-                    self._send_to_parking(state, robot, fleet)
-                    events.append(
-                        StackEvent(
-                            time=fleet.time,
-                            kind="makes-room",
-                            robot=robot,
-                            resource=queue.resource.name,
-                            other=other,
-                        )
-                    )
-
-    @staticmethod
-    def _is_wanted(state: StackState, queue: Queue) -> bool:
-        """Whether somebody's next stop is here, even if it has not asked yet."""
-        room = queue.resource.room
-        return any(m.itinerary and m.itinerary[0].room == room for m in state.missions)
-
-    def _send_to_parking(self, state: StackState, robot: int, fleet: FleetState) -> None:
-        mission = state.missions[robot]
-        taken = {m.parking for m in state.missions if m.parking >= 0}
-        parking = self._world.parking
-        gaps = np.hypot(*(parking - fleet.pose[robot, :2]).T)
-        for spot in np.argsort(gaps, kind="stable").tolist():
-            beside = np.hypot(*(fleet.pose[:, :2] - parking[spot]).T)
-            beside[robot] = np.inf
-            if spot not in taken and beside.min() > 0.6:
-                mission.parking, mission.aim = int(spot), TO_PARKING
-                mission.phase = Phase.MAKING_ROOM
-                mission.way.head_for(np.asarray(parking[spot])[None, :])
+            end = way.halt[0] if len(way.halt) else way.route[-1]
+            stuck = fleet.time - mission.moved_at > IN_THE_WAY_AFTER and len(way.path) > 0
+            ahead = NO_POINTS
+            if stuck:
+                x, y, _ = fleet.pose[other]
+                ahead = cut_path(look_along(way.path, x, y, LOOK_AHEAD)[0], CLEARED)
+            covers_end = np.hypot(*(end - position)) < APART
+            if covers_end or is_within(ahead, position, APART):
+                avoid = np.vstack([ahead, end[None, :]])
+                self._send_away(state, robot, fleet, events, other=other, avoid=avoid)
                 return
+
+    def _send_away(
+        self,
+        state: StackState,
+        robot: int,
+        fleet: FleetState,
+        events: list[StackEvent],
+        *,
+        name: str = "",
+        other: int = -1,
+        avoid: Array = NO_POINTS,
+    ) -> None:
+        mission = state.missions[robot]
+        excluded = {m.parking for m in state.missions} | set(mission.unreachable)
+        here = np.delete(fleet.pose[:, :2], robot, axis=0)
+        ends = [
+            m.way.route[-1] for i, m in enumerate(state.missions) if i != robot and m.way.is_going
+        ]
+        others = np.vstack([here, *(end[None, :] for end in ends)])
+        position = fleet.pose[robot, :2]
+        place = choose_refuge(self._refuges, position, others, avoid, excluded)
+        mission.park_at = fleet.time + RETRY
+        if place < 0:
+            mission.unreachable.clear()
+            return
+        mission.parking, mission.aim, mission.phase = place, TO_PARKING, Phase.MAKING_ROOM
+        mission.way.head_for(self._refuges.points[place][None, :])
+        events.append(
+            StackEvent(time=fleet.time, kind="makes-room", robot=robot, resource=name, other=other)
+        )
 
     # --- paths --------------------------------------------------------------------------
 
@@ -504,10 +667,9 @@ class Stack:
         """Drop waypoints that are reached."""
         for robot, mission in enumerate(state.missions):
             way = mission.way
-            if len(way.route) < 2:
+            if len(way.route) < 2 or len(way.halt):
                 continue
-            gap = way.route[0] - fleet.pose[robot, :2]
-            if np.hypot(gap[0], gap[1]) <= WAYPOINT_REACHED:
+            if is_within(way.route[:1], fleet.pose[robot, :2], WAYPOINT_REACHED):
                 way.route = way.route[1:]
                 way.must_plan = True
                 events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
@@ -515,8 +677,8 @@ class Stack:
     def _plan(
         self, state: StackState, fleet: FleetState, links: Links, events: list[StackEvent]
     ) -> None:
-        self._note_parked(state, fleet)
-        self._service.look(state.service, fleet.time)
+        state.service.note_parked(fleet.pose[:, :2], fleet.parked_for)
+        self._note_blockages(state, fleet.time)
         n = len(state.missions)
         plans = 0
         for k in range(n):
@@ -526,7 +688,7 @@ class Stack:
             if not way.is_going or not links.planner[robot]:
                 continue
             if not way.must_plan and (fleet.tick + robot) % REPLAN_TICKS == 0:
-                self._check_path(mission, position, fleet.time)
+                self._check_path(state, mission, position, fleet.time)
             if not way.must_plan or fleet.time < way.plan_at:
                 continue
             if plans == PLANS_PER_TICK:
@@ -541,71 +703,116 @@ class Stack:
                     StackEvent(time=fleet.time, kind="no-path", robot=robot, detail=way.failed)
                 )
 
-    def _check_path(self, mission: Mission, position: Array, time: float) -> None:
-        way = mission.way
-        stuck = time - mission.moved_at > RETRY and time >= way.plan_at
-        if (
-            stuck
-            or not len(way.path)
-            or self._service.is_obstructed(way, position)
-            or distance_off(way.path, position) > OFF_PATH
-        ):
-            way.must_plan = True
+    def _note_blockages(self, state: StackState, time: float) -> None:
+        """A blockage that begins or ends is a reason for everybody to plan again."""
+        epoch = bisect.bisect_right(self._map_changes, time)
+        if epoch != state.map_epoch:
+            state.map_epoch = epoch
+            for mission in state.missions:
+                mission.way.must_plan, mission.way.plan_at = mission.way.is_going, 0.0
 
-    def _note_parked(self, state: StackState, fleet: FleetState) -> None:
-        """Robots at rest for some seconds become obstacles of the map."""
-        parked = fleet.parked_for > PARKED_AFTER
-        known = state.service.parked
-        if len(known) == int(parked.sum()):
-            now = fleet.pose[parked, :2]
-            if not len(now) or np.abs(now - known).max() <= 0.1:
-                return
-        state.service.parked = fleet.pose[parked, :2].copy()
+    def _check_path(
+        self, state: StackState, mission: Mission, position: Array, time: float
+    ) -> None:
+        way = mission.way
+        if not len(way.path):
+            way.must_plan = True
+            return
+        rest, _, _, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
+        if length <= 2.0 * SPOT_REACHED or mission.standing is not None:
+            return  # it is where it is to be
+        stuck = time - mission.moved_at > RETRY and time >= way.plan_at
+        off_path = np.hypot(rest[0, 0] - position[0], rest[0, 1] - position[1]) > OFF_PATH
+        if stuck or off_path or self._service.is_obstructed(state.service, way, position, time):
+            way.must_plan = True
 
     # --- control ------------------------------------------------------------------------
 
-    def _control(
-        self, state: StackState, fleet: FleetState, links: Links
-    ) -> tuple[Command, Intent]:
+    @staticmethod
+    def _look_ahead(state: StackState, fleet: FleetState) -> Views:
+        """Every robot's way ahead."""
         n = len(state.missions)
-        target, goal = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
-        distance = np.full(n, np.inf)
-        active = np.zeros(n, dtype=np.bool_)
-        ahead: list[Array] = [NO_POINTS] * n
+        views = Views(
+            rest=[NO_POINTS] * n, target=np.full((n, 2), np.nan), length=np.full(n, np.inf)
+        )
         for robot, mission in enumerate(state.missions):
-            if not len(mission.way.path) or not mission.way.is_going:
+            way = mission.way
+            if len(way.path) and way.is_going:
+                x, y, _ = fleet.pose[robot]
+                rest, target_x, target_y, length = look_along(way.path, x, y, LOOK_AHEAD)
+                views.rest[robot], views.length[robot] = rest, length
+                views.target[robot] = target_x, target_y
+        return views
+
+    def _limit(
+        self, state: StackState, views: Views, fleet: FleetState, events: list[StackEvent]
+    ) -> None:
+        """Shorten ways so that robots stop before what they do not hold."""
+        for robot, mission in enumerate(state.missions):
+            if mission.stops_short_of >= 0 and len(views.rest[robot]):
+                area = self._queues[mission.stops_short_of].resource.release_area
+                enter, _ = find_crossing(views.rest[robot], area)
+                limit = max(0.0, enter - STOP_SHORT)
+                views.shorten(robot, limit, fleet.pose[robot])
+                waits = mission.place >= 0 and limit <= SPOT_REACHED
+                mission.phase = Phase.QUEUEING if waits else Phase.DRIVING
+        if not self._areas:
+            return
+        travellers = [
+            Traveller(
+                robot=robot,
+                position=fleet.pose[robot, :2],
+                ahead=_way_ahead(mission.way, views.rest[robot]),
+                way=mission.way,
+                gate=mission.gate,
+                deadline=self._next_deadline(mission),
+                room_needed=mission.aim == TO_SPOT,
+            )
+            for robot, mission in enumerate(state.missions)
+        ]
+        events.extend(self._areas.step(travellers, state.queues, fleet.time))
+        for traveller, mission in zip(travellers, state.missions, strict=True):
+            mission.standing, mission.wants_room = traveller.standing, traveller.wants_room
+            if len(views.rest[traveller.robot]):
+                views.shorten(traveller.robot, traveller.limit, fleet.pose[traveller.robot])
+
+    def _control(
+        self, state: StackState, views: Views, fleet: FleetState, links: Links
+    ) -> tuple[Command, Intent]:
+        missions = state.missions
+        active = np.zeros(len(missions), dtype=np.bool_)
+        goal = np.full((len(missions), 2), np.nan)
+        for robot, mission in enumerate(missions):
+            if not len(views.rest[robot]):
                 continue
-            position = fleet.pose[robot, :2]
-            rest = remaining_path(mission.way.path, position)
-            ahead[robot] = rest
-            target[robot] = lookahead_point(rest, position, LOOK_AHEAD)
-            goal[robot] = rest[-1]
-            distance[robot] = path_length(rest)
-            at_spot = mission.phase == Phase.QUEUEING and distance[robot] < SPOT_REACHED
-            active[robot] = not at_spot
-            if at_spot:
-                target[robot] = np.nan
-        moved_at = np.array([mission.moved_at for mission in state.missions])
+            goal[robot] = views.rest[robot][-1]
+            at_spot = mission.phase == Phase.QUEUEING and views.length[robot] < SPOT_REACHED
+            if at_spot or mission.standing is not None:
+                views.target[robot] = np.nan
+            else:
+                active[robot] = True
+        waiting_since = [
+            m.moved_at if fleet.time - m.moved_at > RETRY else np.inf for m in missions
+        ]
         ranks = self._priority.ranks(
             PriorityView(
                 time=fleet.time,
                 pose=fleet.pose,
                 active=active,
-                distance_to_goal=distance,
-                waiting_since=np.where(fleet.time - moved_at > RETRY, moved_at, np.inf),
+                distance_to_goal=views.length,
+                waiting_since=np.array(waiting_since),
             )
         )
-        present = np.array([m.phase != Phase.OFF for m in state.missions], dtype=np.bool_)
         view = ControlView(
             time=fleet.time,
             dt=self._dt,
             pose=fleet.pose,
             velocity=fleet.velocity,
-            target=target,
+            target=views.target,
             goal=goal,
-            path=tuple(ahead),
+            path=tuple(views.rest),
             active=active,
-            present=present,
+            present=np.array([m.phase != Phase.OFF for m in missions], dtype=np.bool_),
             rank=ranks,
             obstacle_points=fleet.obstacle_points,
             human_position=fleet.human_position,
@@ -618,39 +825,87 @@ class Stack:
             max_turn_rate=self._max_turn_rate,
         )
         result = state.controller.control(view)
+        nowhere = (np.nan, np.nan)
+        waypoints = [m.way.route[0] if len(m.way.route) else nowhere for m in missions]
         intent = Intent(
-            phase=np.array([self._phase_of(m) for m in state.missions], dtype=np.int64),
+            phase=np.array([_phase_of(m) for m in missions], dtype=np.int64),
             goal=self._final_goals(state),
-            waypoint=np.array(
-                [m.way.route[0] if len(m.way.route) else (np.nan, np.nan) for m in state.missions]
-            ).reshape(n, 2),
-            path=tuple(m.way.path for m in state.missions),
+            waypoint=np.array(waypoints, dtype=np.float64).reshape(-1, 2),
+            path=tuple(m.way.path for m in missions),
             cluster=result.cluster,
             leader=result.leader,
             slack=result.slack,
-            tasks_left=np.array([len(m.itinerary) for m in state.missions], dtype=np.int64),
-            queue=np.array([m.place for m in state.missions], dtype=np.int64),
-            waits_for=tuple(self._resource_waited_for(state, r) for r in range(n)),
+            tasks_left=np.array([len(m.itinerary) for m in missions], dtype=np.int64),
+            queue=np.array([m.place for m in missions], dtype=np.int64),
+            waits_for=self._resources_waited_for(state),
         )
         return result.command, intent
-
-    @staticmethod
-    def _phase_of(mission: Mission) -> int:
-        if mission.phase == Phase.DRIVING and mission.way.is_going and not len(mission.way.path):
-            return int(Phase.PLANNING)
-        return int(mission.phase)
 
     def _final_goals(self, state: StackState) -> Array:
         goals = np.full((len(state.missions), 2), np.nan)
         for robot, mission in enumerate(state.missions):
             if mission.itinerary:
-                goals[robot] = self._points[mission.itinerary[0].room]
+                room = mission.itinerary[0].room
+                goals[robot] = self._points[room]
+                index = self._queue_of_room.get(room)
+                if mission.aim == TO_SPOT and index is not None and mission.place >= 0:
+                    spots = self._queues[index].resource.spots
+                    if mission.place < len(spots):
+                        goals[robot] = spots[mission.place]
             elif mission.aim == TO_PARKING:
-                goals[robot] = self._world.parking[mission.parking]
+                goals[robot] = self._refuges.points[mission.parking]
         return goals
 
-    def _resource_waited_for(self, state: StackState, robot: int) -> str:
+    def _resources_waited_for(self, state: StackState) -> tuple[str, ...]:
+        names = [""] * len(state.missions)
         for queue, memory in zip(self._queues, state.queues, strict=True):
-            if any(waiter.robot == robot for waiter in memory.waiters):
-                return queue.resource.name
-        return ""
+            for waiter in memory.waiters:
+                names[waiter.robot] = names[waiter.robot] or queue.resource.name
+        return tuple(names)
+
+
+@dataclass(slots=True)
+class Views:
+    """Every robot's way ahead at one tick."""
+
+    rest: list[Array]  #: N polylines (L, 2) [m], empty: none
+    target: Array  #: (N, 2) point to steer for [m], nan: none
+    length: Array  #: (N,) of ``rest`` [m], inf: none
+
+    def shorten(self, robot: int, limit: float, pose: Array) -> None:
+        """Let the way of ``robot`` end after ``limit`` [m]."""
+        if limit >= self.length[robot]:
+            return
+        rest = cut_path(self.rest[robot], limit)
+        self.rest[robot], x, y, self.length[robot] = look_along(rest, pose[0], pose[1], LOOK_AHEAD)
+        self.target[robot] = x, y
+
+
+def _is_at(point: Array, position: Array, reach: float, way: Way) -> bool:
+    """Whether a robot is where it wants to be: near the point, or as near as its path leads.
+
+    The planner moves a goal that is covered by up to 0.25 m.
+    """
+    dx, dy = point[0] - position[0], point[1] - position[1]
+    if dx * dx + dy * dy <= reach * reach:
+        return True
+    if not len(way.path) or len(way.route) > 1:
+        return False
+    end = way.path[-1]
+    moved = np.hypot(end[0] - point[0], end[1] - point[1]) <= ROOM_REACHED
+    return bool(moved and np.hypot(end[0] - position[0], end[1] - position[1]) <= AT_PATH_END)
+
+
+def _way_ahead(way: Way, rest: Array) -> Array:
+    """The rest of the path, and the waypoints behind its end."""
+    if not len(rest) or len(way.halt) or len(way.route) < 3:
+        return rest
+    return np.vstack([rest, way.route[2:]])
+
+
+def _phase_of(mission: Mission) -> int:
+    if mission.standing is not None:
+        return int(mission.standing)
+    if mission.phase == Phase.DRIVING and mission.way.is_going and not len(mission.way.path):
+        return int(Phase.PLANNING)
+    return int(mission.phase)

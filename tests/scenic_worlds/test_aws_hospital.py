@@ -322,11 +322,15 @@ def test_opposite_lanes_keep_apart_on_long_legs(hospital: World) -> None:
             assert offset >= 0.75, (a, b, c, d)  # the opposite lane lies on the left
 
 
-def test_requests_follow_the_published_box(hospital: World) -> None:
+def test_robots_ask_inside_the_published_box_and_before_they_turn_off_to_the_tail(
+    hospital: World,
+) -> None:
     for resource, room in zip(hospital.resources, hospital.rooms, strict=True):
-        offsets = np.abs(resource.request_area - room.point)
-        assert offsets == pytest.approx(np.full((4, 2), 5.0))
         box = shapely.Polygon(resource.request_area)
+        assert box.covers(shapely.box(*(room.point - 5.0), *(room.point + 5.0)))
+        for lane in hospital.lanes:
+            if lane.end == resource.room:
+                assert box.covers(shapely.Point(lane.to_queue[-2]))
         assert all(box.covers(shapely.Point(spot)) for spot in resource.spots), resource.name
 
 
