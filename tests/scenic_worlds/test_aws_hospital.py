@@ -326,7 +326,7 @@ def test_robots_ask_inside_the_published_box_and_before_they_turn_off_to_the_tai
     hospital: World,
 ) -> None:
     for resource, room in zip(hospital.resources, hospital.rooms, strict=True):
-        box = shapely.Polygon(resource.request_area)
+        box = shapely.Polygon(resource.request_area).buffer(1e-3)
         assert box.covers(shapely.box(*(room.point - 5.0), *(room.point + 5.0)))
         for lane in hospital.lanes:
             if lane.end == resource.room:
