@@ -519,7 +519,9 @@ class _Approach:
             if not len(path):
                 continue
             x, y = position[i]
-            if self._improves(i, intent.goal[i], remaining_length(path, x, y)):
+            # The path may end at a waypoint on the way: add the straight rest, a lower bound.
+            rest = float(np.hypot(*(intent.goal[i] - path[-1])))
+            if self._improves(i, intent.goal[i], remaining_length(path, x, y) + rest):
                 self._restart(i, sensed.time)
 
     def _restart(self, i: int, time: float) -> None:

@@ -787,10 +787,9 @@ class Stack:
                 continue
             goal[robot] = views.rest[robot][-1]
             at_spot = mission.phase == Phase.QUEUEING and views.length[robot] < SPOT_REACHED
-            if at_spot or mission.standing is not None:
+            if at_spot:
                 views.target[robot] = np.nan
-            else:
-                active[robot] = True
+            active[robot] = not at_spot and mission.standing is None
         waiting_since = [
             m.moved_at if fleet.time - m.moved_at > RETRY else np.inf for m in missions
         ]
