@@ -143,6 +143,10 @@ class BulletEngine:
     def _connect(self) -> None:
         self.close()
         if self._options.gui:
+            if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+                raise ConfigError(
+                    "engine.gui is true, but there is no display; set DISPLAY, or gui: false"
+                )
             self._client = pybullet.connect(pybullet.GUI)
         else:
             self._client = pybullet.connect(pybullet.DIRECT)
@@ -167,7 +171,8 @@ class BulletEngine:
         pybullet.changeDynamics(floor, -1, lateralFriction=1.0, restitution=0.0, **self._call)
         self._sort(floor, -1, FLOOR, ROBOT | WHEEL)
         polygons = world.solid_polygons()
-        heights = [solid.height for solid in (*world.walls, *world.furniture)]
+        heights = [wall.height for wall in world.walls]
+        heights += [item.height for item in world.furniture]
         if polygons:
             self._column[self._add_solid(polygons, heights)] = gaps.STATIC
 
@@ -506,7 +511,7 @@ class BulletEngine:
         """Distances ``(N, A)`` [m] by Bullet's own rays; each robot's turn without itself."""
         options = self._options
         out = np.full((len(self._pose), options.ray_count), np.inf)
-        directions = ray_directions(self._pose[:, 2], options.ray_count)
+        directions = ray_directions(self._observer.aimed(self._pose)[:, 2], options.ray_count)
         ghosts = {
             int(i): self._add_solid([self._observer.placed[i, : self._fleet.corners[i]]], [0.5])
             for i in parked

@@ -65,7 +65,8 @@ def _meets_cell(edges: Array, i: int, origin: Array, cell: float, row: int, col:
     x = origin[0] + (col + 0.5) * cell - edges[i, 0]
     y = origin[1] + (row + 0.5) * cell - edges[i, 1]
     reach = 0.5 * cell * (abs(dx) + abs(dy))
-    return abs(dx * y - dy * x) <= reach * (1.0 + 1e-9) + 1e-12
+    meets: bool = abs(dx * y - dy * x) <= reach * (1.0 + 1e-9) + 1e-12
+    return meets
 
 
 @njit(cache=True)

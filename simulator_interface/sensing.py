@@ -14,6 +14,7 @@ from simulator_interface import gaps, rays
 from simulator_interface.bodies import Fleet
 
 PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
+SWEEP = 3  # ticks until the rays point the same way again
 MOVED = 0.05  # m; a robot that stays within this of its place is at rest
 
 
@@ -78,6 +79,7 @@ class Observer:
         self._random = stream(surroundings.world.seed, "rays")
         self._anchor = np.full((n, 2), np.inf)
         self._since = np.zeros(n)
+        self._sweep = 0  #: of SWEEP ray directions, the one of this tick
         self.placed = np.zeros_like(fleet.outline)  #: (N, V, 2) footprints, map frame [m]
         self.gap = np.full((n, 3), np.inf)  #: (N, 3) least gap to robot, human, static [m]
         self.nearest = np.full((n, 2), -1, dtype=np.int64)  #: (N, 2) robot, human
@@ -131,7 +133,18 @@ class Observer:
             extra = np.concatenate([extra, rays.polygon_edges(outlines)])
             owner = np.concatenate([owner, np.repeat(numbers, fleet.corners[numbers])])
         options = self._options
-        return rays.cast_rays(around.grid, extra, owner, pose, options.count, options.max_range)
+        aimed = self.aimed(pose)
+        return rays.cast_rays(around.grid, extra, owner, aimed, options.count, options.max_range)
+
+    def aimed(self, pose: Array) -> Array:
+        """``pose`` ``(N, 3)`` with the yaw that this tick's first ray leaves at.
+
+        The fan of rays turns by a third of its spacing from tick to tick, as a scanner's does:
+        a door jamb that slips between 12 fixed rays is seen within three ticks.
+        """
+        turned = pose.copy()
+        turned[:, 2] += self._sweep * (2.0 * np.pi / (SWEEP * self._options.count))
+        return turned
 
     def sensed(
         self,
@@ -149,6 +162,8 @@ class Observer:
             noise = self._random.normal(size=distances.shape) * self._noise
             distances = np.maximum(distances + noise, 0.0)
         gap = np.where(self.gap < gaps.FAR, self.gap, np.inf)
+        points = rays.hit_points(self.aimed(pose), distances)
+        self._sweep = (self._sweep + 1) % SWEEP
         return Sensed(
             tick=tick,
             time=time,
@@ -156,7 +171,7 @@ class Observer:
             velocity=velocity,
             human_position=human_position,
             human_velocity=human_velocity,
-            obstacle_points=rays.hit_points(pose, distances),
+            obstacle_points=points,
             gap_robot=gap[:, gaps.ROBOT],
             gap_human=gap[:, gaps.HUMAN],
             gap_static=gap[:, gaps.STATIC],

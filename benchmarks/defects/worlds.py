@@ -243,7 +243,7 @@ def room_freed_while_parked(seed: int) -> World:
             deadline=200.0,
             dropoff_time=float(random.uniform(0.0, 3.0)),
         ),
-        Task(arrival=float(random.uniform(15.0, 35.0)), start=2, end=0, deadline=200.0),
+        Task(arrival=float(random.uniform(22.0, 40.0)), start=2, end=0, deadline=200.0),
     ]
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0)
 
@@ -301,22 +301,22 @@ def same_room_twice_stalls(seed: int) -> World:
 
 
 def costmap_blind_to_furniture(seed: int) -> World:
-    """A bookshelf stands across the lane, with room to pass on one side of it.
+    """A bookshelf stands across the lane, with room to pass north of it.
 
-    Varied: where it stands, its size, on which side one can pass, the start.
+    Varied: where it stands, its size, the corridor's width, the start.
     """
     random = stream(seed, "defects/costmap_blind_to_furniture")
     width = float(random.uniform(3.6, 4.4))
     layout = ward_layout(rooms=3, corridor_width=width, spots=2)
     depth = float(random.uniform(0.35, 0.6))
     # From the south wall over the lane (0.5 m south of the middle) and well beyond it.
-    reach = float(random.uniform(width / 2.0 + 0.1, width - 1.4))
+    reach = float(random.uniform(width / 2.0 + 0.3, width - 1.2))
     middle = (float(random.uniform(5.6, 6.4)), reach / 2.0)
     shelf = Furniture(
         name="bookshelf", kind="bookshelf", polygon=rectangle(depth, reach, middle), height=1.8
     )
     robot = _robot(0, _near(random, layout.rooms[0].point), _yaw(random))
-    tasks = [Task(arrival=0.0, start=0, end=2, deadline=100.0)]
+    tasks = [Task(arrival=0.0, start=0, end=2, deadline=_reaching(layout, 0, 2) + 5.0)]
     return _world(layout, seed, robots=[robot], tasks=tasks, horizon=100.0, furniture=(shelf,))
 
 
@@ -393,7 +393,7 @@ PLANTS: dict[str, Plant] = {
         ),
         Plant(
             "costmap_blind_to_furniture",
-            "all_tasks_done",
+            "deadlines",
             costmap_blind_to_furniture,
             "a bookshelf across the lane, with a way round it",
         ),

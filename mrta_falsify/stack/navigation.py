@@ -182,7 +182,10 @@ def _meets_obstacle(
             px, py = ax + (bx - ax) * k / steps, ay + (by - ay) * k / steps
             if (px - x) ** 2 + (py - y) ** 2 <= BESIDE_SELF * BESIDE_SELF:
                 continue
-            col, row = int((px - west) // resolution), int((py - south) // resolution)
+            col, row = (
+                int(np.floor((px - west) / resolution)),
+                int(np.floor((py - south) / resolution)),
+            )
             outside = row < 0 or col < 0 or row >= cost.shape[0] or col >= cost.shape[1]
             if outside or cost[row, col] >= INSCRIBED:
                 return True

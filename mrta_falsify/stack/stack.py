@@ -614,6 +614,8 @@ class Stack:
         self, state: StackState, robot: int, fleet: FleetState, events: list[StackEvent]
     ) -> None:
         """Send an idle robot away from another's destination, or from where one is stuck."""
+        if "room_freed_while_parked" in self._defects:
+            return  # the defect is that nobody minds a parked robot
         position = fleet.pose[robot, :2]
         for other, mission in enumerate(state.missions):
             way = mission.way

@@ -13,7 +13,7 @@ import pytest
 from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import InputError, UnknownNameError, WorldError
+from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError, WorldError
 from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.protocols import Engine
@@ -419,3 +419,9 @@ def test_unknown_model_suggests_the_nearest(name):
 def test_unknown_engine_option_is_refused():
     with pytest.raises(InputError, match="step_size"):
         build("bullet", stepsize=0.1)
+
+
+def test_window_without_a_display_is_refused(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(ConfigError, match="no display"):
+        build("bullet", gui=True).start(field_world(), DT, NOBODY)
