@@ -225,9 +225,9 @@ def queue_release_loses_exclusion(seed: int) -> World:
 
 
 def room_freed_while_parked(seed: int) -> World:
-    """A robot finishes in a room and rests there; another has a delivery for that room.
+    """A robot unloads its last delivery in a room; another waits before it with the next one.
 
-    Varied: starts, when the tasks come, service times, the door's width.
+    Varied: starts, when the second task comes, service times, the door's width.
     """
     random = stream(seed, "defects/room_freed_while_parked")
     layout = ward_layout(rooms=3, door_width=float(random.uniform(1.0, 1.6)))
@@ -235,15 +235,10 @@ def room_freed_while_parked(seed: int) -> World:
         _robot(0, _near(random, layout.rooms[1].point), _yaw(random)),
         _robot(1, _near(random, layout.rooms[2].point), _yaw(random)),
     ]
+    unloading = float(random.uniform(15.0, 25.0))
     tasks = [
-        Task(
-            arrival=0.0,
-            start=1,
-            end=0,
-            deadline=200.0,
-            dropoff_time=float(random.uniform(0.0, 3.0)),
-        ),
-        Task(arrival=float(random.uniform(22.0, 40.0)), start=2, end=0, deadline=200.0),
+        Task(arrival=0.0, start=1, end=0, deadline=200.0, dropoff_time=unloading),
+        Task(arrival=float(random.uniform(0.5, 5.0)), start=2, end=0, deadline=200.0),
     ]
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=120.0)
 
@@ -383,7 +378,7 @@ PLANTS: dict[str, Plant] = {
             "room_freed_while_parked",
             EXCLUSIVE_USE,
             room_freed_while_parked,
-            "a delivery to a room in which a robot that has finished rests",
+            "a robot has finished in a room; the next one waits before it",
         ),
         Plant(
             "same_room_twice_stalls",

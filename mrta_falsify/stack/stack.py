@@ -521,8 +521,8 @@ class Stack:
         self, queue: Queue, memory: QueueState, robot: int, mission: Mission, fleet: FleetState
     ) -> bool:
         """Whether a holder that has no further stop in the room gives it back."""
-        is_idle = mission.phase == Phase.IDLE and not mission.itinerary
-        if is_idle and "room_freed_while_parked" in self._defects:
+        has_finished = not mission.itinerary and mission.phase in (Phase.IDLE, Phase.MAKING_ROOM)
+        if has_finished and "room_freed_while_parked" in self._defects:
             return True
         if queue.resource.hold == "until_served" and robot in memory.entered:
             return True

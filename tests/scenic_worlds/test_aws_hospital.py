@@ -164,7 +164,7 @@ def test_a_shifted_map_scores_worse(hospital: World) -> None:
 
 @needs_sources
 def test_shipped_map_is_the_published_one() -> None:
-    from PIL import Image  # noqa: PLC0415
+    from PIL import Image
 
     pixels = np.asarray(Image.open(PUBLISHED / "my_map.pgm"))
     assert np.array_equal(read_shipped_map(), pixels[::-1] == 0)
@@ -421,8 +421,8 @@ def test_published_roadways_need_the_repair(published: World) -> None:
 def test_the_build_script_reproduces_the_shipped_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import importlib.util  # noqa: PLC0415
-    import sys  # noqa: PLC0415
+    import importlib.util
+    import sys
 
     root = Path(__file__).resolve().parents[2]
     spec = importlib.util.spec_from_file_location(
