@@ -226,7 +226,7 @@ class Areas:
                 robot=traveller.robot, since=time, distance=distance, deadline=traveller.deadline
             )
             if queue.ask(memory, waiter):
-                holder = memory.holders[0] if memory.holders else -1
+                holder = -1 if queue.has_place(memory) else memory.holders[0]
                 events.append(_event(time, "waits-for", queue, traveller.robot, other=holder))
 
     # --- granting ---------------------------------------------------------------------------

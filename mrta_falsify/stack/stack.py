@@ -338,7 +338,7 @@ class Stack:
                 deadline=self._next_deadline(mission),
             )
             if queue.ask(memory, waiter):
-                holder = memory.holders[0] if memory.holders else -1
+                holder = -1 if queue.has_place(memory) else memory.holders[0]
                 name = queue.resource.name
                 events.append(
                     StackEvent(

@@ -1,0 +1,136 @@
+"""Each planted defect is caught by its specification in a world that the default stack passes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from shapely.geometry import Point, Polygon
+
+from benchmarks.defects.worlds import EXCLUSIVE_USE, PLANTS
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.world import RobotSpec
+from mrta_falsify.specs.exclusive import ExclusiveUse, signed_distances
+from mrta_falsify.specs.library import build_specifications
+from scenic_worlds.layouts.ward import ward_layout
+from simulator_interface.simulate import simulate
+
+BESIDE = np.array([0.7, 0.0])  # m, where a second robot stands in a room
+
+
+def _judged(plant, *, planted):
+    """Verdict of the plant's specification; the run ends when it is decided."""
+    (specification,) = build_specifications((plant.specification,))
+    config = StackConfig(engine=Choice("kinematic"), defects=(plant.defect,) if planted else ())
+
+    def decided(frame: Frame) -> str:
+        return "decided" if planted and specification.verdict().violated else ""
+
+    simulate(
+        plant.world(0), config, specifications=(specification,), keep_trace=False, stop=decided
+    )
+    return specification.verdict()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_right_specification_catches_the_defect_and_the_default_stack_passes(name):
+    plant = PLANTS[name]
+    assert not _judged(plant, planted=False).violated
+    assert _judged(plant, planted=True).violated
+
+
+def test_every_planted_defect_has_a_test_world():
+    assert set(PLANTS) == set(DEFECTS)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_variants_of_a_test_world_differ_and_can_be_made_again(name):
+    world = PLANTS[name].world
+    digests = [world(seed).digest() for seed in range(5)]
+    assert len(set(digests)) == 5
+    assert world(3).digest() == digests[3]
+
+
+# --- the specification that defects of queues need -------------------------------------
+
+
+def _ward(robots):
+    fleet = tuple(
+        RobotSpec(name=f"robot{i + 1}", pose=frozen_array([1.0 + i, 1.0, 0.0]))
+        for i in range(robots)
+    )
+    return dataclasses.replace(ward_layout(rooms=2), robots=fleet)
+
+
+class _At:
+    """As much of a frame as the specification looks at."""
+
+    def __init__(self, time, *places):
+        self.sensed = self
+        self.time = time
+        self.pose = np.array([[x, y, 0.0] for x, y in places])
+
+
+def _exclusive(world, *frames):
+    specification = ExclusiveUse(ExclusiveUse.Options())
+    specification.start(world, 0.05)
+    for frame in frames:
+        specification.update(frame)
+    return specification.verdict()
+
+
+def test_a_room_with_two_robots_in_it_is_reported_with_their_names():
+    world = _ward(3)
+    room, corridor = world.rooms[0].point, np.array([8.0, 1.0])
+    apart = _At(0.0, room, corridor, corridor + BESIDE)
+    together = _At(1.0, room, corridor, room + BESIDE)
+    verdict = _exclusive(world, apart, together, apart)
+    assert verdict.violated
+    assert verdict.violated_at == 1.0
+    assert verdict.who == ("robot1", "robot3")
+    assert verdict.evidence["resource"] == world.resources[0].name
+
+
+def test_robustness_is_the_distance_of_the_robot_that_would_be_one_too_many():
+    world = _ward(2)
+    room, wall = world.rooms[0].point, world.rooms[0].area[:, 1].min()
+    verdict = _exclusive(world, _At(0.0, room, (room[0], wall - 0.4)))
+    assert not verdict.violated
+    assert verdict.robustness == pytest.approx(0.4)
+
+
+def test_a_room_that_begins_overfull_is_judged_from_when_it_is_not():
+    world = _ward(2)
+    room, outside = world.rooms[0].point, np.array([8.0, 1.0])
+    both = _At(0.0, room, room + BESIDE)
+    assert not _exclusive(world, both, both).violated
+    assert _exclusive(world, both, _At(1.0, room, outside), both).violated
+
+
+def test_capacity_counts():
+    world = _ward(2)
+    roomy = dataclasses.replace(world.resources[0], capacity=2)
+    world = dataclasses.replace(world, resources=(roomy, *world.resources[1:]))
+    room = world.rooms[0].point
+    far = np.array([8.0, 1.0])
+    assert not _exclusive(world, _At(0.0, room, far), _At(1.0, room, room + BESIDE)).violated
+
+
+def test_signed_distances_agree_with_shapely():
+    polygon = np.array([[0, 0], [4, 0], [4, 3], [2, 1], [0, 3]], dtype=float)
+    points = np.random.default_rng(1).uniform(-1, 5, (200, 2))
+    shape = Polygon(polygon)
+    expected = [
+        shape.exterior.distance(Point(p)) * (-1 if shape.contains(Point(p)) else 1) for p in points
+    ]
+    assert signed_distances(polygon, points) == pytest.approx(np.array(expected))
+
+
+def test_the_specification_can_be_named_by_its_class():
+    (specification,) = build_specifications((EXCLUSIVE_USE,))
+    assert isinstance(specification, ExclusiveUse)
