@@ -37,6 +37,7 @@ def judge(defect: str, seed: int, engine: str) -> dict[str, Any]:
         began = wall_clock.perf_counter()
         outcome = run_job(Job(world=world, config=config, specifications=names), keep_trace=False)
         target = outcome.verdicts[0]
+        row["specification"] = target.spec
         row[label] = {
             "robustness": round(target.robustness, 3),
             "violated": target.violated,
@@ -57,7 +58,7 @@ def summarise(defect: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     fails = sum(row["planted"]["violated"] for row in variants)
     return {
         "defect": defect,
-        "specification": PLANTS[defect].specification.rpartition(":")[2],
+        "specification": first["specification"],
         "test_world": bool(not first["default"]["violated"] and first["planted"]["violated"]),
         "variants": len(variants),
         "default_passes": passes,

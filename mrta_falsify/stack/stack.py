@@ -785,6 +785,7 @@ class Stack:
         active = np.zeros(len(missions), dtype=np.bool_)
         goal = np.full((len(missions), 2), np.nan)
         for robot, mission in enumerate(missions):
+            active[robot] = mission.phase == Phase.SERVING
             if not len(views.rest[robot]):
                 continue
             goal[robot] = views.rest[robot][-1]
