@@ -329,7 +329,7 @@ def planner_failure_blocks_all(seed: int) -> World:
         for i, room in enumerate((shut, *free))
     ]
     door = layout.rooms[shut].door.mean(axis=0)
-    opens = float(random.uniform(60.0, 75.0))
+    opens = float(random.uniform(70.0, 85.0))
     bed = Blockage(
         name="bed_in_the_door",
         polygon=rectangle(1.4, 0.6, (door[0], door[1] + float(random.uniform(-0.2, 0.1)))),
@@ -344,13 +344,13 @@ def planner_failure_blocks_all(seed: int) -> World:
                 arrival=0.0,
                 start=room,
                 end=end,
-                deadline=_reaching(layout, room, end) + 10.0,
+                deadline=_reaching(layout, room, end) + 20.0,
                 pickup_time=service,
             )
             for room, end in zip(free, empty, strict=False)
         ),
     ]
-    return _world(layout, seed, robots=robots, tasks=tasks, horizon=140.0, events=(bed,))
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=150.0, events=(bed,))
 
 
 PLANTS: dict[str, Plant] = {
