@@ -6,6 +6,7 @@ trace and verdicts. Both are functions of (world, configuration): same input, sa
 
 from __future__ import annotations
 
+import dataclasses
 import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
-from simulator_interface.crowd import Crowd
+from simulator_interface.crowd import Crowd, present_humans
 
 #: people need more room than a robot's disc; they see every object
 PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
@@ -117,9 +118,10 @@ class Episode:
             sensed = self._engine.start(self.world, self.dt, human_position)
             self.state = self.stack.start()
             while True:
-                fleet = self._localisation.fleet(sensed)
+                seen = self._without_absent(sensed)
+                fleet = self._localisation.fleet(seen)
                 self.state, command, intent, events = self.stack.step(self.state, fleet)
-                edges = self._tracker.update(sensed, command, intent, events)
+                edges = self._tracker.update(seen, command, intent, events)
                 yield Frame(
                     sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
                 )
@@ -127,6 +129,14 @@ class Episode:
                 sensed = self._engine.step(command, human_velocity)
         finally:
             self._engine.close()
+
+    def _without_absent(self, sensed: Sensed) -> Sensed:
+        """What can be perceived: people who are not in the building are nowhere."""
+        present = present_humans(self.world, sensed.time)
+        if present.all():
+            return sensed
+        seen = np.where(present[:, None], sensed.human_position, np.inf)
+        return dataclasses.replace(sensed, human_position=seen)
 
     @property
     def all_done(self) -> bool:

@@ -40,7 +40,7 @@ class Plant:
     scene: str  #: what happens, in a sentence
 
 
-EXCLUSIVE_USE = "mrta_falsify.specs.exclusive:ExclusiveUse"
+EXCLUSIVE_USE = "exclusive_use"
 
 
 def _robot(number: int, place: Array | Sequence[float], yaw: float = 0.0) -> RobotSpec:

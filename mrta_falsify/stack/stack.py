@@ -330,7 +330,7 @@ class Stack:
             or queue.is_asked_from(position)
             or self._is_near_spot(queue, position)
         )
-        if near:
+        if near and not mission.way.failed:
             waiter = Waiter(
                 robot=robot,
                 since=fleet.time,
@@ -501,9 +501,13 @@ class Stack:
                 heads_here = (
                     bool(mission.itinerary) and mission.itinerary[0].room == queue.resource.room
                 )
-                if heads_here and mission.aim in (TO_ROOM, NOWHERE):
+                outside = queue.is_left_at(fleet.pose[robot, :2])
+                shut_out = outside and bool(mission.way.failed) and bool(memory.waiters)
+                if heads_here and shut_out:
+                    mission.aim = NOWHERE  # it asks again when there is a way
+                elif heads_here and mission.aim in (TO_ROOM, NOWHERE):
                     continue
-                if self._lets_go(queue, memory, robot, mission, fleet):
+                if shut_out or self._lets_go(queue, memory, robot, mission, fleet):
                     queue.release(memory, robot)
                     name = queue.resource.name
                     events.append(
