@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import functools
-import json
 
 import numpy as np
 
-from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.fleet import StackEvent
@@ -19,18 +17,17 @@ from simulator_interface.simulate import Outcome
 AT_REST = 0.05  # m/s
 
 
+_seen: dict[tuple[str, tuple[str, ...]], Outcome] = {}
+
+
 def watch(world: World, *settings: str, engine: str = "kinematic") -> Outcome:
     """Outcome of ``world`` under the default stack with ``settings``; equal runs run once."""
-    return _watch(codec.canonical_json(world), (f"engine={engine}", *settings))
-
-
-@functools.lru_cache(maxsize=None)
-def _watch(world: str, settings: tuple[str, ...]) -> Outcome:
-    config = StackConfig()
-    for setting in settings:
-        config = apply_setting(config, setting)
-    data = codec.decode(World, json.loads(world), where="scene")
-    return run_job(Job(world=data, config=config))
+    settings = (f"engine={engine}", *settings)
+    key = (world.digest(), settings)
+    if key not in _seen:
+        config = functools.reduce(apply_setting, settings, StackConfig())
+        _seen[key] = run_job(Job(world=world, config=config))
+    return _seen[key]
 
 
 def violations(outcome: Outcome) -> dict[str, float]:

@@ -163,31 +163,21 @@ def blocked_corridor(*, gap: float = 0.0) -> World:
     return _scene(layout, "blocked_corridor", robots, tasks, horizon=150.0, events=[bed])
 
 
-def two_robots_in_a_row(
-    link: Link | None, who: Sequence[str] = ("robot1",), *, furniture: Sequence[Furniture] = ()
-) -> World:
-    """Robot 1 follows robot 2 down a corridor, in its cluster; ``link`` is cut for 20 s.
+def two_robots_in_a_row(link: Link | None, *, who: Sequence[str] = ("robot1",)) -> World:
+    """Robot 1 follows robot 2 down a corridor, in its cluster; ``link`` of ``who`` is cut.
 
-    A third task comes during the outage, for the room where robot 1 began.
+    A third task comes during the 20 s of the outage, for the room where robot 1 began.
     """
     layout = ward_layout(rooms=6, room_width=4.0, corridor_width=3.0)
     robots = [_robot(0, (2.0, 1.0)), _robot(1, (3.6, 1.0))]
     tasks = [_task(1.0, 4, 5), _task(1.2, 3, 2), _task(15.0, 0, 1)]
     start, end = OUTAGE
-    cut = () if link is None else (link,)
-    outages = [
-        CommsOutage(name=f"cut_{name}", robots=tuple(who), links=(name,), start=start, end=end)
-        for name in cut
-    ]
-    return _scene(
-        layout,
-        f"outage_{link}",
-        robots,
-        tasks,
-        horizon=150.0,
-        events=outages,
-        furniture=furniture,
-    )
+    outages = []
+    if link is not None:
+        outages.append(
+            CommsOutage(name="cut", robots=tuple(who), links=(link,), start=start, end=end)
+        )
+    return _scene(layout, f"outage_{link}", robots, tasks, horizon=150.0, events=outages)
 
 
 def full_house(deliveries: Sequence[tuple[int, int]]) -> World:
