@@ -67,8 +67,7 @@ def test_two_runs_of_one_scene_give_one_digest():
 def test_order_and_names_of_furniture_do_not_matter_to_verdicts(order):
     world = worlds.cluttered_ward()
     shuffled = tuple(
-        dataclasses.replace(world.furniture[i], name=f"thing {9 - k}")
-        for k, i in enumerate(order)
+        dataclasses.replace(world.furniture[i], name=f"thing {9 - k}") for k, i in enumerate(order)
     )
     other = dataclasses.replace(world, furniture=shuffled, walls=world.walls[::-1])
     one, two = watch(world), watch(other)
