@@ -12,7 +12,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from tests.scenes import worlds
 from tests.scenes.test_paper_scenes import PAPERS_RULE
-from tests.scenes.watching import AT_REST, events, first_time, speed, when
+from tests.scenes.watching import AT_REST, events, first_time, path_at, speed, tick_of, when
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,20 @@ def _moved_aside(world: World, trace: Trace) -> list[Moment]:
 
 
 def _queue_tail(world: World, trace: Trace) -> list[Moment]:
-    del world
+    spot = world.resources[2].spots[0]
     asked = when(trace, "waits-for", 0, resource="ward_2")
     head = first_time(trace, trace.columns["queue"][:, 0] == 0, after=asked)
     granted = when(trace, "granted", 0, resource="ward_2")
+    to_head = [
+        e.time
+        for e in events(trace, "replanned", 0)
+        if e.time >= head
+        and np.hypot(*(path_at(trace, 0, tick_of(trace, e.time))[-1] - spot)) < 0.3
+    ]
     return [
-        Moment(asked - 0.3, "robot1 knows no place in the queue yet: it plans to the tail, spot 3"),
-        Moment(asked + 0.5, "near enough, it asks; second behind robot2: it re-plans to spot 2"),
-        Moment(head + 0.5, "robot2 gets the room; robot1 re-plans to the head, spot 1"),
+        Moment(asked - 0.3, "robot1 has no place in the queue yet: its path ends at spot 3"),
+        Moment(asked + 0.5, "near enough, it asks and comes second: it re-plans to spot 2"),
+        Moment(to_head[0] + 0.5, "robot2 has the room; robot1 re-plans to the head, spot 1"),
         Moment(granted + 0.5, "the room is its own: it re-plans into the room"),
     ]
 
@@ -117,7 +123,7 @@ def _states_cut(world: World, trace: Trace) -> list[Moment]:
     del world, trace
     return [
         Moment(CUT - 0.5, "two robots in a row, one cluster"),
-        Moment(CUT + 2.0, "robot1 no longer hears where the others are: it brakes and stays"),
+        Moment(CUT + 2.0, "robot1 does not hear where the others are: it stops"),
         Moment(CUT + 12.0, "robot2 goes on to its room"),
         Moment(BACK + 4.0, "the link is back: robot1 goes on"),
     ]
@@ -139,7 +145,7 @@ def _dispatcher_cut(world: World, trace: Trace) -> list[Moment]:
     new = when(trace, "assigned", task=2)
     served = when(trace, "picked-up", 0)
     return [
-        Moment(CUT - 0.5, "both robots have a delivery; robot1 is about to lose the dispatcher"),
+        Moment(CUT - 0.5, "both robots have a delivery; robot1 will lose the dispatcher"),
         Moment(new + 0.5, "a new task arrives; robot1 cannot be told, so robot2 gets it"),
         Moment(BACK - 3.0, "robot1 goes on with its itinerary: it enters its first room"),
         Moment(served + 8.0, "and drives to the second"),
@@ -170,14 +176,14 @@ SCENES = (
         title="Planning to the queue's tail, then to the place that was given",
         world=worlds.queue_of_a_busy_room,
         moments=_queue_tail,
-        window=(7.2, -0.2, 16.6, 8.2),
+        window=(5.9, -0.2, 16.3, 7.4),
     ),
     Scene(
         name="waits_then_replans",
         title="A robot waits for another, re-plans and goes (paper's rule: followers brake)",
         world=worlds.meeting_at_a_door,
         moments=_wait_replan,
-        window=(2.0, -0.2, 13.6, 5.6),
+        window=(1.2, -0.2, 13.8, 5.6),
         settings=(PAPERS_RULE,),
     ),
     Scene(
@@ -228,6 +234,6 @@ SCENES = (
         title="Idle robots make room: a robot parked in each of the six rooms",
         world=lambda: worlds.full_house(((0, 1), (2, 3), (4, 5))),
         moments=_full_house,
-        window=(-np.inf, -np.inf, np.inf, np.inf),
+        window=(-12.6, -33.0, 12.6, 5.0),
     ),
 )

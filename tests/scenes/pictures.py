@@ -10,25 +10,25 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from matplotlib.patheffects import withStroke
 
+from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.stack.control.lookahead import remaining_path
-from reports.figures import INK, draw_floor, extent_of, robot_colour, robot_outline
+from reports.figures import INK, draw_floor, robot_colour, robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures" / "scenes"
 TRAIL = 6.0  # s
 PANEL = 6.3  # inches, width
-CAPTION = 0.85  # inches
+CAPTION = 0.62  # inches
 DPI = 80
 KEY = (
     "Robot: arrow in its colour; line: where it was in the last 6 s; dashed: its path; cross: its"
@@ -52,38 +52,40 @@ def draw_strip(scene: Scene) -> Figure:
     world = scene.world()
     trace = watch(world, *scene.settings).trace
     moments = scene.moments(world, trace)
-    full = extent_of(world)
-    x1, y1, x2, y2 = (
-        *np.maximum(scene.window[:2], full[:2]),
-        *np.minimum(scene.window[2:], full[2:]),
-    )
+    x1, y1, x2, y2 = scene.window
+    world = dataclasses.replace(world, bounds=frozen_array(scene.window))
     columns = 4 if (y2 - y1) > 1.5 * (x2 - x1) else 2
     panel = PANEL * (0.62 if columns == 4 else 1.0)
     rows = -(-len(moments) // columns)
     height = panel * (y2 - y1) / (x2 - x1)
-    total = 0.75 + rows * (height + CAPTION) + 0.35
+    key = textwrap.wrap(KEY, int(columns * panel * 13.0))
+    below = 0.2 + 0.18 * len(key)
+    total = 0.65 + rows * (height + CAPTION) + below
     width = columns * (panel + 0.35) + 0.1
     figure = Figure(figsize=(width, total), facecolor="white")
     FigureCanvasAgg(figure)
     figure.text(0.3 / width, 1.0 - 0.35 / total, scene.title, size=17, weight="bold", color=INK)
-    figure.text(0.3 / width, 0.14 / total, KEY, size=9.5, color="#555555")
+    figure.text(0.3 / width, 0.12 / total, "\n".join(key), size=9.5, color="#555555")
     for number, moment in enumerate(moments):
         row, column = divmod(number, columns)
         left = 0.3 + column * (panel + 0.35)
-        bottom = total - 0.6 - (row + 1) * (height + CAPTION) + 0.1
+        bottom = below + 0.05 + (rows - 1 - row) * (height + CAPTION)
         box = (left / width, bottom / total, panel / width, height / total)
         axes = figure.add_axes(box)
-        _draw_moment(axes, world, trace, moment)
+        _draw_moment(axes, world, trace, moment, body=1.9 if columns == 4 else 1.0)
+        for text in axes.texts:
+            text.set_clip_on(True)
         axes.set_xlim(x1, x2)
         axes.set_ylim(y1, y2)
         axes.set_xticks([])
         axes.set_yticks([])
-        lines = textwrap.wrap(f"{moment.time:.1f} s: {moment.caption}", int(panel * 11.5))
+        lines = textwrap.wrap(f"{moment.time:.1f} s: {moment.caption}", int(panel * 11.0))
         axes.set_title("\n".join(lines), size=12, loc="left", color=INK, pad=5)
     return figure
 
 
-def _draw_moment(axes: Axes, world: World, trace: Trace, moment: Moment) -> None:
+def _draw_moment(axes: Axes, world: World, trace: Trace, moment: Moment, *, body: float) -> None:
+    """One panel; robots are drawn ``body`` times as large as they are."""
     tick = tick_of(trace, moment.time)
     now = tuple(
         event
@@ -103,12 +105,16 @@ def _draw_moment(axes: Axes, world: World, trace: Trace, moment: Moment) -> None
         axes.plot(*pose[trail, robot, :2].T, color=colour, linewidth=2.4, alpha=0.45, zorder=6)
         goal = trace.columns["goal"][tick, robot]
         axes.plot(*goal, marker="x", markersize=9, color=colour, markeredgewidth=2.4, zorder=10)
-        body = robot_outline(place, spec.radius)
-        axes.add_patch(Polygon(body, facecolor=colour, edgecolor="white", zorder=11))
+        outline = robot_outline(place, body * spec.radius)
+        axes.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", zorder=11))
         first = int(leader[tick, robot])
         if first != robot:
             ring = Circle(
-                tuple(place[:2]), 0.48, fill=False, edgecolor=robot_colour(first), linewidth=2.6
+                tuple(place[:2]),
+                0.48 * body,
+                fill=False,
+                edgecolor=robot_colour(first),
+                linewidth=2.6,
             )
             ring.set_zorder(10)
             axes.add_patch(ring)
@@ -120,15 +126,16 @@ def _draw_moment(axes: Axes, world: World, trace: Trace, moment: Moment) -> None
                 zorder=5,
             )
         phase = Phase(int(trace.columns["phase"][tick, robot])).name.lower().replace("_", " ")
+        above = robot % 2 == 1  # neighbours' names on different sides
         axes.text(
             place[0],
-            place[1] - 0.55,
+            place[1] + (0.55 if above else -0.55) * body,
             f"{spec.name}: {phase}",
             size=9,
             weight="bold",
             color=colour,
             ha="center",
-            va="top",
+            va="bottom" if above else "top",
             zorder=13,
             clip_on=True,
             path_effects=[withStroke(linewidth=2.4, foreground="white")],
