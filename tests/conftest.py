@@ -19,7 +19,7 @@ from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, Room, Task,
 settings.register_profile("house", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "house"))
 
-DATA = Path("/work/shared/data")
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 @pytest.fixture

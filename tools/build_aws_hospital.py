@@ -1,6 +1,6 @@
 """Build the AWS hospital layout from the published sources.
 
-    python tools/build_aws_hospital.py /work/shared/data [--picture]
+    python tools/build_aws_hospital.py ../shared/data [--picture]
 
 reads the wall mesh, the furniture poses, the occupancy map and the published roadways below
 the given folder and writes into ``scenic_worlds/layouts``:

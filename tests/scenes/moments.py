@@ -88,7 +88,7 @@ def _leadership(world: World, trace: Trace) -> list[Moment]:
     alone = first_time(trace, leader[:, 0] == 0, after=shrunk)
     return [
         Moment(began + 0.6, "three robots, one cluster: robot3 goes first and leads"),
-        Moment(shrunk + 0.3, "robot3 is out of reach in its room: robot2 leads the smaller one"),
+        Moment(shrunk + 0.3, "robot3 is out of reach in its room: now robot2 leads"),
         Moment(alone - 0.3, "robot2 drives off; robot1 still waits for it"),
         Moment(alone + 2.0, "robot1 is alone, leads itself and goes"),
     ]
@@ -98,7 +98,7 @@ def _blocked(world: World, trace: Trace) -> list[Moment]:
     bed = world.events[0]
     lost = when(trace, "no-path", 0)
     return [
-        Moment(bed.start - 0.5, "robot1 is on its way east, robot2 to the same room from the east"),
+        Moment(bed.start - 0.5, "robot1 drives east, robot2 west, to the same room"),
         Moment(lost + 1.0, "a bed across the corridor: robot1 has no path and stops"),
         Moment(when(trace, "dropped-off", 1) + 2.0, "robot2 is not held up; it delivers"),
         Moment(bed.end + 5.0, "the corridor is open: robot1 has a path again and goes"),

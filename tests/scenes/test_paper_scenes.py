@@ -1,4 +1,4 @@
-"""The scenes that the paper shows (its figures 2, 4 and 8), and a corridor blocked mid-run."""
+"""The scenes that the paper shows (its figures 2, 5 and 9), and a corridor blocked mid-run."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class TestQueueTail:
 
 
 class TestWaitThenReplan:
-    """Figure 4: the green agent waits for the blue one, re-plans, and follows its path."""
+    """Figure 5: the green agent waits for the blue one, re-plans, and follows its path."""
 
     def test_follower_waits_for_the_leader_then_replans_and_goes(self):
         outcome = watch(worlds.meeting_at_a_door(), PAPERS_RULE)
@@ -154,7 +154,7 @@ class TestWaitThenReplan:
 
 
 class TestLeadershipPassesOn:
-    """Figure 8: three agents in a cluster; as the leader leaves, the next one leads the rest."""
+    """Figure 9: three agents in a cluster; as the leader leaves, the next one leads the rest."""
 
     @pytest.mark.parametrize("rule", ["controller.followers=yield", PAPERS_RULE])
     def test_next_robot_leads_the_smaller_cluster(self, rule):
