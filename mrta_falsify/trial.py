@@ -1,17 +1,45 @@
 """The one road: from a job to the record of its trial.
 
-Module-level and free of closures, so that a spawned worker can run it.
+Module-level and free of closures over processes, so that a spawned worker can run it.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.world import World
+import numpy as np
+
+from mrta_falsify.campaign.runner import point_digest
+from mrta_falsify.campaign.settings import TrialSettings
+from mrta_falsify.campaign.signature import signature
+from mrta_falsify.campaign.store import trial_folder
+from mrta_falsify.core import codec
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.record import Screening, TrialRecord, versions
+from mrta_falsify.core.seeding import candidate_seed
+from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications, default_specifications
+from mrta_falsify.specs.objectives import objectives, score
+from mrta_falsify.specs.situation import Situation
 from simulator_interface.simulate import Outcome, simulate
+
+if TYPE_CHECKING:
+    from scenic_worlds.program import Program
+
+SETTLE = 3.0  # s of simulation kept after the violation that decides a run
+LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
+UNBOUNDED = 1e9  # stands for an infinite robustness in records
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,6 +49,22 @@ class Job:
     world: World
     config: StackConfig
     specifications: tuple[str, ...] = default_specifications()
+    early_stop: bool = False  #: end soon after the first violation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judged:
+    """A finished job with all that a record needs."""
+
+    outcome: Outcome
+    verdicts: tuple[Verdict, ...]  #: that the executed part decides
+    margins: dict[str, float]  #: see :mod:`mrta_falsify.specs.objectives`
+    descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.situation`
+
+    @property
+    def failed(self) -> bool:
+        """Whether a specification is violated."""
+        return any(verdict.violated for verdict in self.verdicts)
 
 
 def run_job(
@@ -37,3 +81,199 @@ def run_job(
         keep_trace=keep_trace,
         on_progress=on_progress,
     )
+
+
+def judge(job: Job, *, keep_trace: bool = True) -> Judged:
+    """Simulate one job for a search: margins and descriptors too, ended once it is decided.
+
+    With ``early_stop`` the episode goes on for 3 s after its first violation, for the evidence.
+    Verdicts that are violated by then are final, with their times; the others are not decided
+    by the executed part and are left out.
+    """
+    specifications = build_specifications(job.specifications)
+    watch = _Watch(job, specifications)
+    outcome = simulate(
+        job.world,
+        job.config,
+        specifications=specifications,
+        keep_trace=keep_trace,
+        stop=watch.stop,
+    )
+    verdicts = tuple(_bounded(verdict) for verdict in outcome.verdicts)
+    margins = objectives(verdicts)
+    if outcome.ended == "decided":
+        verdicts = tuple(verdict for verdict in verdicts if verdict.violated)
+    return Judged(
+        outcome=outcome,
+        verdicts=verdicts,
+        margins=margins,
+        descriptors=watch.situation.descriptors(),
+    )
+
+
+class _Watch:
+    """Looks at every frame; says when an episode may end."""
+
+    def __init__(self, job: Job, specifications: tuple[Specification, ...]) -> None:
+        dt = 1.0 / job.config.control_rate
+        self.situation = Situation(job.world, dt)
+        self._specifications = specifications if job.early_stop else ()
+        self._stride = max(1, round(LOOK_EVERY / dt))
+        self._decided = np.inf
+
+    def stop(self, frame: Frame) -> str:
+        self.situation.update(frame)
+        sensed = frame.sensed
+        if sensed.tick % self._stride == 0 and self._decided == np.inf:
+            for specification in self._specifications:
+                verdict = specification.verdict()
+                if verdict.violated and verdict.violated_at is not None:
+                    self._decided = min(self._decided, verdict.violated_at)
+        return "decided" if sensed.time >= self._decided + SETTLE else ""
+
+
+def _bounded(verdict: Verdict) -> Verdict:
+    if abs(verdict.robustness) <= UNBOUNDED:
+        return verdict
+    limit = UNBOUNDED if verdict.robustness > 0.0 else -UNBOUNDED
+    return dataclasses.replace(verdict, robustness=limit)
+
+
+# --- trials of a campaign ------------------------------------------------------------------
+
+
+def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Compile a campaign's scenario; the result runs one job after the other.
+
+    Args:
+        settings: of the campaign.
+
+    Returns:
+        A function from ``{"number": n, "u": [...]}`` to a record as JSON-shaped data.
+
+    Raises:
+        InputError: the program does not compile, or is not the one the campaign began with.
+    """
+    from scenic_worlds import program  # noqa: PLC0415 - Scenic takes seconds to import
+
+    compiled = program.compile_program(program.scenario_path(settings.scenario), settings.params)
+    if settings.sources_digest and compiled.sources_digest != settings.sources_digest:
+        raise InputError(
+            f"{settings.scenario}: the program (or a file it imports) has changed since the "
+            "campaign began; undo the change, or begin a new campaign"
+        )
+    trials = Trials(settings, compiled)
+    return lambda job: codec.encode(
+        trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
+    )
+
+
+class Trials:
+    """Runs the trials of one campaign in this process."""
+
+    def __init__(self, settings: TrialSettings, program: Program) -> None:
+        self._settings = settings
+        self._program = program
+        self._specifications = settings.specifications or campaign_specifications()
+
+    def run(self, number: int, u: np.ndarray) -> TrialRecord:
+        """The record of proposal ``number`` at ``u`` ``(k,)``; its files are written first."""
+        settings = self._settings
+        began = time.perf_counter()
+        asked = Candidate(
+            number=number,
+            u=u,
+            seed=candidate_seed(settings.seed, number),
+            params=settings.params,
+        )
+        record = TrialRecord(
+            candidate=asked, status="rejected", proposal_digest=point_digest(u), versions=versions()
+        )
+        try:
+            realised = self._program.realise(asked, mode=settings.mode)
+        except InputError as error:
+            spent = time.perf_counter() - began
+            return dataclasses.replace(record, error=str(error), scene_s=spent)
+        record = dataclasses.replace(
+            record,
+            candidate=realised.candidate,
+            world_digest=realised.world.digest(),
+            attempts=realised.attempts,
+            scene_s=time.perf_counter() - began,
+        )
+        return self._simulate(realised.world, record)
+
+    def _simulate(self, world: World, record: TrialRecord) -> TrialRecord:
+        settings = self._settings
+        began = time.perf_counter()
+        config, screening = settings.stack, None
+        if settings.screen:
+            quick = self._judge(world, quick_stack(config))
+            if not quick.failed:
+                return self._finish(world, record, quick, quick_stack(config).engine.name, began)
+            screening = Screening(
+                engine=quick_stack(config).engine.name,
+                failed=True,
+                violated=tuple(v.spec for v in quick.verdicts if v.violated),
+                trace_digest=quick.outcome.trace.digest,
+                sim_time=quick.outcome.sim_time,
+                wall_s=quick.outcome.wall_s,
+            )
+        judged = self._judge(world, config)
+        record = dataclasses.replace(record, screening=screening)
+        return self._finish(world, record, judged, config.engine.name, began)
+
+    def _judge(self, world: World, config: StackConfig) -> Judged:
+        job = Job(
+            world=world,
+            config=config,
+            specifications=self._specifications,
+            early_stop=self._settings.early_stop,
+        )
+        return judge(job, keep_trace=bool(self._settings.directory))
+
+    def _finish(
+        self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
+    ) -> TrialRecord:
+        outcome = judged.outcome
+        keep = judged.failed or record.number % self._settings.keep_every == 0
+        trace_file = self._write(world, outcome, record.number) if keep else ""
+        return dataclasses.replace(
+            record,
+            status="ok",
+            verdicts=judged.verdicts,
+            objectives=judged.margins,
+            descriptors=judged.descriptors,
+            score=score(judged.margins),
+            signature=signature(judged.verdicts),
+            trace_file=trace_file,
+            trace_digest=outcome.trace.digest,
+            engine=engine,
+            ended=outcome.ended,
+            sim_time=outcome.sim_time,
+            wall_s=time.perf_counter() - began,
+        )
+
+    def _write(self, world: World, outcome: Outcome, number: int) -> str:
+        if not self._settings.directory:
+            return ""
+        root = Path(self._settings.directory)
+        folder = trial_folder(root, number)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_world(world, folder / "world.json")
+        write_trace(outcome.trace, folder / "trace.zip")
+        return str((folder / "trace.zip").relative_to(root))
+
+
+def quick_stack(config: StackConfig) -> StackConfig:
+    """``config`` on the kinematic engine."""
+    return dataclasses.replace(config, engine=Choice("kinematic"))
+
+
+def campaign_specifications() -> tuple[str, ...]:
+    """Specifications of a campaign unless the user says otherwise.
+
+    All that score a run but ``human_clearance``: people who do not react to robots come
+    nearer than its 0.1 m on their own, and a search would find nothing else.
+    """
+    return tuple(name for name in default_specifications() if name != "human_clearance")

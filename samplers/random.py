@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import stream
 
 
@@ -21,7 +21,7 @@ class RandomSampler:
     class Options:
         """Options of :class:`RandomSampler`."""
 
-        dimensions: int = quantity(low=0, default=0)  #: k of the search space
+        cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)  #: of the campaign
 
     def __init__(self, options: Options) -> None:
@@ -33,9 +33,9 @@ class RandomSampler:
         number = self._next
         self._next += 1
         random = stream(self._options.seed, f"sampler/random/{number}")
-        u = random.random(self._options.dimensions)
+        u = random.random(self._options.cube.dimensions)
         u.setflags(write=False)
         return Proposal(number=number, u=u)
 
-    def tell(self, number: int, u: Array, score: float | None) -> None:
+    def tell(self, feedback: Feedback) -> None:
         """Ignored: the next proposal does not depend on any score."""

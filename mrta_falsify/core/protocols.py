@@ -15,6 +15,7 @@ from mrta_falsify.core.allocation import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.fleet import Command, Frame, Sensed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
@@ -223,16 +224,18 @@ class Engine(Protocol):
 
 @runtime_checkable
 class Sampler(Protocol):
-    """Proposes points of the unit cube and learns from their scores."""
+    """Proposes points of the unit cube and learns from what happened there.
+
+    ``Options`` have at least the fields ``cube`` (:class:`~mrta_falsify.core.feedback.Cube`)
+    and ``seed``. The n-th proposal is a function of options and of the feedback told before
+    it was asked for, so that a campaign resumes by asking and telling again.
+    """
 
     def ask(self) -> Proposal:
         """The next proposal, numbered from 0 without gaps."""
 
-    def tell(self, number: int, u: Array, score: float | None) -> None:
-        """Result of proposal ``number``: realised ``u`` ``(k,)``, score (None: rejected).
-
-        Called once per proposal, in number order.
-        """
+    def tell(self, feedback: Feedback) -> None:
+        """Result of a proposal; called once per proposal, in number order."""
 
 
 @runtime_checkable

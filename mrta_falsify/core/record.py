@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import platform
 from dataclasses import dataclass, field
@@ -10,7 +11,20 @@ from typing import Literal
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.verdict import Verdict
 
+#: ok: simulated and judged; rejected: no scene; crashed, timeout: the toolkit failed
 Status = Literal["ok", "rejected", "crashed", "timeout"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Screening:
+    """What the quick engine said before physics was asked."""
+
+    engine: str
+    failed: bool
+    violated: tuple[str, ...] = ()  #: specifications
+    trace_digest: str = ""
+    sim_time: float = 0.0  #: [s]
+    wall_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,16 +33,35 @@ class TrialRecord:
 
     candidate: Candidate
     status: Status
+    proposal_digest: str = ""  #: of the point the sampler asked for, before repair
     world_digest: str = ""
-    verdicts: tuple[Verdict, ...] = ()
-    score: float = 0.0  #: smallest robustness, the search minimises it
+    verdicts: tuple[Verdict, ...] = ()  #: those that the executed part decides
+    objectives: dict[str, float] = field(default_factory=dict)  #: see specs.objectives
+    descriptors: dict[str, float] = field(default_factory=dict)
+    score: float = 0.0  #: what the search minimises
     signature: str = ""  #: of the failure mode, empty if nothing failed
+    layer: str = ""  #: suspected, empty if nobody asked
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
+    engine: str = ""  #: that the verdicts come from
+    screening: Screening | None = None
+    ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
-    wall_s: float = 0.0
+    scene_s: float = 0.0  #: measured time to sample the world [s]
+    wall_s: float = 0.0  #: measured time to simulate and judge [s]
+    attempts: int = 0  #: scenes tried until one was accepted
     versions: dict[str, str] = field(default_factory=dict)
-    error: str = ""  #: for crashed and timeout
+    error: str = ""  #: for rejected, crashed and timeout: why
+
+    @property
+    def number(self) -> int:
+        """Position in the campaign, from 0."""
+        return self.candidate.number
+
+    @property
+    def id(self) -> str:
+        """Name of the trial in its campaign, as ``0042``."""
+        return f"{self.number:04d}"
 
     @property
     def failed(self) -> bool:
@@ -36,8 +69,8 @@ class TrialRecord:
         return any(verdict.violated for verdict in self.verdicts)
 
 
-def versions() -> dict[str, str]:
-    """Versions and machine type that a trace digest depends on."""
+@functools.cache
+def _versions() -> tuple[tuple[str, str], ...]:
     names = ("mrta-falsify", "scenic", "pybullet", "numpy", "scipy", "numba", "osqp", "ompl")
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in names:
@@ -45,4 +78,9 @@ def versions() -> dict[str, str]:
             found[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             found[name] = "absent"
-    return found
+    return tuple(found.items())
+
+
+def versions() -> dict[str, str]:
+    """Versions and machine type that a trace digest depends on."""
+    return dict(_versions())

@@ -4,11 +4,12 @@ import numpy as np
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.protocols import Sampler
 
 
 def _sampler(seed: int) -> Sampler:
-    return registry.build("sampler", Choice("random", {"dimensions": 3, "seed": seed}))
+    return registry.build("sampler", Choice("random", {"cube": {"dimensions": 3}, "seed": seed}))
 
 
 def test_proposals_are_numbered_from_zero_without_gaps():
@@ -22,7 +23,7 @@ def test_scores_do_not_change_what_comes_next():
     told, untold = _sampler(1), _sampler(1)
     first = told.ask()
     untold.ask()
-    told.tell(first.number, first.u, -3.0)
+    told.tell(Feedback(number=first.number, u=first.u, score=-3.0))
     np.testing.assert_array_equal(told.ask().u, untold.ask().u)
 
 

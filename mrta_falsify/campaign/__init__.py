@@ -1,0 +1,1 @@
+"""Falsification campaigns: ask, run, store, tell; nothing here knows Scenic or a simulator."""

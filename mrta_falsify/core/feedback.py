@@ -1,0 +1,68 @@
+"""What a sampler is told about a proposal, and the cube it searches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import SearchSpace
+from mrta_falsify.core.codec import quantity
+
+#: how a proposal ended, as a sampler sees it
+Fate = Literal["judged", "rejected"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cube:
+    """The unit cube [0, 1]^k as a sampler sees it: no names, but what belongs together."""
+
+    dimensions: int = quantity(low=0, default=0)  #: k
+    levels: tuple[int, ...] = ()  #: values of a discrete coordinate, 0: continuous; () : all are
+    groups: tuple[int, ...] = ()  #: coordinates of one object share a number; (): none do
+
+    def level(self, i: int) -> int:
+        """Number of values of coordinate ``i``, 0: continuous."""
+        return self.levels[i] if self.levels else 0
+
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """Coordinates by group, in order of their first coordinate."""
+        if not self.groups:
+            return tuple((i,) for i in range(self.dimensions))
+        found: dict[int, list[int]] = {}
+        for i, group in enumerate(self.groups):
+            found.setdefault(group, []).append(i)
+        return tuple(tuple(block) for block in found.values())
+
+
+def cube_of(space: SearchSpace) -> Cube:
+    """Cube of a search space; the object of a dimension is its name up to the first dot."""
+    owners = [dimension.name.split(".", 1)[0] for dimension in space.dimensions]
+    numbers = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
+    return Cube(
+        dimensions=len(space.dimensions),
+        levels=tuple(
+            dimension.choices if dimension.kind in ("choice", "integer") else 0
+            for dimension in space.dimensions
+        ),
+        groups=tuple(numbers[owner] for owner in owners),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Feedback:
+    """Result of one proposal.
+
+    Objectives are normalised margins of the judged specifications: larger is safer, below 0
+    is a violation, and 1 is about as safe as the specification can tell. The score is one
+    number made of them; samplers minimise it.
+    """
+
+    number: int  #: of the proposal
+    u: Array  #: (k,) realised, which repair may have moved
+    fate: Fate = "judged"
+    score: float = 0.0  #: smaller is closer to a violation; meaningless unless judged
+    objectives: dict[str, float] = field(default_factory=dict)  #: by specification
+    descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
+    failed: bool = False  #: a specification is violated
+    signature: str = ""  #: of the failure mode, empty: no failure

@@ -1,0 +1,56 @@
+"""From verdicts to what a search climbs: normalised margins and one score.
+
+Robustness comes in metres, seconds and shares. A margin divides it by the scale at which the
+specification counts as comfortably safe, and cuts it to [-1, 1], so that no specification
+drowns the others. The score is the smallest margin, with a small part of the mean of all:
+two runs whose worst margin is the same are told apart by the rest, which keeps the score from
+being flat where the worst specification cannot tell safe from safer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mrta_falsify.core.verdict import Verdict
+
+#: robustness that counts as comfortably safe, in the unit of the specification
+SCALES: dict[str, float] = {
+    "no_robot_robot_contact": 0.5,
+    "no_robot_human_contact": 0.5,
+    "no_robot_static_contact": 0.3,
+    "human_clearance": 0.5,
+    "all_tasks_done": 1.0,
+    "deadlines": 120.0,
+    "no_deadlock": 4.0,
+    "no_livelock": 60.0,
+    "no_starvation": 120.0,
+    "progress": 60.0,
+}
+MEAN_SHARE = 0.1  # of the mean margin in the score
+
+
+def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
+    """Margins in [-1, 1] by specification, larger is safer, below 0 violated."""
+    return {verdict.spec: _margin(verdict) for verdict in verdicts}
+
+
+def _margin(verdict: Verdict) -> float:
+    share = verdict.robustness / SCALES.get(verdict.spec, 1.0)
+    if verdict.violated:
+        return max(-1.0, min(share, -1e-9))
+    return min(max(share, 0.0), 1.0)
+
+
+def score(margins: dict[str, float]) -> float:
+    """One number to minimise; below 0 only if a specification is violated.
+
+    Args:
+        margins: by specification, as of :func:`objectives`.
+    """
+    if not margins:
+        return 1.0
+    worst = min(margins.values())
+    if worst < 0.0:
+        return worst
+    mean = sum(margins.values()) / len(margins)
+    return (1.0 - MEAN_SHARE) * worst + MEAN_SHARE * mean

@@ -1,0 +1,81 @@
+"""What kind of trouble a run came closest to: behaviour descriptors for the search.
+
+A quality-diversity search keeps one elite per kind of behaviour; this fold says which kind a
+run was. All descriptors lie in [0, 1] and exist for every run, failing or not:
+
+    ``x``, ``y``: where on the floor the worst wait (or, if nobody waited for anybody, the
+        narrowest passing of two robots) took place, as a share of the bounds;
+    ``robots``: how many robots were blocked at the worst moment, as a share of the fleet;
+    ``cause``: what blocked the robot that waited longest, by ``CAUSES``;
+    ``wait``: how long it waited, 60 s or more being 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.world import World
+
+#: resources and obstacles told apart, in the order of the descriptor ``cause``
+CAUSES = ("none", "cluster", "barrier", "queue", "no-path", "wall", "human", "stalled")
+NAMES = ("x", "y", "robots", "cause", "wait")
+LONG_WAIT = 60.0  # s, longer waits are all alike
+LOOK_EVERY = 0.5  # s
+
+
+class Situation:
+    """A fold over frames; one object per episode."""
+
+    def __init__(self, world: World, dt: float) -> None:
+        self._bounds = world.bounds
+        self._robots = max(len(world.robots), 1)
+        self._stride = max(1, round(LOOK_EVERY / dt))
+        self._since = np.full(len(world.robots), np.nan)  # blocked since [s], nan: is not
+        self._wait = 0.0
+        self._cause = "none"
+        self._blocked = 0
+        self._gap = np.inf
+        self._place: Array = 0.5 * (world.bounds[:2] + world.bounds[2:])
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        sensed = frame.sensed
+        if sensed.tick % self._stride:
+            return
+        causes = {edge.robot: edge.cause for edge in frame.blocked_by if edge.cause != "task"}
+        for i in range(len(self._since)):
+            if i not in causes:
+                self._since[i] = np.nan
+            elif np.isnan(self._since[i]):
+                self._since[i] = sensed.time
+        if causes:
+            self._look_at_waits(causes, frame)
+        elif self._wait == 0.0 and sensed.gap_robot.min(initial=np.inf) < self._gap:
+            closest = int(sensed.gap_robot.argmin())
+            self._gap = float(sensed.gap_robot[closest])
+            self._place = sensed.pose[closest, :2]
+
+    def _look_at_waits(self, causes: dict[int, str], frame: Frame) -> None:
+        longest = min(causes, key=lambda i: (self._since[i], i))
+        wait = frame.sensed.time - float(self._since[longest])
+        if wait < self._wait:
+            return
+        self._wait = wait
+        self._cause = causes[longest]
+        self._blocked = len(causes)
+        self._place = frame.sensed.pose[longest, :2]
+
+    def descriptors(self) -> dict[str, float]:
+        """Descriptors to date, by ``NAMES``."""
+        low, high = self._bounds[:2], self._bounds[2:]
+        x, y = np.clip((self._place - low) / (high - low), 0.0, 1.0)
+        known = self._cause if self._cause in CAUSES else "none"
+        return {
+            "x": float(x),
+            "y": float(y),
+            "robots": self._blocked / self._robots,
+            "cause": CAUSES.index(known) / (len(CAUSES) - 1),
+            "wait": min(self._wait / LONG_WAIT, 1.0),
+        }
