@@ -154,6 +154,18 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
     Raises:
         InputError: the program does not compile, or is not the one the campaign began with.
     """
+    trials = Trials(settings, open_program(settings))
+    return lambda job: codec.encode(
+        trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
+    )
+
+
+def open_program(settings: TrialSettings) -> Program:
+    """Compile a campaign's scenario.
+
+    Raises:
+        InputError: it does not compile, or is not the one the campaign began with.
+    """
     from scenic_worlds import program  # noqa: PLC0415 - Scenic takes seconds to import
 
     compiled = program.compile_program(program.scenario_path(settings.scenario), settings.params)
@@ -162,10 +174,7 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
             f"{settings.scenario}: the program (or a file it imports) has changed since the "
             "campaign began; undo the change, or begin a new campaign"
         )
-    trials = Trials(settings, compiled)
-    return lambda job: codec.encode(
-        trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
-    )
+    return compiled
 
 
 class Trials:
@@ -174,7 +183,6 @@ class Trials:
     def __init__(self, settings: TrialSettings, program: Program) -> None:
         self._settings = settings
         self._program = program
-        self._specifications = settings.specifications or campaign_specifications()
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
         """The record of proposal ``number`` at ``u`` ``(k,)``; its files are written first."""
@@ -224,12 +232,7 @@ class Trials:
         return self._finish(world, record, judged, config.engine.name, began)
 
     def _judge(self, world: World, config: StackConfig) -> Judged:
-        job = Job(
-            world=world,
-            config=config,
-            specifications=self._specifications,
-            early_stop=self._settings.early_stop,
-        )
+        job = _job(self._settings, world, config)
         return judge(job, keep_trace=bool(self._settings.directory))
 
     def _finish(
@@ -263,6 +266,29 @@ class Trials:
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
         return str((folder / "trace.zip").relative_to(root))
+
+
+def _job(settings: TrialSettings, world: World, config: StackConfig) -> Job:
+    return Job(
+        world=world,
+        config=config,
+        specifications=settings.specifications or campaign_specifications(),
+        early_stop=settings.early_stop,
+    )
+
+
+def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
+    """Run a recorded trial again, on the engine its verdicts come from.
+
+    Args:
+        settings: of its campaign.
+        record: of the trial.
+        world: its world.
+    """
+    config = settings.stack
+    if record.engine and record.engine != config.engine.name:
+        config = quick_stack(config)
+    return judge(_job(settings, world, config))
 
 
 def quick_stack(config: StackConfig) -> StackConfig:

@@ -1,5 +1,9 @@
-"""The command line; ``main`` is the console script."""
+"""The command line; ``main`` is the console script.
 
+Each module adds its commands to the group when it is imported.
+"""
+
+from mrta_falsify.cli import campaigns as campaigns
 from mrta_falsify.cli.commands import main
 
 __all__ = ["main"]

@@ -2,49 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import Door, ExitCode
+from mrta_falsify.cli.options import FILE, format_option, spec_option, stack_options
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-
 DEMO_WORLD = "aws_hospital_day"
 
-_FILE = click.Path(path_type=Path)
 _WORLD_HELP = (
     "WORLD is a world file (.json), a Scenic program (.scenic), or a shipped name of either."
 )
-
-
-def _format_option(command: Command) -> Command:
-    return click.option(
-        "--format",
-        "style",
-        type=click.Choice(output.FORMATS),
-        default="text",
-        show_default=True,
-        help="json prints one JSON object on stdout and nothing else there.",
-    )(command)
-
-
-def _stack_options(command: Command) -> Command:
-    command = click.option(
-        "--set",
-        "settings",
-        multiple=True,
-        metavar="LAYER[.OPTION]=VALUE",
-        help="Choose an implementation or set an option; defects=[a,b] plants defects. Repeatable.",
-    )(command)
-    return click.option(
-        "--stack", type=_FILE, metavar="FILE", help="YAML with a name or options per layer."
-    )(command)
 
 
 @click.group("mrta-falsify", cls=Door, context_settings={"help_option_names": ["-h", "--help"]})
@@ -68,29 +40,23 @@ def main() -> None:
     help="Vary a fixed world (starts within 0.2 m, people's phase and pace, sensor noise), or "
     "sample a program. Without it a fixed world runs exactly as written.",
 )
-@_stack_options
-@click.option("--tasks", type=_FILE, metavar="FILE", help="Task stream (MRTA-Sim testcase JSON).")
-@click.option("--robots", type=_FILE, metavar="FILE", help="Robot starts (`agents:` YAML or JSON).")
-@click.option("--humans", type=_FILE, metavar="FILE", help="People's routes (waypoint YAML).")
-@click.option(
-    "--spec",
-    "specs",
-    multiple=True,
-    metavar="NAME",
-    help="Judge this specification; stl:FORMULA for your own. Repeatable; default: all.",
-)
+@stack_options
+@click.option("--tasks", type=FILE, metavar="FILE", help="Task stream (MRTA-Sim testcase JSON).")
+@click.option("--robots", type=FILE, metavar="FILE", help="Robot starts (`agents:` YAML or JSON).")
+@click.option("--humans", type=FILE, metavar="FILE", help="People's routes (waypoint YAML).")
+@spec_option
 @click.option(
     "-o",
     "--output",
     "directory",
-    type=_FILE,
+    type=FILE,
     metavar="DIR",
     help="Write world.json, stack.yaml, trace.zip, verdicts.json, picture.png, report.html.",
 )
 @click.option("--gui", is_flag=True, help="Show the physics engine's window.")
 @click.option("--gif", is_flag=True, help="Also write run.gif.")
 @click.option("--mp4", is_flag=True, help="Also write run.mp4 (needs the extra `video`).")
-@_format_option
+@format_option
 def run(
     world_name: str,
     seed: int | None,
@@ -135,12 +101,12 @@ def run(
 
 @main.command()
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@_stack_options
+@stack_options
 @click.option(
     "-o",
     "--output",
     "directory",
-    type=_FILE,
+    type=FILE,
     metavar="DIR",
     default=Path("demo-run"),
     show_default=True,
@@ -185,12 +151,12 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
     help="What a JSON file holds per pair.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@_stack_options
+@stack_options
 @click.option(
     "-o",
     "--output",
     "path",
-    type=_FILE,
+    type=FILE,
     required=True,
     metavar="FILE",
     help="FILE.csv gets the raw samples, FILE.json the matrix that `allocate` reads. An "
@@ -234,12 +200,12 @@ def travel_times(
 @main.command(epilog=_WORLD_HELP)
 @click.argument("world_name", metavar="WORLD")
 @click.option("--format", "kind", type=click.Choice(("nav2",)), required=True)
-@_stack_options
+@stack_options
 @click.option(
     "-o",
     "--output",
     "path",
-    type=_FILE,
+    type=FILE,
     required=True,
     metavar="PATH",
     help="NAME.yaml, or a directory that gets map.yaml and map.pgm.",
@@ -272,8 +238,8 @@ def export(
     show_default=True,
     help="Simulated seconds per fleet size.",
 )
-@_stack_options
-@_format_option
+@stack_options
+@format_option
 def bench(
     fleets: str, seconds: float, stack: Path | None, settings: tuple[str, ...], style: str
 ) -> int:
@@ -304,7 +270,7 @@ def _fleet_sizes(text: str) -> tuple[int, ...]:
 
 
 @main.command()
-@_format_option
+@format_option
 def plugins(style: str) -> int:
     """List the components of every extension point, and the planted defects."""
     if style == "json":
@@ -316,7 +282,7 @@ def plugins(style: str) -> int:
 
 
 @main.command()
-@_format_option
+@format_option
 def doctor(style: str) -> int:
     """Check this machine: Python, libraries, compiled-code cache, determinism, extras."""
     from mrta_falsify import health  # noqa: PLC0415

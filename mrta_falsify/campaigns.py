@@ -1,0 +1,301 @@
+"""Campaigns by name: begin, go on, list, show, replay; for the command line and Python."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mrta_falsify import app
+from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
+from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
+from mrta_falsify.campaign.store import Campaign, Store, StoreError, read_campaign
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.feedback import cube_of
+from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.world import World, read_world
+from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.trial import Judged, campaign_specifications, open_program, rerun
+
+DEFAULT_SAMPLER = "random"
+
+
+def new_settings(
+    scenario: str,
+    *,
+    directory: Path,
+    config: StackConfig | None = None,
+    params: dict[str, Any] | None = None,
+    sampler: Choice | None = None,
+    seed: int = 0,
+    specifications: Sequence[str] = (),
+    mode: str = "repair",
+    screen: bool = False,
+    early_stop: bool = True,
+    window: int = 8,
+    time_limit: float = 300.0,
+) -> CampaignSettings:
+    """Settings of a new campaign, everything in them checked.
+
+    Args:
+        scenario: shipped name or path of a Scenic program.
+        directory: of the campaign.
+        config: the stack under test.
+        params: Scenic's global parameters to override.
+        sampler: registered name and options.
+        seed: of the campaign; candidate n gets its own from it.
+        specifications: names, or ``stl:FORMULA``; the default ones of campaigns if empty.
+        mode: how scenes are accepted, ``repair`` or ``exact``.
+        screen: kinematic engine first, physics only for what fails there.
+        early_stop: end an episode once its verdict is decided.
+        window: how far trials may run ahead of what the sampler knows.
+        time_limit: wall clock of one trial [s].
+
+    Raises:
+        InputError: anything of it is wrong.
+    """
+    trials = TrialSettings(
+        scenario=scenario,
+        params=params or {},
+        stack=config or StackConfig(),
+        specifications=tuple(specifications) or campaign_specifications(),
+        seed=seed,
+        mode=mode,
+        screen=screen,
+        early_stop=early_stop,
+        directory=str(directory.resolve()),
+    )
+    build_specifications(trials.specifications)
+    program = open_program(trials)
+    settings = CampaignSettings(
+        trials=dataclasses.replace(trials, sources_digest=program.sources_digest),
+        sampler=sampler or Choice(DEFAULT_SAMPLER),
+        cube=cube_of(program.space),
+        window=window,
+        time_limit=time_limit,
+    )
+    build_sampler(settings)
+    return settings
+
+
+@contextlib.contextmanager
+def open_executor(settings: CampaignSettings, choice: Choice) -> Iterator[Executor]:
+    """An executor by name, open for a campaign; closed, with its workers, at the end."""
+    executor = registry.build("executor", choice, where="campaign")
+    try:
+        executor.open(settings)
+        yield executor
+    finally:
+        executor.close()
+
+
+def local_workers(wanted: int | None) -> Choice:
+    """Executor of ``wanted`` local processes; as many as this process may use cores if None."""
+    return Choice("processes", {"workers": wanted or len(os.sched_getaffinity(0))})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """A campaign that has ended, for now."""
+
+    campaign: Campaign
+    progress: Progress
+    ended: Ended
+    wall_s: float
+
+
+def run(
+    store: Store,
+    limits: Limits,
+    executor: Choice,
+    *,
+    on_record: Callable[[TrialRecord, bool], None] = lambda record, is_new: None,
+    on_told: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
+) -> Result:
+    """Run a campaign within limits (see :func:`~mrta_falsify.campaign.runner.run_campaign`)."""
+    began = time.monotonic()
+    try:
+        with open_executor(store.settings, executor) as opened:
+            progress, ended = run_campaign(
+                store, limits, opened, on_record=on_record, on_told=on_told
+            )
+    except KeyboardInterrupt:
+        progress, ended = Progress(limits), "interrupted"
+    return Result(
+        campaign=store.campaign(),
+        progress=progress,
+        ended=ended,
+        wall_s=time.monotonic() - began,
+    )
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """What ``campaign --format json`` prints."""
+    progress = result.progress
+    return {
+        "budget": progress.limits.budget,
+        "ran": progress.ran,
+        "failed": progress.failed,
+        "rejected": progress.rejected,
+        "errors": progress.errors,
+        "first_failure_at": progress.first_failure,
+        "modes": modes(result.campaign),
+        "by_specification": progress.by_specification,
+        "best_score": progress.best if progress.ran > progress.errors else None,
+        "screening": screening_agreement(result.campaign),
+        "sim_hours": round(progress.sim_time / 3600.0, 4),
+        "wall_s": round(result.wall_s, 3),
+        "ended": result.ended,
+        "directory": str(result.campaign.directory),
+    }
+
+
+def modes(campaign: Campaign) -> list[dict[str, Any]]:
+    """Failures grouped by signature, most frequent first: signature, count, ids."""
+    groups: dict[str, list[str]] = {}
+    for record in campaign.records:
+        if record.failed:
+            groups.setdefault(record.signature, []).append(record.id)
+    ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+    return [{"signature": name, "count": len(ids), "ids": ids} for name, ids in ordered]
+
+
+def screening_agreement(campaign: Campaign) -> dict[str, int] | None:
+    """How many failures of the quick engine physics confirmed; None without screening."""
+    screened = [record.screening for record in campaign.records if record.screening is not None]
+    if not campaign.settings.trials.screen:
+        return None
+    confirmed = sum(r.failed for r in campaign.records if r.screening is not None)
+    return {"failed_in_screening": len(screened), "confirmed": confirmed}
+
+
+# --- reading -------------------------------------------------------------------------------
+
+
+def rows(campaign: Campaign, *, failed_only: bool = False) -> list[dict[str, Any]]:
+    """One row per trial, as ``list --format json`` prints them."""
+    chosen = [record for record in campaign.records if record.failed or not failed_only]
+    return [
+        {
+            "id": record.id,
+            "status": record.status,
+            "score": record.score,
+            "signature": record.signature,
+            "failed": record.failed,
+            "violated": [verdict.spec for verdict in record.verdicts if verdict.violated],
+            "layer": record.layer,
+            "engine": record.engine,
+            "sim_time_s": record.sim_time,
+            "wall_s": record.wall_s,
+            "attempts": record.attempts,
+            "world_digest": record.world_digest,
+            "trace_digest": record.trace_digest,
+            "error": record.error,
+        }
+        for record in chosen
+    ]
+
+
+def stored_world(campaign: Campaign, record: TrialRecord) -> World:
+    """World of a trial: its file if it was kept, sampled anew otherwise.
+
+    Raises:
+        StoreError: the trial has no world, or the file is not the world it was.
+    """
+    if record.status == "rejected":
+        raise StoreError(f"trial {record.id} has no world: {record.error}")
+    path = campaign.folder(record) / "world.json"
+    if path.is_file():
+        world = read_world(path)
+    else:
+        world = open_program(campaign.settings.trials).realise(record.candidate).world
+    if record.world_digest and world.digest() != record.world_digest:
+        raise StoreError(
+            f"{path}: its digest is {world.digest()[:12]}, the record says "
+            f"{record.world_digest[:12]}; the world is not the one that was run"
+        )
+    return world
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Replay:
+    """Runs of one stored trial, compared with its record."""
+
+    record: TrialRecord
+    runs: tuple[Judged, ...]
+    same_digest: int  #: runs with the recorded trace digest
+    same_verdicts: int  #: runs that violate the same specifications at the same times
+    same_machine: bool  #: versions and machine type are those of the record
+
+    @property
+    def identical(self) -> bool:
+        """Whether every run is bit-equal to the record."""
+        return self.same_digest == len(self.runs)
+
+
+def replay(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay:
+    """Run a stored trial again.
+
+    Args:
+        campaign: it belongs to.
+        record: of the trial.
+        times: how often.
+
+    Raises:
+        InputError: the trial has no world, or the campaign's files have changed.
+    """
+    world = stored_world(campaign, record)
+    runs = tuple(rerun(campaign.settings.trials, record, world) for _ in range(times))
+    wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
+    violations = [{v.spec: v.violated_at for v in r.verdicts if v.violated} for r in runs]
+    return Replay(
+        record=record,
+        runs=runs,
+        same_digest=sum(r.outcome.trace.digest == record.trace_digest for r in runs),
+        same_verdicts=sum(found == wanted for found in violations),
+        same_machine=record.versions == versions(),
+    )
+
+
+def open_campaign(directory: Path) -> Campaign:
+    """A campaign directory, for reading.
+
+    Raises:
+        StoreError: it is not one.
+    """
+    return read_campaign(directory)
+
+
+def parse_params(texts: Sequence[str]) -> dict[str, Any]:
+    """Scenic parameters of ``-p NAME=VALUE`` texts; numbers become numbers.
+
+    Raises:
+        InputError: a text is not of that form.
+    """
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, separator, value = text.partition("=")
+        if not separator or not name.strip().isidentifier():
+            raise InputError(f"-p {text}: it must read NAME=VALUE")
+        found[name.strip()] = _number_or_text(value)
+    return found
+
+
+def _number_or_text(text: str) -> Any:
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def shown(record: TrialRecord) -> dict[str, Any]:
+    """A record as ``show --format json`` prints it."""
+    data: dict[str, Any] = app.finite(codec.encode(record))
+    return {"id": record.id, "failed": record.failed, **data}

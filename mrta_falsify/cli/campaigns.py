@@ -1,0 +1,388 @@
+"""The commands around campaigns: campaign, list, show, replay."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.commands import main
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.options import (
+    FILE,
+    format_option,
+    param_option,
+    spec_option,
+    stack_options,
+)
+
+if TYPE_CHECKING:
+    from mrta_falsify.campaign.runner import Progress as Counts
+    from mrta_falsify.campaigns import Replay, Result
+    from mrta_falsify.core.record import TrialRecord
+
+
+@main.command()
+@click.argument("scenario", required=False)
+@click.option("-o", "--output", "directory", type=FILE, metavar="DIR", help="A new directory.")
+@click.option("--resume", type=FILE, metavar="DIR", help="Go on with this campaign.")
+@click.option(
+    "--budget",
+    type=click.IntRange(min=1),
+    default=100,
+    show_default=True,
+    help="Simulated candidates, those already stored included.",
+)
+@click.option("--sampler", metavar="NAME", help="See `mrta-falsify plugins`.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 512),
+    help="Processes; default: one per core. Changes no result.",
+)
+@click.option("--executor", metavar="NAME", help="Instead of local processes.")
+@stack_options
+@spec_option
+@param_option
+@click.option("--stop-after", type=click.IntRange(min=1), metavar="K", help="Failures to stop at.")
+@click.option(
+    "--screen", is_flag=True, help="Kinematic engine first; physics only confirms what fails there."
+)
+@click.option(
+    "--mode",
+    type=click.Choice(("repair", "exact")),
+    default="repair",
+    show_default=True,
+    help="repair mends rejected scenes; exact keeps Scenic's distribution.",
+)
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(min=1.0),
+    default=300.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Wall clock of one trial, after which it is killed.",
+)
+@format_option
+def campaign(
+    scenario: str | None,
+    directory: Path | None,
+    resume: Path | None,
+    budget: int,
+    sampler: str | None,
+    seed: int,
+    workers: int | None,
+    executor: str | None,
+    stack: Path | None,
+    settings: tuple[str, ...],
+    specs: tuple[str, ...],
+    params: tuple[str, ...],
+    stop_after: int | None,
+    screen: bool,
+    mode: str,
+    time_limit: float,
+    style: str,
+) -> int:
+    """Search a Scenic program for worlds in which the stack violates a specification.
+
+    SCENARIO is a Scenic program (.scenic) or the name of a shipped one. Everything found is
+    kept in DIR and survives Ctrl-C and kill -9; --resume goes on where it stopped.
+    """
+    _check_usage(scenario, directory, resume)
+    from mrta_falsify import app, campaigns  # noqa: PLC0415 - loads the whole stack
+    from mrta_falsify.campaign.settings import Limits  # noqa: PLC0415
+    from mrta_falsify.campaign.store import Store  # noqa: PLC0415
+    from mrta_falsify.core.config import Choice  # noqa: PLC0415
+
+    limits = Limits(budget=budget, stop_after=stop_after or 0)
+    where = Choice(executor) if executor else campaigns.local_workers(workers)
+    if resume is not None:
+        _refuse_with_resume(click.get_current_context())
+        store = Store.resume(resume)
+    else:
+        assert scenario is not None
+        assert directory is not None
+        output.say(f"compiling {scenario}")
+        chosen = campaigns.new_settings(
+            scenario,
+            directory=directory,
+            config=app.load_stack(stack, settings),
+            params=campaigns.parse_params(params),
+            sampler=Choice(sampler) if sampler else None,
+            seed=seed,
+            specifications=specs,
+            mode=mode,
+            screen=screen,
+            time_limit=time_limit,
+        )
+        store = Store.create(directory, chosen)
+    with store, _live(store.directory, budget) as (on_record, on_told):
+        result = campaigns.run(store, limits, where, on_record=on_record, on_told=on_told)
+    data = campaigns.summary(result)
+    if style == "json":
+        output.print_json(app.finite(data))
+    else:
+        _print_summary(data)
+    return _exit_code(result)
+
+
+def _check_usage(scenario: str | None, directory: Path | None, resume: Path | None) -> None:
+    if resume is not None and (scenario or directory):
+        raise click.UsageError("--resume DIR takes neither SCENARIO nor -o")
+    if resume is None and scenario is None:
+        raise click.UsageError("give a SCENARIO with -o DIR, or --resume DIR")
+    if resume is None and directory is None:
+        raise click.UsageError("-o DIR is missing: where to keep what is found")
+
+
+def _refuse_with_resume(context: click.Context) -> None:
+    fixed = (
+        "sampler",
+        "seed",
+        "stack",
+        "settings",
+        "specs",
+        "params",
+        "screen",
+        "mode",
+        "time_limit",
+    )
+    for name in fixed:
+        given = context.get_parameter_source(name)
+        if given is click.core.ParameterSource.COMMANDLINE:
+            option = {"settings": "set", "specs": "spec", "params": "param"}.get(name, name)
+            raise click.UsageError(
+                f"--{option.replace('_', '-')} cannot be changed by --resume: it belongs to the "
+                "campaign"
+            )
+
+
+def _exit_code(result: Result) -> int:
+    if result.ended == "interrupted":
+        return ExitCode.INTERRUPTED
+    progress = result.progress
+    if progress.failed:
+        return ExitCode.VIOLATED
+    return (
+        ExitCode.HARNESS if progress.errors and progress.errors == progress.ran else ExitCode.DONE
+    )
+
+
+@contextmanager
+def _live(
+    directory: Path, budget: int
+) -> Iterator[tuple[Callable[[TrialRecord, bool], None], Callable[[TrialRecord, Counts], None]]]:
+    """Progress on stderr: a bar on terminals, a line now and then elsewhere."""
+    console = Console(stderr=True, markup=False, highlight=False, emoji=False)
+    columns = (
+        TextColumn("{task.completed:.0f}/{task.total:.0f} trials"),
+        BarColumn(bar_width=20),
+        TextColumn("{task.fields[counts]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    first: list[str] = []
+
+    def on_record(record: TrialRecord, is_new: bool) -> None:
+        if record.failed and not first:
+            first.append(record.id)
+            console.print(f"first failure: trial {record.id}, {record.signature}")
+            console.print(
+                f"  replay it by: mrta-falsify replay {shlex.quote(str(directory))} {record.id}"
+            )
+        if is_new and record.status in ("crashed", "timeout"):
+            reason = record.error.strip().splitlines()[-1]
+            console.print(f"trial {record.id} is an error, not a verdict: {reason}")
+
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("campaign", total=budget, counts="")
+        step = max(1, budget // 10)
+
+        def on_told(record: TrialRecord, counts: Counts) -> None:
+            text = _counts(counts)
+            bar.update(task, completed=counts.ran, counts=text)
+            if not console.is_terminal and counts.ran % step == 0 and record.status != "rejected":
+                console.print(f"{counts.ran}/{budget} trials, {text}")
+
+        yield on_record, on_told
+
+
+def _counts(counts: Counts) -> str:
+    failures = ", ".join(f"{n} {name}" for name, n in sorted(counts.by_specification.items()))
+    best = f"best score {counts.best:+.3f}" if counts.best < float("inf") else "no score yet"
+    parts = [f"{counts.failed} failed" + (f" ({failures})" if failures else ""), best]
+    if counts.rejected:
+        parts.append(f"{counts.rejected} rejected")
+    if counts.errors:
+        parts.append(f"{counts.errors} errors")
+    return ", ".join(parts)
+
+
+def _print_summary(data: dict[str, Any]) -> None:
+    out = output.stdout()
+    out.print(
+        f"{data['ran']} trials ({data['sim_hours']:.2f} h simulated in {data['wall_s']:.0f} s), "
+        f"{data['failed']} failed, {data['rejected']} scenes rejected, {data['errors']} errors; "
+        f"ended: {data['ended']}"
+    )
+    if data["screening"]:
+        agreed = data["screening"]
+        out.print(
+            f"screening: physics confirmed {agreed['confirmed']} of "
+            f"{agreed['failed_in_screening']} failures of the kinematic engine"
+        )
+    if data["modes"]:
+        table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+        table.add_column("failure mode")
+        table.add_column("trials", justify="right")
+        table.add_column("ids")
+        for mode in data["modes"]:
+            shown = ", ".join(mode["ids"][:6]) + (" ..." if len(mode["ids"]) > 6 else "")
+            table.add_row(mode["signature"], str(mode["count"]), shown)
+        out.print(table)
+        first = data["modes"][0]["ids"][0]
+        out.print(f"replay: mrta-falsify replay {shlex.quote(data['directory'])} {first}")
+    elif data["best_score"] is not None:
+        out.print(f"no violation found; closest call: score {data['best_score']:+.3f}")
+    out.print(f"campaign: {data['directory']}")
+
+
+# --- reading -------------------------------------------------------------------------------
+
+
+@main.command("list")
+@click.argument("directory", type=FILE)
+@click.option("--failed", is_flag=True, help="Only trials that violate a specification.")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(("table", "json", "csv")),
+    default="table",
+    show_default=True,
+)
+def list_(directory: Path, failed: bool, style: str) -> int:
+    """List the trials of a campaign."""
+    from mrta_falsify import app, campaigns  # noqa: PLC0415
+
+    found = campaigns.rows(campaigns.open_campaign(directory), failed_only=failed)
+    if style == "json":
+        output.print_json(app.finite(found))
+    elif style == "csv":
+        names = list(found[0]) if found else ["id", "status", "score", "signature", "failed"]
+        writer = csv.DictWriter(sys.stdout, names)
+        writer.writeheader()
+        for row in found:
+            writer.writerow({**row, "violated": " ".join(row["violated"])})
+    else:
+        table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+        for name in ("id", "status", "score", "signature", "layer", "simulated"):
+            table.add_column(name, justify="right" if name in ("score", "simulated") else "left")
+        for row in found:
+            score = f"{row['score']:+.3f}" if row["status"] == "ok" else ""
+            table.add_row(
+                row["id"],
+                row["status"],
+                score,
+                row["signature"],
+                row["layer"],
+                f"{row['sim_time_s']:.1f} s",
+                style="red" if row["failed"] else None,
+            )
+        output.stdout().print(table)
+    return ExitCode.DONE
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.argument("name", metavar="ID")
+@format_option
+def show(directory: Path, name: str, style: str) -> int:
+    """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify import campaigns  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    record = opened.record(name)
+    data = campaigns.shown(record)
+    if style == "json":
+        output.print_json(data)
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"trial      {record.id}, {record.status}, engine {record.engine or 'none'}")
+    out.print(f"score      {record.score:+.4f}")
+    if record.signature:
+        out.print(f"failure    {record.signature}")
+    if record.error:
+        out.print(f"error      {record.error.strip().splitlines()[-1]}")
+    for verdict in record.verdicts:
+        state = "violated" if verdict.violated else "holds"
+        at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
+        who = f" by {', '.join(verdict.who)}" if verdict.who else ""
+        out.print(f"  {verdict.spec:24} {state}{at}{who}, robustness {verdict.robustness:+.3g}")
+    out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
+    out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
+    if record.trace_file:
+        out.print(f"files      {opened.folder(record)}")
+    out.print(f"replay     mrta-falsify replay {shlex.quote(str(directory))} {record.id}")
+    return ExitCode.DONE
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.argument("name", metavar="ID")
+@click.option(
+    "--verify",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Run it so many times.",
+)
+@format_option
+def replay(directory: Path, name: str, verify: int, style: str) -> int:
+    """Run a stored trial again and compare digests. Exit code 1: they differ."""
+    from mrta_falsify import campaigns  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    result = campaigns.replay(opened, opened.record(name), times=verify)
+    if style == "json":
+        output.print_json(
+            {
+                "id": result.record.id,
+                "runs": len(result.runs),
+                "identical": result.same_digest,
+                "same_verdicts": result.same_verdicts,
+                "same_machine": result.same_machine,
+                "trace_digest": result.record.trace_digest,
+                "trace_digests": [run.outcome.trace.digest for run in result.runs],
+                "failed": [run.failed for run in result.runs],
+                "signature": result.record.signature,
+            }
+        )
+    else:
+        _print_replay(result)
+    return ExitCode.DONE if result.identical else ExitCode.VIOLATED
+
+
+def _print_replay(result: Replay) -> None:
+    out = output.stdout()
+    record, runs = result.record, len(result.runs)
+    out.print(f"{result.same_digest} of {runs} identical to trial {record.id} (trace digest)")
+    if record.signature:
+        out.print(f"failure    {record.signature}")
+    if result.identical:
+        return
+    out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
+    if not result.same_machine:
+        out.print("the record comes from other versions or another kind of machine (see `show`)")

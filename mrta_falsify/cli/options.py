@@ -1,0 +1,64 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from mrta_falsify.cli import output
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+FILE = click.Path(path_type=Path)
+
+
+def format_option(command: Command) -> Command:
+    """``--format text|json``, as ``style``."""
+    return click.option(
+        "--format",
+        "style",
+        type=click.Choice(output.FORMATS),
+        default="text",
+        show_default=True,
+        help="json prints one JSON object on stdout and nothing else there.",
+    )(command)
+
+
+def stack_options(command: Command) -> Command:
+    """``--stack FILE`` and repeatable ``--set LAYER[.OPTION]=VALUE``, as ``settings``."""
+    command = click.option(
+        "--set",
+        "settings",
+        multiple=True,
+        metavar="LAYER[.OPTION]=VALUE",
+        help="Choose an implementation or set an option; defects=[a,b] plants defects. Repeatable.",
+    )(command)
+    return click.option(
+        "--stack", type=FILE, metavar="FILE", help="YAML with a name or options per layer."
+    )(command)
+
+
+def spec_option(command: Command) -> Command:
+    """Repeatable ``--spec NAME``, as ``specs``."""
+    return click.option(
+        "--spec",
+        "specs",
+        multiple=True,
+        metavar="NAME",
+        help="Judge this specification; stl:FORMULA for your own. Repeatable; default: all.",
+    )(command)
+
+
+def param_option(command: Command) -> Command:
+    """Repeatable ``-p NAME=VALUE`` for Scenic's global parameters, as ``params``."""
+    return click.option(
+        "-p",
+        "--param",
+        "params",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help="Override a global parameter of the Scenic program. Repeatable.",
+    )(command)
