@@ -1,0 +1,106 @@
+"""What all samplers share: numbering, one random stream per proposal, a memory of results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.feedback import Cube, Feedback
+from mrta_falsify.core.seeding import stream
+
+
+@dataclass(slots=True)
+class Counter:
+    """Numbers proposals and gives each a random stream of its own."""
+
+    name: str  #: of the sampler
+    seed: int
+    next: int = 0
+
+    def stream(self) -> np.random.Generator:
+        """Random stream of the next proposal."""
+        return stream(self.seed, f"sampler/{self.name}/{self.next}")
+
+    def proposal(self, u: Array) -> Proposal:
+        """``u`` ``(k,)``, cut to [0, 1], as the next proposal."""
+        point = np.clip(u, 0.0, 1.0)
+        point.setflags(write=False)
+        number = self.next
+        self.next += 1
+        return Proposal(number=number, u=point)
+
+
+@dataclass(slots=True)
+class Memory:
+    """The best results so far, smallest score first; ties in the order they were told."""
+
+    size: int  #: how many are kept
+    best: list[Feedback] = field(default_factory=list)
+    told: int = 0  #: judged results, kept or not
+    since_best: int = 0  #: judged results since the best one changed
+
+    def add(self, feedback: Feedback) -> bool:
+        """Take in a result; whether it is the best so far. Rejected ones are ignored."""
+        if feedback.fate != "judged":
+            return False
+        self.told += 1
+        self.since_best += 1
+        is_best = not self.best or feedback.score < self.best[0].score
+        if is_best:
+            self.since_best = 0
+        place = sum(known.score <= feedback.score for known in self.best)
+        self.best.insert(place, feedback)
+        del self.best[self.size :]
+        return is_best
+
+
+@dataclass(slots=True)
+class Mutator:
+    """Changes a few objects of a scene, not a little of everything.
+
+    A realised point is a valid scene. Moving one object keeps the others valid, so that repair
+    has little to do and the child stays near its parent; moving all of 300 coordinates a little
+    would be rejected almost surely, and repaired into something unrelated.
+    """
+
+    cube: Cube
+    redraw: float = 0.3  #: chance that a chosen object is drawn anew instead of moved
+    mean_blocks: float = 2.0  #: objects changed on average, at least one
+
+    def child(self, parent: Array, step: float, random: np.random.Generator) -> Array:
+        """A changed copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
+        u = np.array(parent, dtype=np.float64)
+        blocks = self.cube.blocks()
+        if not blocks:
+            return u
+        count = min(len(blocks), 1 + int(random.poisson(max(self.mean_blocks - 1.0, 0.0))))
+        for chosen in random.choice(len(blocks), size=count, replace=False):
+            block = list(blocks[chosen])
+            if random.random() < self.redraw:
+                u[block] = random.random(len(block))
+                continue
+            for i in block:
+                u[i] = self._moved(u[i], self.cube.level(i), step, random)
+        return u
+
+    def _moved(self, value: float, levels: int, step: float, random: np.random.Generator) -> float:
+        if levels > 0:  # a neighbour means nothing: keep it, or take any other value
+            return float(random.random()) if random.random() < min(1.0, 2.0 * step) else value
+        return reflect(value + float(random.normal(0.0, step)))
+
+    def crossed(self, one: Array, other: Array, random: np.random.Generator) -> Array:
+        """Objects of two parents, each from either with equal chance."""
+        u = np.array(one, dtype=np.float64)
+        for block in self.cube.blocks():
+            if random.random() < 0.5:
+                u[list(block)] = other[list(block)]
+        return u
+
+
+def reflect(value: float) -> float:
+    """``value`` folded into [0, 1] at the walls, so that mass does not gather there."""
+    folded = value % 2.0
+    return 2.0 - folded if folded > 1.0 else folded

@@ -1,0 +1,149 @@
+"""What every sampler must do, whatever its method."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core import registry
+from mrta_falsify.core.candidate import Dimension, SearchSpace
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.feedback import Cube, Feedback, cube_of
+from mrta_falsify.core.seeding import stream
+
+NAMES = registry.names("sampler")
+CUBE = {
+    "dimensions": 7,
+    "levels": [0, 0, 3, 0, 6, 0, 40],
+    "groups": [0, 0, 0, 1, 1, 2, 3],
+}
+
+
+def build(name, cube=CUBE, seed=5):
+    return registry.build("sampler", Choice(name, {"cube": cube, "seed": seed}))
+
+
+def result(proposal, *, flat=False):
+    """A plausible result: one in six rejected, repaired a little, several objectives."""
+    chance = stream(proposal.number, "test/result")
+    if chance.random() < 1 / 6:
+        return Feedback(number=proposal.number, u=proposal.u, fate="rejected")
+    u = np.array(proposal.u)
+    if len(u):
+        u[0] = 0.5 * u[0] + 0.25  # as if repaired
+    score = 1.0 if flat else float(np.sum((u - 0.2) ** 2)) - 0.05
+    return Feedback(
+        number=proposal.number,
+        u=u,
+        score=score,
+        objectives={"a": score, "b": 1.0 if flat else float(u.mean()) if len(u) else 0.0},
+        descriptors={"x": float(chance.random()), "cause": 0.5, "robots": 0.3},
+        failed=score < 0.0,
+        signature="no_deadlock/2" if score < 0.0 else "",
+    )
+
+
+def drive(sampler, count, *, window=1, flat=False):
+    """Proposals of a search whose results come ``window`` late."""
+    asked = []
+    told = 0
+    for _ in range(count):
+        asked.append(sampler.ask())
+        if len(asked) - told >= window:
+            sampler.tell(result(asked[told], flat=flat))
+            told += 1
+    return asked
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("window", [1, 8])
+def test_proposals_are_numbered_frozen_and_in_the_cube(name, window):
+    for i, proposal in enumerate(drive(build(name), 90, window=window)):
+        assert proposal.number == i
+        assert proposal.u.shape == (7,)
+        assert proposal.u.min() >= 0.0
+        assert proposal.u.max() <= 1.0
+        assert not proposal.u.flags.writeable
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_asking_and_telling_again_gives_the_same_proposals(name):
+    random.seed(1)
+    np.random.seed(1)  # noqa: NPY002 - proves that global state plays no part
+    first = [proposal.u for proposal in drive(build(name), 70, window=4)]
+    random.seed(2)
+    np.random.seed(2)  # noqa: NPY002
+    second = [proposal.u for proposal in drive(build(name), 70, window=4)]
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_seeds_differ(name):
+    one, other = (drive(build(name, seed=seed), 1)[0].u for seed in (1, 2))
+    assert (one != other).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dimensions", [0, 1, 300])
+def test_any_number_of_dimensions_will_do(name, dimensions):
+    proposals = drive(build(name, {"dimensions": dimensions}), 45, window=3)
+    assert all(proposal.u.shape == (dimensions,) for proposal in proposals)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_flat_score_does_not_stop_the_search_from_moving(name):
+    points = np.array([p.u for p in drive(build(name), 80, window=2, flat=True)])
+    assert len(np.unique(points.round(9), axis=0)) > 70
+    assert points[40:].std(axis=0).max() > 0.05
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_but_rejections_does_not_stop_it_either(name):
+    sampler = build(name)
+    points = []
+    for _ in range(60):
+        proposal = sampler.ask()
+        points.append(proposal.u)
+        sampler.tell(Feedback(number=proposal.number, u=proposal.u, fate="rejected"))
+    assert len(np.unique(np.array(points).round(9), axis=0)) > 50
+
+
+LEARNERS = sorted(set(NAMES) - {"random", "halton", "sobol"})
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
+    cube = {"dimensions": 12}
+
+    def best_of(sampler):
+        scores = [np.inf]
+        for _ in range(200):
+            proposal = sampler.ask()
+            score = float(((proposal.u - 0.3) ** 2).sum())
+            scores.append(score)
+            margins = {"a": score, "b": score}
+            where = {"x": float(proposal.u[0]), "y": float(proposal.u[1]), "robots": 0, "cause": 0}
+            sampler.tell(
+                Feedback(number=proposal.number, u=proposal.u, score=score, objectives=margins,
+                         descriptors=where)
+            )  # fmt: skip
+        return min(scores)
+
+    learned = np.median([best_of(build(name, cube, seed)) for seed in range(3)])
+    chance = np.median([best_of(build("random", cube, seed)) for seed in range(3)])
+    assert learned < 0.8 * chance
+
+
+def test_the_cube_of_a_space_knows_objects_and_levels():
+    space = SearchSpace(
+        dimensions=(
+            Dimension(name="bed_1.position.0", kind="point"),
+            Dimension(name="bed_1.position.1", kind="point"),
+            Dimension(name="tasks[0][1]", kind="integer", choices=6),
+            Dimension(name="bed_1.yaw", kind="range"),
+        )
+    )
+    assert cube_of(space) == Cube(dimensions=4, levels=(0, 0, 6, 0), groups=(0, 0, 1, 0))
+    assert cube_of(space).blocks() == ((0, 1, 3), (2,))
