@@ -50,7 +50,8 @@ class Study:
             levels = self._cube.level(i)
             # a category is searched by name; its middle is its place in the cube
             u[i] = (value + 0.5) / levels if 0 < levels <= 20 else value
-        self._notes[number] = dict(self._study.get_trials(deepcopy=False)[trial.number].system_attrs)
+        seen = self._study.get_trials(deepcopy=False)[trial.number]
+        self._notes[number] = dict(seen.system_attrs)
         self._study.tell(trial, state=TrialState.FAIL)  # the result is told as a trial of its own
         return u
 

@@ -1,4 +1,4 @@
-"""The commands around campaigns: campaign, list, show, replay."""
+"""The commands around campaigns: campaign, list, show, replay, corpus, compare."""
 
 from __future__ import annotations
 
@@ -386,3 +386,181 @@ def _print_replay(result: Replay) -> None:
     out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
     if not result.same_machine:
         out.print("the record comes from other versions or another kind of machine (see `show`)")
+
+
+# --- a changed stack, other samplers --------------------------------------------------------
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@stack_options
+@click.option(
+    "--jittered",
+    type=click.IntRange(0, 100),
+    default=2,
+    show_default=True,
+    metavar="N",
+    help="Runs beside each failure with starts, pace and times a little different.",
+)
+@format_option
+def corpus(
+    directory: Path, stack: Path | None, settings: tuple[str, ...], jittered: int, style: str
+) -> int:
+    """Run all stored failures of a campaign on a changed stack: fixed, still failing, flaky.
+
+    Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's own
+    stack is run.
+    """
+    from mrta_falsify import app, campaigns  # noqa: PLC0415
+    from mrta_falsify import corpus as corpora  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    config = app.load_stack(stack, settings) if stack or settings else None
+    total = sum(record.failed for record in opened.records)
+    done: list[str] = []
+    with output.progress("corpus", total, "failures") as report_progress:
+
+        def on_done(row: Any) -> None:
+            done.append(row.id)
+            report_progress(len(done))
+
+        rows = corpora.recheck(opened, config=config, jittered=jittered, on_done=on_done)
+    data = corpora.summary(rows)
+    if style == "json":
+        output.print_json(data)
+    else:
+        table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+        for name in ("id", "fate", "was", "now", "jittered"):
+            table.add_column(name)
+        for row in rows:
+            failing = f"{row.jittered_failures} of {row.jittered} fail"
+            style_of_row = None if row.fate == "fixed" else "red"
+            table.add_row(
+                row.id, row.fate, row.signature, row.signature_now, failing, style=style_of_row
+            )
+        out = output.stdout()
+        out.print(table)
+        out.print(", ".join(f"{data[fate]} {fate}" for fate in ("fixed", "still failing", "flaky")))
+    all_fixed = data["fixed"] == len(rows)
+    return ExitCode.DONE if all_fixed else ExitCode.VIOLATED
+
+
+@main.command()
+@click.argument("scenario")
+@click.option(
+    "--samplers",
+    default="random,auto",
+    show_default=True,
+    metavar="A,B,...",
+    help="The first one is what the others are compared with.",
+)
+@click.option("--repeats", type=click.IntRange(min=1), default=10, show_default=True)
+@click.option(
+    "--budget",
+    type=click.IntRange(min=1),
+    default=100,
+    show_default=True,
+    help="Simulations per search.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of the first repeat; each repeat has the next one.",
+)
+@click.option(
+    "--all-failures",
+    is_flag=True,
+    help="Run each budget out, to count failure modes, instead of stopping at the first.",
+)
+@click.option("--workers", type=click.IntRange(1, 512))
+@stack_options
+@spec_option
+@param_option
+@click.option("-o", "--output", "directory", type=FILE, required=True, metavar="DIR")
+@click.option("--resume", is_flag=True, help="Go on with the comparison in DIR.")
+@format_option
+def compare(
+    scenario: str,
+    samplers: str,
+    repeats: int,
+    budget: int,
+    seed: int,
+    all_failures: bool,
+    workers: int | None,
+    stack: Path | None,
+    settings: tuple[str, ...],
+    specs: tuple[str, ...],
+    params: tuple[str, ...],
+    directory: Path,
+    resume: bool,
+    style: str,
+) -> int:
+    """Compare samplers: falsification rate, simulations to the first failure, failure modes."""
+    from mrta_falsify import app, campaigns, comparison  # noqa: PLC0415
+    from mrta_falsify.core import registry  # noqa: PLC0415
+
+    names = tuple(name.strip() for name in samplers.split(",") if name.strip())
+    for name in names:
+        registry.load("sampler", name, where="--samplers")
+    if not names:
+        raise click.UsageError("--samplers names nobody")
+    if directory.exists() and any(directory.iterdir()) and not resume:
+        raise click.UsageError(f"-o {directory}: is not empty; go on with it by --resume")
+    chosen = campaigns.new_settings(
+        scenario,
+        directory=directory,
+        config=app.load_stack(stack, settings),
+        params=campaigns.parse_params(params),
+        specifications=specs,
+    )
+    plan = comparison.Plan(
+        settings=chosen,
+        samplers=names,
+        repeats=repeats,
+        budget=budget,
+        first_seed=seed,
+        stop_after=0 if all_failures else 1,
+    )
+    finished = comparison.run(
+        plan,
+        directory,
+        campaigns.local_workers(workers),
+        on_search=lambda done, total, text: output.say(f"{done}/{total} {text}"),
+    )
+    rows = comparison.table(plan, directory)
+    if style == "json":
+        output.print_json({"finished": finished, "budget": budget, "samplers": app.finite(rows)})
+    else:
+        _print_comparison(rows)
+    return ExitCode.DONE if finished else ExitCode.INTERRUPTED
+
+
+def _print_comparison(rows: list[dict[str, Any]]) -> None:
+    table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+    for name in (
+        "sampler",
+        "searches",
+        "found",
+        "simulations to failure",
+        "median",
+        "seconds",
+        "log-rank p",
+        "modes/1000",
+    ):
+        table.add_column(name, justify="left" if name == "sampler" else "right")
+    for row in rows:
+        rate, mean = row["falsification_rate"], row["simulations_to_failure"]["restricted_mean"]
+        half = row["simulations_to_failure"]["median"]
+        table.add_row(
+            row["sampler"],
+            str(row["searches"]),
+            f"{rate['value']:.0%} [{rate['low']:.0%}, {rate['high']:.0%}]",
+            f"{mean['value']:.1f} [{mean['low']:.1f}, {mean['high']:.1f}]",
+            f"{half:.0f}" if half < float("inf") else "more than the budget",
+            f"{row['seconds_to_failure']:.0f}",
+            f"{row['log_rank_p']:.3g}",
+            f"{row['modes_per_1000']:.1f}",
+        )
+    output.stdout().print(table)

@@ -1,0 +1,96 @@
+"""How long searches take to their first failure, with the searches that found none counted.
+
+A search that ran its budget out without a failure is a right-censored observation: leaving it
+out would flatter a sampler that mostly fails. Hence the restricted mean (area under the
+Kaplan-Meier curve up to the budget) and the log-rank test, both on scipy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.seeding import stream
+
+RESAMPLES = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """One search: what it spent, and whether it ended with a failure."""
+
+    spent: float  #: simulations, or seconds of computing
+    found: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A number with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def survival_curve(searches: Sequence[Search]) -> tuple[Array, Array]:
+    """Kaplan-Meier share of searches without a failure.
+
+    Args:
+        searches: at least one.
+
+    Returns:
+        Times ``(n,)``, increasing, from 0 on, and the share ``(n,)`` from each time on.
+    """
+    curve = stats.ecdf(_censored(searches)).sf
+    times = np.concatenate([[0.0], curve.quantiles])
+    return times, np.concatenate([[1.0], curve.probabilities])
+
+
+def restricted_mean(searches: Sequence[Search], limit: float) -> float:
+    """Mean spent until the first failure, each search cut at ``limit``."""
+    times, share = survival_curve(searches)
+    inside = times < limit
+    edges = np.concatenate([times[inside], [limit]])
+    return float((np.diff(edges) * share[inside]).sum())
+
+
+def restricted_mean_interval(
+    searches: Sequence[Search], limit: float, *, seed: int = 0
+) -> Estimate:
+    """Restricted mean with a percentile bootstrap interval over searches."""
+    random = stream(seed, "bootstrap")
+    picks = random.integers(len(searches), size=(RESAMPLES, len(searches)))
+    means = [restricted_mean([searches[i] for i in row], limit) for row in picks]
+    low, high = np.quantile(means, (0.025, 0.975))
+    return Estimate(value=restricted_mean(searches, limit), low=float(low), high=float(high))
+
+
+def median(searches: Sequence[Search]) -> float:
+    """Spent until half of the searches have found a failure; inf if fewer ever do."""
+    times, share = survival_curve(searches)
+    reached = np.flatnonzero(share <= 0.5)
+    return float(times[reached[0]]) if len(reached) else float("inf")
+
+
+def found_share(searches: Sequence[Search]) -> Estimate:
+    """Falsification rate: share of searches that found a failure, Clopper-Pearson interval."""
+    count = sum(search.found for search in searches)
+    interval = stats.binomtest(count, len(searches)).proportion_ci(method="exact")
+    return Estimate(value=count / len(searches), low=float(interval.low), high=float(interval.high))
+
+
+def log_rank(one: Sequence[Search], other: Sequence[Search]) -> float:
+    """p-value of the log-rank test that both need equally long; 1 if nobody found anything."""
+    if not any(search.found for search in (*one, *other)):
+        return 1.0
+    return float(stats.logrank(_censored(one), _censored(other)).pvalue)
+
+
+def _censored(searches: Sequence[Search]) -> stats.CensoredData:
+    found = [search.spent for search in searches if search.found]
+    missed = [search.spent for search in searches if not search.found]
+    return stats.CensoredData(uncensored=found, right=missed)
