@@ -14,6 +14,7 @@ from typing import Any
 from mrta_falsify import app
 from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
 from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
+from mrta_falsify.campaign.statistics import failure_probability, why_no_probability
 from mrta_falsify.campaign.store import Campaign, Store, StoreError, read_campaign
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
@@ -150,11 +151,27 @@ def summary(result: Result) -> dict[str, Any]:
         "by_specification": progress.by_specification,
         "best_score": progress.best if progress.ran > progress.errors else None,
         "screening": screening_agreement(result.campaign),
+        "probability": probability(result),
         "sim_hours": round(progress.sim_time / 3600.0, 4),
         "wall_s": round(result.wall_s, 3),
         "ended": result.ended,
         "directory": str(result.campaign.directory),
     }
+
+
+def probability(result: Result) -> dict[str, Any]:
+    """Probability of a violation with its interval, or ``why_not``."""
+    progress = result.progress
+    limits = progress.limits
+    early = result.ended == "stop-after" or (result.ended == "interrupted" and progress.failed > 0)
+    reason = why_no_probability(
+        result.campaign.settings, stopped_early=early or bool(limits.stop_after)
+    )
+    if reason:
+        return {"why_not": reason}
+    judged = progress.ran - progress.errors
+    found = failure_probability(progress.failed, judged, undecided=progress.errors)
+    return dataclasses.asdict(found)
 
 
 def modes(campaign: Campaign) -> list[dict[str, Any]]:

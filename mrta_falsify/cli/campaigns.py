@@ -256,6 +256,12 @@ def _print_summary(data: dict[str, Any]) -> None:
         out.print(f"replay: mrta-falsify replay {shlex.quote(data['directory'])} {first}")
     elif data["best_score"] is not None:
         out.print(f"no violation found; closest call: score {data['best_score']:+.3f}")
+    chance = data["probability"]
+    if "why_not" not in chance and chance["trials"]:
+        out.print(
+            f"probability of a violation: {chance['estimate']:.3g}, "
+            f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}]"
+        )
     out.print(f"campaign: {data['directory']}")
 
 
