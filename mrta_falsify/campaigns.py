@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +16,13 @@ from mrta_falsify import app
 from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
 from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.campaign.statistics import failure_probability, why_no_probability
-from mrta_falsify.campaign.store import Campaign, Store, StoreError, read_campaign
+from mrta_falsify.campaign.store import (
+    Campaign,
+    Store,
+    StoreError,
+    read_campaign,
+    write_atomically,
+)
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
@@ -151,7 +158,9 @@ def summary(result: Result) -> dict[str, Any]:
         "by_specification": progress.by_specification,
         "best_score": progress.best if progress.ran > progress.errors else None,
         "screening": screening_agreement(result.campaign),
-        "probability": probability(result),
+        "probability": probability_of(
+            result.campaign, stopped_early=bool(progress.limits.stop_after)
+        ),
         "sim_hours": round(progress.sim_time / 3600.0, 4),
         "wall_s": round(result.wall_s, 3),
         "ended": result.ended,
@@ -159,19 +168,20 @@ def summary(result: Result) -> dict[str, Any]:
     }
 
 
-def probability(result: Result) -> dict[str, Any]:
-    """Probability of a violation with its interval, or ``why_not``."""
-    progress = result.progress
-    limits = progress.limits
-    early = result.ended == "stop-after" or (result.ended == "interrupted" and progress.failed > 0)
-    reason = why_no_probability(
-        result.campaign.settings, stopped_early=early or bool(limits.stop_after)
-    )
+def probability_of(campaign: Campaign, *, stopped_early: bool = False) -> dict[str, Any]:
+    """Probability of a violation with its interval, or ``why_not``.
+
+    Args:
+        campaign: its trials.
+        stopped_early: whether what was found decided how many trials there are.
+    """
+    reason = why_no_probability(campaign.settings, stopped_early=stopped_early)
     if reason:
         return {"why_not": reason}
-    judged = progress.ran - progress.errors
-    found = failure_probability(progress.failed, judged, undecided=progress.errors)
-    return dataclasses.asdict(found)
+    judged = [record for record in campaign.records if record.status == "ok"]
+    errors = sum(record.status in ("crashed", "timeout") for record in campaign.records)
+    failed = sum(record.failed for record in judged)
+    return dataclasses.asdict(failure_probability(failed, len(judged), undecided=errors))
 
 
 def modes(campaign: Campaign) -> list[dict[str, Any]]:
@@ -279,6 +289,19 @@ def replay(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay
         same_verdicts=sum(found == wanted for found in violations),
         same_machine=record.versions == versions(),
     )
+
+
+def store_replay(campaign: Campaign, result: Replay) -> None:
+    """Keep what replays have shown beside the trial, for the report."""
+    folder = campaign.folder(result.record)
+    app.make_directory(folder)
+    data = {
+        "runs": len(result.runs),
+        "identical": result.same_digest,
+        "same_verdicts": result.same_verdicts,
+        "same_machine": result.same_machine,
+    }
+    write_atomically(folder / "verify.json", (json.dumps(data) + "\n").encode())
 
 
 def open_campaign(directory: Path) -> Campaign:

@@ -1,4 +1,4 @@
-"""The commands around campaigns: campaign, list, show, replay, corpus, compare."""
+"""The commands around campaigns: campaign, list, show, replay, corpus, compare, report."""
 
 from __future__ import annotations
 
@@ -362,6 +362,7 @@ def replay(directory: Path, name: str, verify: int, style: str) -> int:
 
     opened = campaigns.open_campaign(directory)
     result = campaigns.replay(opened, opened.record(name), times=verify)
+    campaigns.store_replay(opened, result)
     if style == "json":
         output.print_json(
             {
@@ -570,3 +571,44 @@ def _print_comparison(rows: list[dict[str, Any]]) -> None:
             f"{row['modes_per_1000']:.1f}",
         )
     output.stdout().print(table)
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.option(
+    "-o", "--output", "path", type=FILE, metavar="FILE.html", help="Default: DIR/report.html."
+)
+@click.option("--junit", type=FILE, metavar="FILE.xml", help="Also as JUnit XML.")
+@click.option("--markdown", type=FILE, metavar="FILE.md", help="Also as Markdown.")
+@click.option(
+    "--against", type=FILE, metavar="DIR2", help="Compare with a campaign on another stack."
+)
+def report(
+    directory: Path,
+    path: Path | None,
+    junit: Path | None,
+    markdown: Path | None,
+    against: Path | None,
+) -> int:
+    """Write the failure report of a campaign: one HTML file that opens from disk.
+
+    Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
+    """
+    from mrta_falsify import app, campaigns, reporting  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    other = campaigns.open_campaign(against) if against is not None else None
+    target = path or directory / "report.html"
+    for file in (target, junit, markdown):
+        if file is not None:
+            app.make_directory(file.parent)
+    written = [reporting.write(opened, target, against=other)]
+    if junit is not None:
+        junit.write_text(reporting.junit(opened), encoding="utf-8")
+        written.append(junit)
+    if markdown is not None:
+        markdown.write_text(reporting.markdown(opened), encoding="utf-8")
+        written.append(markdown)
+    for file in written:
+        click.echo(str(file))
+    return ExitCode.DONE

@@ -1,0 +1,153 @@
+"""A trace for the replay of a page: quantised, deflated, base64.
+
+Positions are kept to 1 cm, headings to 2 pi / 256, at a few frames per second; differences
+between frames compress well. 100 s of six robots and eight people take about 10 kB.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from typing import Any
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.fleet import Phase
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Blockage, World
+from reports.figures import robot_colour
+
+FRAME_RATE = 5.0  # Hz kept for the replay
+RAY_RATE = 1.0  # Hz kept of obstacle points
+RAY_WINDOW = 40.0  # s before the end in which obstacle points are kept
+CM = 100.0
+NOWHERE = -32768  # for absent people
+
+
+def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
+    """Base64 of the deflated replay: JSON text, a line feed, then little-endian arrays.
+
+    The JSON names each array with its type and shape, in order.
+    """
+    stride = max(1, round(1.0 / (FRAME_RATE * trace.dt)))
+    ticks = np.arange(0, len(trace), stride)
+    if len(trace) and ticks[-1] != len(trace) - 1:
+        ticks = np.append(ticks, len(trace) - 1)
+    arrays = _arrays(trace, ticks)
+    header = {
+        "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays],
+        "time": [round(float(t), 2) for t in trace.columns["time"][ticks]],
+        "world": _world(world),
+        "phases": [phase.name.lower().replace("_", " ") for phase in Phase],
+        "paths": _paths(trace),
+        "edges": [
+            [round(span.first * trace.dt, 2), round((span.last + 1) * trace.dt, 2),
+             span.edge.robot, span.edge.cause, span.edge.other, span.edge.resource]
+            for span in trace.edges
+            if span.edge.cause != "task"
+        ],
+        "events": [
+            [round(event.time, 2), event.kind, event.robot, event.task, event.resource,
+             event.other, event.detail]
+            for event in trace.events
+        ],
+        "violations": [
+            [round(v.violated_at, 2), v.spec, list(v.who)]
+            for v in verdicts
+            if v.violated and v.violated_at is not None
+        ],
+    }  # fmt: skip
+    text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
+    body = b"".join(array.tobytes() for _, array in arrays)
+    return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
+
+
+def _arrays(trace: Trace, ticks: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    columns = trace.columns
+    pose = columns["pose"][ticks]
+    people = columns["human_position"][ticks]
+    heading = np.round(pose[:, :, 2] / (2.0 * np.pi) * 256.0) % 256.0
+    packed = [
+        ("xy", _steps(_centimetres(pose[:, :, :2]))),
+        ("yaw", heading.astype("<u1")),
+        ("people", _steps(_centimetres(people))),
+        ("phase", columns["phase"][ticks].astype("<u1")),
+        ("cluster", columns["cluster"][ticks].astype("<i1")),
+        ("leader", columns["leader"][ticks].astype("<i1")),
+        ("goal", _steps(_centimetres(columns["goal"][ticks]))),
+    ]
+    rays, when = _rays(trace)
+    return [*packed, ("rays", rays), ("rays_time", when)]
+
+
+def _centimetres(points: Array) -> np.ndarray:
+    known = np.isfinite(points) & (np.abs(points) < 300.0)
+    return np.where(known, np.round(np.where(known, points, 0.0) * CM), NOWHERE).astype("<i2")
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """Differences along time, wrapping like the 16-bit numbers they are."""
+    steps = values.copy()
+    steps[1:] = values[1:] - values[:-1]
+    return steps
+
+
+def _rays(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    points = trace.columns["obstacle_points"]
+    stride = max(1, round(1.0 / (RAY_RATE * trace.dt)))
+    first = max(0, len(trace) - round(RAY_WINDOW / trace.dt))
+    ticks = np.arange(first, len(trace), stride)
+    times = np.round(trace.columns["time"][ticks] * 10.0).astype("<i4")
+    return _centimetres(points[ticks]), times
+
+
+def _paths(trace: Trace) -> list[list[Any]]:
+    return [
+        [round(change.tick * trace.dt, 2), change.robot, _points(change.points)]
+        for change in trace.paths
+    ]
+
+
+def _points(points: Array) -> list[int]:
+    """Centimetres, flat; points nearer than 10 cm to the last are left out."""
+    if not len(points):
+        return []
+    kept = [points[0]]
+    for point in points[1:-1]:
+        if np.hypot(*(point - kept[-1])) >= 0.1:
+            kept.append(point)
+    kept.append(points[-1])
+    return [int(value) for value in np.round(np.array(kept) * CM).ravel()]
+
+
+def _world(world: World) -> dict[str, Any]:
+    return {
+        "bounds": [float(value) for value in world.bounds],
+        "walls": [_points_all(wall.polygon) for wall in world.walls],
+        "furniture": [
+            [item.name, item.kind, _points_all(item.polygon)] for item in world.furniture
+        ],
+        "rooms": [[room.name, *_points_all(room.point[None])] for room in world.rooms],
+        "queues": [
+            [resource.name, _points_all(resource.spots)]
+            for resource in world.resources
+            if len(resource.spots)
+        ],
+        "lanes": [_points_all(lane.to_room) for lane in world.lanes if len(lane.to_room) > 1],
+        "blockages": [
+            [event.name, event.start, event.end, _points_all(event.polygon)]
+            for event in world.events
+            if isinstance(event, Blockage)
+        ],
+        "robots": [
+            [robot.name, robot_colour(i), robot.radius] for i, robot in enumerate(world.robots)
+        ],
+        "people": [[human.name, human.radius] for human in world.humans],
+    }
+
+
+def _points_all(points: Array) -> list[int]:
+    return [int(value) for value in np.round(np.asarray(points) * CM).ravel()]

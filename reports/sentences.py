@@ -1,0 +1,88 @@
+"""Verdicts in plain words: what happened, when, to whom, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mrta_falsify.core.verdict import Verdict
+
+#: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
+CAUSES = {
+    "queue": "waits for {resource}, which {other} holds or is before it in the queue",
+    "barrier": "cannot drive on because {other} stands on its path",
+    "cluster": "has a free way, but moves only after {other}, which is near",
+    "human": "stands because {other}, a person, is in the way",
+    "wall": "is held off by a solid{resource_in_brackets}",
+    "no-path": "has a goal but no path to it{because}",
+    "stalled": "has a goal and a free way, and does not drive",
+    "task": "waits for a task",
+}
+
+MEANINGS = {
+    "no_robot_robot_contact": "two robots touched",
+    "no_robot_static_contact": "a robot touched a wall or furniture",
+    "no_robot_human_contact": "a moving robot touched a person",
+    "human_clearance": "a moving robot came closer than 0.1 m to a person",
+    "all_tasks_done": "not all tasks were delivered",
+    "deadlines": "a deadline was missed",
+    "no_deadlock": "robots wait for each other and nothing can resolve it",
+    "exclusive_use": "two robots held a resource that only one may hold",
+    "no_livelock": "a robot kept driving without coming nearer to its goal",
+    "no_starvation": "a robot waited on while later ones were served",
+    "progress": "a robot with work made no progress",
+}
+
+
+def listed(names: Sequence[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def sentence(verdict: Verdict) -> str:
+    """One sentence about a violated verdict, with time, robots and place."""
+    when = f" at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
+    who = listed(verdict.who)
+    where = _place(verdict.evidence.get("place"))
+    if verdict.spec == "no_deadlock":
+        onset = verdict.evidence.get("onset")
+        since = f"; they have stood since {onset:.1f} s" if isinstance(onset, float) else ""
+        if len(verdict.who) == 1:
+            since = since.replace("they have stood", "it has stood")
+            return f"{who} is stuck for good{where} (found{when}){since}."
+        return f"{who} are deadlocked{where} (found{when}){since}."
+    if verdict.spec.startswith("stl"):
+        return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
+    meaning = MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
+    concerned = f": {who}" if who else ""
+    return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}."
+
+
+def _place(place: Any) -> str:
+    if not isinstance(place, dict) or "near" not in place:
+        return ""
+    distance = float(place.get("distance", 0.0))
+    near = place["near"] or "nowhere with a name"
+    at = f"at {near}" if distance < 0.5 else f"{distance:.1f} m from {near}"
+    return f" {at} (x {float(place['x']):.1f} m, y {float(place['y']):.1f} m)"
+
+
+def edge_sentence(edge: dict[str, str]) -> str:
+    """Why one robot of a wait-for cycle does not go on."""
+    resource, other = edge.get("resource", ""), edge.get("blocked_by", "")
+    because = ""
+    if other:
+        because = f"; {other} cuts it off"
+    elif resource == "unreachable":
+        because = "; walls and furniture cut it off for good"
+    elif resource:
+        because = f"; {resource} cuts it off"
+    text = CAUSES.get(edge["cause"], f"is blocked ({edge['cause']})").format(
+        other=other or "another robot",
+        resource=resource or "a resource",
+        resource_in_brackets=f" ({resource})" if resource else "",
+        because=because,
+    )
+    return f"{edge['robot']} {text}."

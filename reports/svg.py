@@ -1,0 +1,97 @@
+"""Small drawings as inline SVG: text is escaped, colours are the page's CSS variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+from markupsafe import Markup
+
+from mrta_falsify.core.arrays import Array
+
+
+class Drawing:
+    """An SVG that is built element by element; y points down, units are pixels."""
+
+    def __init__(self, width: float, height: float, *, label: str) -> None:
+        self._size = (width, height)
+        self._label = label
+        self._parts: list[str] = []
+
+    def add(self, tag: str, text: str = "", **attributes: object) -> None:
+        """One element; ``class_`` and ``stroke_width`` become ``class`` and ``stroke-width``."""
+        pairs = " ".join(
+            f"{name.rstrip('_').replace('_', '-')}={quoteattr(_shown(value))}"
+            for name, value in attributes.items()
+        )
+        body = f">{escape(text)}</{tag}>" if text else "/>"
+        self._parts.append(f"<{tag} {pairs}{body}")
+
+    def line(self, points: Iterable[Sequence[float]], **attributes: object) -> None:
+        """A polyline through ``points``."""
+        text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        self.add("polyline", points=text, fill="none", **attributes)
+
+    def polygon(self, points: Iterable[Sequence[float]], **attributes: object) -> None:
+        """A closed outline through ``points``."""
+        text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        self.add("polygon", points=text, **attributes)
+
+    def arrow(self, start: Array, end: Array, **attributes: object) -> None:
+        """A straight arrow with a head of 8 px."""
+        way = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
+        length = float(np.hypot(*way))
+        if length < 1.0:
+            return
+        unit = way / length
+        side = np.array([-unit[1], unit[0]])
+        base = np.asarray(end) - 9.0 * unit
+        self.line([start, base], **attributes)
+        colour = attributes.get("stroke", "currentColor")
+        self.polygon([end, base + 4.5 * side, base - 4.5 * side], fill=colour)
+
+    def markup(self) -> Markup:
+        """The finished element."""
+        width, height = self._size
+        body = "".join(self._parts)
+        # every text and attribute in it has been escaped above
+        return Markup(
+            f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img" '
+            f"aria-label={quoteattr(self._label)}>"
+            f"<title>{escape(self._label)}</title>{body}</svg>"
+        )
+
+
+def _shown(value: object) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
+class Floor:
+    """Maps metres of a rectangle to pixels, north up."""
+
+    def __init__(self, bounds: Sequence[float], width: float) -> None:
+        x_min, y_min, x_max, y_max = (float(value) for value in bounds)
+        self.scale = width / (x_max - x_min)
+        self.width = width
+        self.height = self.scale * (y_max - y_min)
+        self._x, self._y = x_min, y_max
+
+    def __call__(self, points: Array) -> Array:
+        """Pixels ``(..., 2)`` of map points ``(..., 2)`` [m]."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.stack(
+            [(points[..., 0] - self._x) * self.scale, (self._y - points[..., 1]) * self.scale], -1
+        )
+
+
+def ticks(low: float, high: float, count: int = 5) -> list[float]:
+    """Round numbers between ``low`` and ``high``."""
+    span = max(high - low, 1e-9)
+    step = 10.0 ** np.floor(np.log10(span / count))
+    for factor in (1.0, 2.0, 5.0, 10.0):
+        if span / (step * factor) <= count:
+            step *= factor
+            break
+    first = np.ceil(low / step) * step
+    return [float(value) for value in np.arange(first, high + 1e-9 * span, step)]

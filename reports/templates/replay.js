@@ -1,0 +1,303 @@
+// Replay of one run on a canvas. No library, no request: the data is in the page.
+"use strict";
+(() => {
+  const NOWHERE = -32768;
+  const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+  async function unpack(base64) {
+    const raw = Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
+    const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const end = bytes.indexOf(10);
+    const data = JSON.parse(new TextDecoder().decode(bytes.subarray(0, end)));
+    let at = end + 1;
+    const kinds = { i2: Int16Array, i1: Int8Array, u1: Uint8Array, i4: Int32Array };
+    for (const [name, kind, shape] of data.arrays) {
+      const Kind = kinds[kind];
+      const count = shape.reduce((a, b) => a * b, 1);
+      const part = bytes.slice(at, at + count * Kind.BYTES_PER_ELEMENT);
+      at += part.length;
+      data[name] = { shape, values: new Kind(part.buffer) };
+    }
+    for (const name of ["xy", "people", "goal"]) addUp(data[name]);
+    return data;
+  }
+
+  function addUp({ shape, values }) { // steps to positions, wrapping at 16 bits like the writer
+    const row = shape.slice(1).reduce((a, b) => a * b, 1);
+    for (let i = row; i < values.length; i++) values[i] = values[i] + values[i - row];
+  }
+
+  class Replay {
+    constructor(root, data) {
+      this.root = root;
+      this.data = data;
+      this.time = 0;
+      this.playing = false;
+      this.speed = 4;
+      this.end = data.time[data.time.length - 1];
+      this.canvas = root.querySelector("canvas");
+      this.clock = root.querySelector(".clock");
+      this.slider = root.querySelector("input[type=range]");
+      this.status = root.querySelector(".now");
+      this.slider.max = this.end;
+      this.slider.step = 0.1;
+      this.view = this.whole();
+      this.costmap = root.querySelector("img.costmap");
+      this.connect();
+      const begin = Number(root.dataset.begin || 0);
+      this.seek(begin);
+      new ResizeObserver(() => this.draw()).observe(this.canvas);
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    }
+
+    connect() {
+      const on = (selector, event, act) => this.root.querySelector(selector).addEventListener(event, act);
+      on(".play", "click", () => this.toggle());
+      on(".speed", "change", (e) => { this.speed = Number(e.target.value); });
+      on(".zoom", "click", () => this.zoom());
+      this.slider.addEventListener("input", () => { this.pause(); this.seek(Number(this.slider.value)); });
+      for (const box of this.root.querySelectorAll(".layers input")) box.addEventListener("change", () => this.draw());
+      for (const jump of this.root.querySelectorAll("[data-jump]"))
+        jump.addEventListener("click", () => { this.pause(); this.seek(Number(jump.dataset.jump)); });
+      this.root.addEventListener("keydown", (e) => {
+        if (e.target.matches("select")) return;
+        const step = e.shiftKey ? 10 : 1;
+        const acts = {
+          " ": () => this.toggle(), k: () => this.toggle(), z: () => this.zoom(),
+          ArrowRight: () => this.seek(this.time + step), ArrowLeft: () => this.seek(this.time - step),
+          Home: () => this.seek(0), End: () => this.seek(this.end),
+        };
+        const act = acts[e.key];
+        if (!act || (e.key === " " && e.target.matches("button, input[type=checkbox]"))) return;
+        e.preventDefault();
+        if (e.key.startsWith("Arrow")) this.pause();
+        act();
+      });
+    }
+
+    shows(layer) { return this.root.querySelector(`.layers input[value=${layer}]`).checked; }
+
+    toggle() { if (this.playing) this.pause(); else this.play(); }
+
+    play() {
+      if (this.time >= this.end) this.seek(0);
+      this.playing = true;
+      this.button();
+      let last = performance.now();
+      const frame = (now) => {
+        if (!this.playing) return;
+        this.seek(this.time + ((now - last) / 1000) * this.speed);
+        last = now;
+        if (this.time >= this.end) this.pause(); else requestAnimationFrame(frame);
+      };
+      requestAnimationFrame(frame);
+    }
+
+    pause() { this.playing = false; this.button(); }
+
+    button() {
+      const button = this.root.querySelector(".play");
+      button.textContent = this.playing ? "Pause" : "Play";
+      button.setAttribute("aria-pressed", this.playing);
+    }
+
+    seek(time) {
+      this.time = Math.min(Math.max(time, 0), this.end);
+      this.slider.value = this.time;
+      const text = `${this.time.toFixed(1)} s`;
+      this.clock.textContent = `${text} of ${this.end.toFixed(1)} s`;
+      this.slider.setAttribute("aria-valuetext", text);
+      this.draw();
+    }
+
+    frame() { // index of the last kept frame at or before now
+      const t = this.data.time;
+      let low = 0, high = t.length - 1;
+      while (low < high) { const mid = (low + high + 1) >> 1; if (t[mid] <= this.time) low = mid; else high = mid - 1; }
+      return low;
+    }
+
+    point(array, frame, i) { // metres, between two frames
+      const { shape, values } = array;
+      const at = (f) => (f * shape[1] + i) * 2;
+      const a = at(frame);
+      if (values[a] === NOWHERE) return null;
+      const next = Math.min(frame + 1, shape[0] - 1), b = at(next), t = this.data.time;
+      const span = t[next] - t[frame];
+      const share = span > 0 && values[b] !== NOWHERE ? Math.min(1, (this.time - t[frame]) / span) : 0;
+      return [0, 1].map((k) => (values[a + k] + share * (values[b + k] - values[a + k])) / 100);
+    }
+
+    whole() {
+      const w = this.data.world;
+      let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
+      const see = (flat) => { for (let i = 0; i < flat.length; i += 2) {
+        x0 = Math.min(x0, flat[i]); x1 = Math.max(x1, flat[i]); y0 = Math.min(y0, flat[i + 1]); y1 = Math.max(y1, flat[i + 1]); } };
+      w.walls.forEach(see);
+      w.rooms.forEach((r) => see(r.slice(1)));
+      if (x0 === Infinity) return { x0: w.bounds[0], y0: w.bounds[1], x1: w.bounds[2], y1: w.bounds[3] };
+      return { x0: x0 / 100 - 0.5, y0: y0 / 100 - 0.5, x1: x1 / 100 + 0.5, y1: y1 / 100 + 0.5 };
+    }
+
+    zoom() {
+      this.close = !this.close;
+      const place = (this.root.dataset.place || "").split(",").map(Number);
+      const [x, y] = place.length === 2 && place.every(Number.isFinite) ? place
+        : this.point(this.data.xy, this.frame(), 0);
+      this.view = this.close ? { x0: x - 6, y0: y - 6, x1: x + 6, y1: y + 6 } : this.whole();
+      this.root.querySelector(".zoom").textContent = this.close ? "Whole floor" : "Close up";
+      this.draw();
+    }
+
+    draw() {
+      const canvas = this.canvas, box = canvas.getBoundingClientRect();
+      if (!box.width) return;
+      const view = this.view, ratio = devicePixelRatio || 1;
+      const height = Math.min(box.width * (view.y1 - view.y0) / (view.x1 - view.x0), innerHeight * 0.8);
+      canvas.style.height = `${height}px`;
+      canvas.width = Math.round(box.width * ratio);
+      canvas.height = Math.round(height * ratio);
+      const scale = Math.min(canvas.width / (view.x1 - view.x0), canvas.height / (view.y1 - view.y0));
+      const left = (canvas.width - scale * (view.x1 - view.x0)) / 2;
+      const px = (x, y) => [left + (x - view.x0) * scale, canvas.height - (y - view.y0) * scale];
+      const css = getComputedStyle(this.root), colour = (name) => css.getPropertyValue(name).trim();
+      const g = canvas.getContext("2d");
+      g.clearRect(0, 0, canvas.width, canvas.height);
+      g.lineJoin = "round";
+      const flat = (points, closed) => {
+        g.beginPath();
+        for (let i = 0; i < points.length; i += 2) g.lineTo(...px(points[i] / 100, points[i + 1] / 100));
+        if (closed) g.closePath();
+      };
+      const text = (string, x, y, size, fill) => {
+        g.font = `${size * ratio}px system-ui, sans-serif`;
+        g.textAlign = "center";
+        g.lineWidth = 3 * ratio;
+        g.strokeStyle = colour("--paper");
+        g.strokeText(string, x, y);
+        g.fillStyle = fill;
+        g.fillText(string, x, y);
+      };
+      const w = this.data.world, f = this.frame(), now = this.time;
+      if (this.shows("costmap") && this.costmap && this.costmap.naturalWidth) {
+        const [x0, y0, x1, y1] = this.costmap.dataset.extent.split(",").map(Number);
+        const a = px(x0, y1), b = px(x1, y0);
+        g.imageSmoothingEnabled = false;
+        g.drawImage(this.costmap, a[0], a[1], b[0] - a[0], b[1] - a[1]);
+      }
+      if (this.shows("lanes")) {
+        g.strokeStyle = colour("--line"); g.lineWidth = ratio;
+        for (const lane of w.lanes) { flat(lane); g.stroke(); }
+      }
+      for (const [, , outline] of w.furniture) { flat(outline, true); g.fillStyle = colour("--furniture"); g.fill(); }
+      for (const outline of w.walls) { flat(outline, true); g.fillStyle = colour("--wall"); g.fill(); }
+      for (const [name, start, end, outline] of w.blockages) {
+        if (now < start || now >= end) continue;
+        flat(outline, true); g.fillStyle = colour("--blocked"); g.fill();
+        g.strokeStyle = colour("--bad"); g.lineWidth = ratio; g.stroke();
+        text(name, ...px(outline[0] / 100, outline[1] / 100), 10, colour("--bad"));
+      }
+      if (this.shows("queues")) for (const [, spots] of w.queues) for (let i = 0; i < spots.length; i += 2) {
+        const [x, y] = px(spots[i] / 100, spots[i + 1] / 100);
+        g.beginPath(); g.arc(x, y, 0.15 * scale, 0, 7); g.strokeStyle = colour("--soft"); g.lineWidth = ratio; g.stroke();
+      }
+      for (const [name, x, y] of w.rooms) text(name, ...px(x / 100, y / 100), 10, colour("--soft"));
+      const n = w.robots.length, places = w.robots.map((_, i) => this.point(this.data.xy, f, i));
+      if (this.shows("clusters")) {
+        const cluster = (i) => this.data.cluster.values[f * n + i];
+        g.strokeStyle = colour("--planning"); g.lineWidth = 6 * ratio; g.globalAlpha = 0.35;
+        for (let i = 0; i < n; i++) for (let j = i + 1; j < n; j++) if (cluster(i) === cluster(j)) {
+          g.beginPath(); g.moveTo(...px(...places[i])); g.lineTo(...px(...places[j])); g.stroke();
+        }
+        g.globalAlpha = 1;
+      }
+      if (this.shows("paths")) {
+        const latest = new Array(n).fill(null);
+        for (const [time, robot, points] of this.data.paths) { if (time > now) break; latest[robot] = points; }
+        latest.forEach((points, i) => {
+          if (!points || points.length < 4) return;
+          flat(points); g.setLineDash([5 * ratio, 4 * ratio]); g.strokeStyle = w.robots[i][1]; g.lineWidth = 1.5 * ratio;
+          g.stroke(); g.setLineDash([]);
+        });
+      }
+      if (this.shows("rays") && this.data.rays_time.values.length) {
+        const times = this.data.rays_time.values, { shape, values } = this.data.rays;
+        let k = -1;
+        while (k + 1 < times.length && times[k + 1] / 10 <= now) k++;
+        if (k >= 0) {
+          g.fillStyle = colour("--bad");
+          const row = shape[1] * shape[2] * 2;
+          for (let i = k * row; i < (k + 1) * row; i += 2) if (values[i] !== NOWHERE) {
+            const [x, y] = px(values[i] / 100, values[i + 1] / 100);
+            g.fillRect(x - 1.5 * ratio, y - 1.5 * ratio, 3 * ratio, 3 * ratio);
+          }
+        }
+      }
+      w.people.forEach(([name, radius], i) => {
+        const place = this.point(this.data.people, f, i);
+        if (!place) return;
+        const [x, y] = px(...place);
+        g.beginPath(); g.arc(x, y, radius * scale, 0, 7);
+        g.fillStyle = colour("--person"); g.fill();
+        if (this.shows("names")) text(name, x, y - radius * scale - 3 * ratio, 9, colour("--soft"));
+      });
+      const said = [];
+      w.robots.forEach(([name, shade, radius], i) => {
+        const [x, y] = px(...places[i]), size = Math.max(radius * scale, 4 * ratio);
+        const yaw = (this.data.yaw.values[f * n + i] / 256) * 2 * Math.PI;
+        g.beginPath(); g.arc(x, y, size, 0, 7); g.fillStyle = shade; g.fill();
+        g.beginPath(); g.moveTo(x, y); g.lineTo(x + size * Math.cos(yaw), y - size * Math.sin(yaw));
+        g.strokeStyle = "#fff"; g.lineWidth = 2 * ratio; g.stroke();
+        const leader = this.data.leader.values[f * n + i];
+        if (this.shows("clusters") && leader === i && this.data.cluster.values.subarray(f * n, f * n + n).filter((c) => c === this.data.cluster.values[f * n + i]).length > 1) {
+          g.beginPath(); g.arc(x, y, size + 3 * ratio, 0, 7); g.strokeStyle = colour("--planning"); g.stroke();
+        }
+        if (this.shows("names")) text(name, x, y + size + 11 * ratio, 10, colour("--ink"));
+        said.push(`${name}: ${this.data.phases[this.data.phase.values[f * n + i]]}`);
+      });
+      if (this.shows("waits")) for (const [start, end, robot, cause, other, resource] of this.data.edges) {
+        if (now < start || now >= end) continue;
+        const from = px(...places[robot]);
+        const place = other < 0 ? null : cause === "human" ? this.point(this.data.people, f, other) : places[other];
+        const who = other < 0 ? resource : cause === "human" ? w.people[other][0] : w.robots[other][0];
+        said[robot] += `, ${cause}${who ? " " + who : ""}`;
+        if (!place) { g.beginPath(); g.arc(...from, 0.35 * scale, 0, 7); g.strokeStyle = colour("--bad"); g.lineWidth = 2 * ratio; g.stroke(); continue; }
+        this.arrow(g, from, px(...place), colour("--bad"), ratio);
+      }
+      this.status.textContent = said.join(" · ");
+    }
+
+    arrow(g, from, to, colour, ratio) {
+      const [dx, dy] = [to[0] - from[0], to[1] - from[1]], length = Math.hypot(dx, dy);
+      if (length < 1) return;
+      const [ux, uy] = [dx / length, dy / length], head = 9 * ratio;
+      g.strokeStyle = g.fillStyle = colour; g.lineWidth = 2.5 * ratio;
+      g.beginPath(); g.moveTo(...from); g.lineTo(to[0] - ux * head, to[1] - uy * head); g.stroke();
+      g.beginPath(); g.moveTo(...to);
+      g.lineTo(to[0] - ux * head - uy * head / 2, to[1] - uy * head + ux * head / 2);
+      g.lineTo(to[0] - ux * head + uy * head / 2, to[1] - uy * head - ux * head / 2);
+      g.fill();
+    }
+  }
+
+  async function start(root) {
+    if (root.dataset.state) return;
+    root.dataset.state = "loading";
+    try {
+      const data = await unpack(root.querySelector("script").textContent);
+      root.replay = new Replay(root, data);
+      root.dataset.state = "ready";
+      root.querySelector(".controls").hidden = false;
+      if (root.dataset.autoplay === "yes" && !reduced) root.replay.play();
+    } catch (error) {
+      root.dataset.state = "failed";
+      root.querySelector(".now").textContent = `The replay cannot be shown here: ${error.message}. The pictures below do not need it.`;
+    }
+  }
+
+  const watch = new IntersectionObserver((entries) => {
+    for (const entry of entries) if (entry.isIntersecting) { watch.unobserve(entry.target); start(entry.target); }
+  }, { rootMargin: "200px" });
+  for (const root of document.querySelectorAll(".replay")) watch.observe(root);
+})();
