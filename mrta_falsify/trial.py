@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mrta_falsify.campaign.attribution import suspected_layer
 from mrta_falsify.campaign.runner import point_digest
 from mrta_falsify.campaign.settings import TrialSettings
 from mrta_falsify.campaign.signature import signature
@@ -233,7 +234,7 @@ class Trials:
 
     def _judge(self, world: World, config: StackConfig) -> Judged:
         job = _job(self._settings, world, config)
-        return judge(job, keep_trace=bool(self._settings.directory))
+        return judge(job)
 
     def _finish(
         self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
@@ -249,6 +250,7 @@ class Trials:
             descriptors=judged.descriptors,
             score=score(judged.margins),
             signature=signature(judged.verdicts),
+            layer=suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
             trace_file=trace_file,
             trace_digest=outcome.trace.digest,
             engine=engine,

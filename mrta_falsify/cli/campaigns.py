@@ -1,4 +1,4 @@
-"""The commands around campaigns: campaign, list, show, replay, corpus, compare, report."""
+"""The commands around campaigns: campaign, list, show, replay, explain, corpus, compare, report."""
 
 from __future__ import annotations
 
@@ -611,4 +611,47 @@ def report(
         written.append(markdown)
     for file in written:
         click.echo(str(file))
+    return ExitCode.DONE
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.argument("name", metavar="ID")
+@click.option(
+    "--max-runs",
+    type=click.IntRange(1, 1000),
+    default=40,
+    show_default=True,
+    metavar="N",
+    help="Re-runs at most: one per changed layer, the rest with small differences.",
+)
+@format_option
+def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
+    """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
+
+    The answer is kept beside the trial and shown by `report`.
+    """
+    from mrta_falsify import campaigns, explaining  # noqa: PLC0415
+    from mrta_falsify.core import codec  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    found = explaining.explain(opened, opened.record(name), max_runs=max_runs, on_done=output.say)
+    if style == "json":
+        output.print_json(codec.encode(found))
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
+    if found.guess != found.layer:
+        out.print(f"the trace alone points to: {found.guess or 'none'}")
+    table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+    for column in (f"changed at {found.changed_at:.1f} s", "failure", "then"):
+        table.add_column(column)
+    for row in found.counterfactuals:
+        table.add_row(row.change, "gone" if row.failure_gone else "stays", row.detail)
+    out.print(table)
+    if found.jittered["runs"]:
+        out.print(
+            f"with small differences it fails in {found.jittered['failed']} of "
+            f"{found.jittered['runs']} runs"
+        )
     return ExitCode.DONE

@@ -1,0 +1,315 @@
+"""Why a failure happens: the same episode with one thing changed shortly before it.
+
+The episode is run up to a few seconds before the onset (and, if no change helps there, only to
+its first tick). From there copies of the whole process
+go on, each with one change: a layer replaced by the shipped reference, or by another
+implementation if it is the reference already; or one robot told to stay out of it. The copies
+share everything until the change, so what differs afterwards is its doing. Beside them the
+world is run with small differences, to tell failures that any change would cure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mrta_falsify.campaign.attribution import suspected_layer
+from mrta_falsify.campaign.signature import leading
+from mrta_falsify.campaign.store import Campaign, write_atomically
+from mrta_falsify.campaigns import stored_world
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.corpus import neighbours
+from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.trial import Job, campaign_specifications, judge, quick_stack
+from simulator_interface.simulate import Episode
+
+#: layers of the stack in the order in which they are asked; people and physics are not its own
+SUSPECTS = (
+    "queue_policy",
+    "waypoint_generator",
+    "planner",
+    "costmap",
+    "priority_rule",
+    "controller",
+    "allocator",
+)
+LEAD = 10.0  # s before the onset at which things are changed
+AFTER = 45.0  # s after the violation that a changed episode must survive
+JITTERED = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One thing that a copy of the episode does differently."""
+
+    layer: str  #: that is replaced, empty: a robot is
+    text: str  #: in words
+    config: StackConfig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """What a change did."""
+
+    layer: str
+    change: str
+    failure_gone: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """Why a failure happens, as far as re-runs can say."""
+
+    layer: str  #: suspected
+    guess: str  #: by rules on the trace alone
+    reason: str  #: in words
+    changed_at: float  #: [s]
+    counterfactuals: tuple[Finding, ...]
+    jittered: dict[str, int]  #: runs, failed
+    runs: int  #: episodes or continuations simulated
+
+
+def explain(
+    campaign: Campaign,
+    record: TrialRecord,
+    *,
+    max_runs: int = 40,
+    on_done: Callable[[str], None] = lambda text: None,
+) -> Explanation:
+    """Explain a stored failure and keep the explanation beside it.
+
+    Args:
+        campaign: it belongs to.
+        record: of the failure.
+        max_runs: episodes and continuations at most; jittered copies give way first.
+        on_done: called with a line about each finding.
+
+    Raises:
+        InputError: the trial did not fail, or its world is missing.
+    """
+    if not record.failed:
+        raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
+    settings = campaign.settings.trials
+    config = settings.stack
+    if record.engine != config.engine.name:
+        config = quick_stack(config)
+    job = Job(
+        world=stored_world(campaign, record),
+        config=config,
+        specifications=settings.specifications or campaign_specifications(),
+        early_stop=True,
+    )
+    found = explain_job(job, max_runs=max_runs, on_done=on_done)
+    folder = campaign.folder(record)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(codec.encode(found), indent=1) + "\n"
+    write_atomically(folder / "explain.json", text.encode())
+    return found
+
+
+def explain_job(
+    job: Job, *, max_runs: int = 40, on_done: Callable[[str], None] = lambda text: None
+) -> Explanation:
+    """Explain the failure of a job (see :func:`explain`)."""
+    judged = judge(job)
+    verdict = leading(judged.verdicts)
+    if verdict is None:
+        raise InputError("the run violates nothing; there is nothing to explain")
+    guess = suspected_layer(judged.verdicts, judged.outcome.trace)
+    at = moment_of_change(verdict)
+    changes = changes_of(job.config)[: max(1, max_runs - 1)]
+    findings = tuple(_continue(job, verdict, at, changes, on_done))
+    runs = 1 + len(findings)
+    if at > 0.0 and not any(finding.failure_gone for finding in findings):
+        # What was lost long before the onset is not mended by mending the layer that lost it.
+        at = 0.0
+        findings = tuple(_continue(job, verdict, at, changes, on_done))
+        runs += len(findings)
+    left = max(0, min(JITTERED, max_runs - runs))
+    jittered = _jittered(job, left)
+    layer, reason = verdict_on(findings, guess)
+    return Explanation(
+        layer=layer,
+        guess=guess,
+        reason=reason,
+        changed_at=at,
+        counterfactuals=findings,
+        jittered=jittered,
+        runs=runs + jittered["runs"],
+    )
+
+
+def moment_of_change(verdict: Verdict) -> float:
+    """When to change something: shortly before the onset if it is known, well before otherwise."""
+    onset = verdict.evidence.get("onset")
+    if isinstance(onset, float):
+        return max(0.0, onset - LEAD)
+    since = verdict.evidence.get("since", verdict.evidence.get("waiting_since"))
+    if isinstance(since, float):
+        return max(0.0, since - LEAD)
+    if verdict.spec in ("deadlines", "all_tasks_done"):
+        return 0.0  # whatever cost the time may be anywhere
+    return max(0.0, (verdict.violated_at or 0.0) - LEAD)
+
+
+def changes_of(config: StackConfig) -> list[Change]:
+    """One change per layer: to the reference, or to the others if it is the reference."""
+    reference = StackConfig()
+    changes = []
+    for layer in SUSPECTS:
+        choice: Choice = getattr(config, layer)
+        kept = tuple(name for name in config.defects if DEFECTS[name].layer != layer)
+        ours: Choice = getattr(reference, layer)
+        if choice != ours or kept != config.defects:
+            text = f"{_spaced(layer)}: the shipped {ours.name} instead of the one under test"
+            changed = dataclasses.replace(config, defects=kept, **{layer: ours})
+            changes.append(Change(layer=layer, text=text, config=changed))
+            continue
+        for name in registry.names(layer):
+            if name == choice.name:
+                continue
+            changed = dataclasses.replace(config, **{layer: Choice(name)})
+            text = f"{_spaced(layer)}: {name} instead of {choice.name}"
+            changes.append(Change(layer=layer, text=text, config=changed))
+    return changes
+
+
+def _spaced(layer: str) -> str:
+    return layer.replace("_", " ")
+
+
+def verdict_on(findings: Sequence[Finding], guess: str) -> tuple[str, str]:
+    """The suspected layer, and why.
+
+    A single layer whose change removes the failure is it. Of several, the one that the trace
+    points to; otherwise the first in the order of the pipeline, since what comes later acts on
+    what it is given.
+    """
+    cures = [finding.layer for finding in findings if finding.failure_gone]
+    layers = [layer for layer in SUSPECTS if layer in cures]
+    if not layers:
+        return guess, "no single change removes the failure; named by what the trace shows"
+    if len(layers) == 1:
+        return layers[0], "changing it, and nothing else, removes the failure"
+    named = ", ".join(_spaced(layer) for layer in layers)
+    if guess in layers:
+        return guess, f"changing any of {named} removes the failure; the trace points to this one"
+    return layers[0], f"changing any of {named} removes the failure; this one acts first"
+
+
+def _jittered(job: Job, count: int) -> dict[str, int]:
+    runs = [
+        judge(dataclasses.replace(job, world=world), keep_trace=False)
+        for world in neighbours(job.world, count)
+    ]
+    return {"runs": len(runs), "failed": sum(run.failed for run in runs)}
+
+
+# --- continuations -------------------------------------------------------------------------
+
+
+def _continue(
+    job: Job,
+    verdict: Verdict,
+    at: float,
+    changes: Sequence[Change],
+    on_done: Callable[[str], None],
+) -> Iterator[Finding]:
+    """Run to ``at`` [s] once, and from there once per change."""
+    specifications = build_specifications(job.specifications)
+    running = Episode(job.world, job.config)
+    for specification in specifications:
+        specification.start(job.world, running.dt)
+    frames = running.frames()
+    until = (verdict.violated_at or job.world.horizon) + AFTER
+    try:
+        for frame in frames:
+            for specification in specifications:
+                specification.update(frame)
+            if frame.sensed.time >= at:
+                break
+        for change in changes:
+            finding = _in_a_copy(
+                lambda change=change: _with(running, frames, specifications, verdict, change, until)
+            )
+            on_done(f"{'gone ' if finding.failure_gone else 'stays'}  {finding.change}")
+            yield finding
+    finally:
+        frames.close()
+
+
+def _with(
+    running: Episode,
+    frames: Iterator[Frame],
+    specifications: Sequence[Any],
+    verdict: Verdict,
+    change: Change,
+    until: float,
+) -> Finding:
+    running.swap(change.config)
+    own = [s for s in specifications if s.verdict().spec == verdict.spec]
+    violated = False
+    ended = "the time looked at was over"
+    for frame in frames:
+        for specification in own:
+            specification.update(frame)
+        time = frame.sensed.time
+        if frame.sensed.tick % 10 == 0 and any(s.verdict().violated for s in own):
+            violated = True
+            ended = f"violated again at {time:.1f} s"
+            break
+        if running.world.tasks and running.all_done:
+            ended = f"all tasks done at {time:.1f} s"
+            break
+        if time >= min(until, running.world.horizon):
+            ended = f"nothing violated until {time:.1f} s"
+            break
+    violated = violated or any(s.verdict().violated for s in own)
+    return Finding(layer=change.layer, change=change.text, failure_gone=not violated, detail=ended)
+
+
+def _in_a_copy(run: Callable[[], Finding]) -> Finding:
+    """``run()`` in a copy of this process, which is as it was afterwards."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            os.close(reader)
+            with os.fdopen(writer, "w") as pipe:
+                try:
+                    json.dump({"finding": codec.encode(run())}, pipe)
+                except Exception:
+                    json.dump({"error": traceback.format_exc()}, pipe)
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        text = pipe.read()
+    os.waitpid(child, 0)
+    data = json.loads(text) if text else {"error": "the copy ended without an answer"}
+    if "error" in data:
+        raise HarnessError(f"a re-run failed: {data['error'].strip().splitlines()[-1]}")
+    return codec.decode(Finding, data["finding"], where="re-run")
+
+
+def stored_explanation(folder: Path) -> Explanation | None:
+    """What :func:`explain` has kept in a trial's folder, if anything."""
+    path = folder / "explain.json"
+    if not path.is_file():
+        return None
+    return codec.decode(Explanation, codec.read_json(path), where=str(path))
