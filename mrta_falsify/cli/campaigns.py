@@ -1,4 +1,4 @@
-"""The commands around campaigns: campaign, list, show, replay, explain, corpus, compare, report."""
+"""The commands around campaigns, from `campaign` to `report`."""
 
 from __future__ import annotations
 
@@ -654,4 +654,46 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
             f"with small differences it fails in {found.jittered['failed']} of "
             f"{found.jittered['runs']} runs"
         )
+    return ExitCode.DONE
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.argument("name", metavar="ID")
+@click.option(
+    "--max-runs",
+    type=click.IntRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Simulations at most; a second call with more goes on.",
+)
+@format_option
+def minimize(directory: Path, name: str, max_runs: int, style: str) -> int:
+    """Find the smallest world that fails in the same way.
+
+    Removes people, furniture, events, robots and tasks, shortens the run and moves values to
+    nominal, as long as the failure keeps its signature. Writes world.min.json and
+    trace.min.zip beside the trial; `report` shows them beside the original.
+    """
+    from mrta_falsify import campaigns, minimising  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    record = opened.record(name)
+    with output.progress(f"minimize {record.id}", max_runs, "runs") as report_progress:
+        found = minimising.minimise(
+            opened, record, max_runs=max_runs, on_run=lambda runs, text: report_progress(runs)
+        )
+    data = {"id": record.id, **minimising.summary(found)}
+    if style == "json":
+        output.print_json(data)
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"failure    {found.signature}")
+    for group, (before, after) in found.counts.items():
+        if before:
+            out.print(f"{group:10} {before} -> {after}")
+    state = "1-minimal: nothing single can go" if found.one_minimal else "stopped by --max-runs"
+    out.print(f"runs       {found.runs}; {state}")
+    out.print(f"world      {opened.folder(record) / 'world.min.json'}")
     return ExitCode.DONE
