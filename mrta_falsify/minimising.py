@@ -238,7 +238,9 @@ class _Search:
                 items = getattr(self.world, group)
                 kept = items[:start] + items[start + size :]
                 gone = items[start : start + size]
-                if not self._try(_with(self.world, group, kept), _named(group, gone)):
+                # without robots or without tasks nothing can fail
+                hopeless = group in ("robots", "tasks") and not kept
+                if hopeless or not self._try(_with(self.world, group, kept), _named(group, gone)):
                     start += size
             if size == 1:
                 return

@@ -134,3 +134,16 @@ def _intent(robots: int, path: tuple, phase: Phase, ends: np.ndarray) -> Intent:
         queue=np.full(robots, -1),
         waits_for=("",) * robots,
     )
+
+
+@pytest.fixture(scope="session")
+def stalled():
+    """A world and its judged run in which one robot stalls for good (a planted defect)."""
+    from benchmarks.defects import worlds
+    from mrta_falsify.core.config import StackConfig
+    from mrta_falsify.trial import Job, judge, quick_stack
+
+    world = worlds.same_room_twice_stalls(0)
+    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    job = Job(world=world, config=config, early_stop=True, specifications=("no_deadlock",))
+    return world, judge(job)

@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import dataclasses
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core.verdict import Verdict
+from reports.campaign_page import Case, Counterfactual, Mode, Report, Trials, render
+from reports.sentences import edge_sentence, sentence
+from tests import browser
+
+
+@pytest.fixture(scope="module")
+def report(stalled):
+    world, judged = stalled
+    case = Case(
+        id="0007",
+        signature="no_deadlock/1:stalled/ward_0",
+        world=world,
+        trace=judged.outcome.trace,
+        verdicts=judged.verdicts,
+        facts=(("world digest", world.digest()),),
+        commands=(("Run it again", "mrta-falsify replay runs/a 0007 --verify 3"),),
+        layer="waypoint_generator",
+        identical=(3, 3),
+        jittered=(18, 20),
+        counterfactuals=(Counterfactual(change="planner: ompl", failure_gone=False),),
+    )
+    return Report(
+        title="a <b>bold</b> title",
+        headline="1 of 40 trials violates a specification, in one mode",
+        facts=(("trials", "40"),),
+        modes=(Mode(signature=case.signature, ids=("0007", "0012"), cases=(case,)),),
+        trials=Trials(
+            numbers=tuple(range(40)),
+            scores=tuple(0.5 - 0.02 * i for i in range(40)),
+            failed=tuple(i > 25 for i in range(40)),
+            places=np.tile(world.rooms[0].point, (40, 1)),
+        ),
+        errors=(("0003", "worker ended by signal 9"),),
+        floor=world,
+        stack="planner: astar",
+    )
+
+
+class _Reader(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.tags, self.addresses, self.text, self._skip = [], [], [], 0
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self.addresses += [value for name, value in attrs if name in ("src", "href")]
+        self._skip += tag in ("script", "style")
+
+    def handle_endtag(self, tag):
+        self._skip -= tag in ("script", "style")
+
+    def handle_data(self, data):
+        if not self._skip:
+            self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(report):
+    reader = _Reader()
+    reader.feed(render(report))
+    return reader
+
+
+def test_the_page_asks_for_nothing_outside_itself(page):
+    assert all(a.startswith(("data:", "#")) for a in page.addresses)
+    policy = [a["content"] for tag, a in page.tags if tag == "meta" and "http-equiv" in a]
+    assert policy[0].startswith("default-src 'none'")
+
+
+def test_text_from_names_is_escaped(page):
+    assert ("b", {}) not in page.tags
+    assert "a <b>bold</b> title" in "".join(page.text)
+
+
+def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
+    """What happened, to whom, when and where, why, whose fault; and how to see it again."""
+    text = " ".join("".join(page.text).split())
+    assert "robot1 is stuck for good" in text  # what, who
+    assert "(found at " in text
+    assert " s); it has stood since " in text  # when
+    assert "ward_0 (x " in text  # where
+    assert "robot1 has a goal and a free way, and does not drive." in text  # why
+    assert "suspected layer: waypoint_generator" in text  # whose fault
+    assert "mrta-falsify replay runs/a 0007 --verify 3" in text  # see it again
+    assert "replay: 3 of 3 identical" in text  # believe it
+    assert "worker ended by signal 9" in text  # errors are apart
+
+
+def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
+    empty = dataclasses.replace(report, modes=(), headline="None of 40 trials ...")
+    reader = _Reader()
+    reader.feed(render(empty))
+    assert "No violation was found. That is not a proof" in "".join(reader.text)
+    assert "script" not in [tag for tag, _ in reader.tags]
+
+
+@pytest.mark.parametrize(
+    ("cause", "expected"),
+    [
+        ("queue", "robot1 waits for ward_2, which robot2 holds or is before it in the queue."),
+        ("barrier", "robot1 cannot drive on because robot2 stands on its path."),
+        ("no-path", "robot1 has a goal but no path to it; robot2 cuts it off."),
+    ],
+)
+def test_edges_are_told_in_words(cause, expected):
+    edge = {"robot": "robot1", "cause": cause, "blocked_by": "robot2", "resource": "ward_2"}
+    assert edge_sentence(edge) == expected
+
+
+def test_a_verdict_is_told_with_time_and_names():
+    verdict = Verdict(
+        spec="no_robot_robot_contact", robustness=-0.01, violated=True, violated_at=12.34,
+        who=("robot1", "robot3"),
+    )  # fmt: skip
+    assert sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
+
+
+@pytest.fixture(scope="module")
+def open_page(report, tmp_path_factory):
+    if browser.find() is None:
+        pytest.skip("no Chromium on this machine")
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(render(report), encoding="utf-8")
+    with browser.browser() as running:
+        yield running, path
+
+
+@pytest.mark.browser
+def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
+    running, path = open_page
+    running.open(path)
+    running.value("document.querySelector('.replay').scrollIntoView()")
+    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    clock = "document.querySelector('.clock').textContent"
+    time = "document.querySelector('.replay').replay.time"
+
+    began = running.value(time)
+    running.click(".play")
+    running.wait(f"{time} > {began} + 1")
+    running.click(".play")
+    stopped = running.value(time)
+    assert running.value(clock).startswith(f"{stopped:.1f} s of ")
+
+    running.value(
+        "(() => { const s = document.querySelector('.replay input[type=range]'); s.value = 5; "
+        "s.dispatchEvent(new Event('input')); })()"
+    )
+    assert running.value(clock).startswith("5.0 s of ")
+
+    running.value("document.querySelector('.replay').focus()")
+    running.press("ArrowRight", "ArrowRight")
+    assert running.value(time) == pytest.approx(6.0)
+    running.press("Home", "Home")
+    assert running.value(time) == 0.0
+    assert "robot1: " in running.value("document.querySelector('.now').textContent")
+
+    own = [address for address in running.requests if address.startswith("file:")]
+    assert own == [path.resolve().as_uri()]
+    others = [a for a in running.requests if not a.startswith(("file:", "data:", "about:"))]
+    assert others == []
+    assert running.errors == []
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "mobile"), [(1280, False), (390, True)])
+def test_the_canvas_shows_the_floor_and_the_page_does_not_scroll_sideways(open_page, width, mobile):
+    running, path = open_page
+    running.open(path, width=width, height=800, mobile=mobile)
+    running.value("document.querySelector('.replay').scrollIntoView()")
+    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    colours = running.value(
+        "(() => { const c = document.querySelector('canvas'); "
+        "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; "
+        "const seen = new Set(); for (let i = 0; i < d.length; i += 4) "
+        "seen.add(`${d[i]},${d[i + 1]},${d[i + 2]},${d[i + 3]}`); return seen.size; })()"
+    )
+    assert colours > 5
+    assert running.value("document.documentElement.scrollWidth") <= width
+    assert Path(path).is_file()

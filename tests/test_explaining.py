@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.defects import worlds
+from mrta_falsify.campaign.attribution import suspected_layer
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.explaining import Finding, changes_of, explain_job, verdict_on
+from mrta_falsify.trial import Job, quick_stack
+
+
+def _job(defect, *specifications):
+    return Job(
+        world=getattr(worlds, defect)(0),
+        config=quick_stack(StackConfig(defects=(defect,))),
+        specifications=specifications,
+        early_stop=True,
+    )
+
+
+@pytest.mark.slow
+def test_the_layer_whose_replacement_cures_the_failure_is_named():
+    found = explain_job(_job("room_freed_while_parked", "exclusive_use"), max_runs=8)
+    assert found.layer == "queue_policy"
+    gone = {finding.layer for finding in found.counterfactuals if finding.failure_gone}
+    assert gone == {"queue_policy"}
+    assert found.runs <= 8 + 6
+
+
+@pytest.mark.slow
+def test_what_costs_a_deadline_is_looked_for_from_the_start():
+    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=6)
+    assert found.layer == "planner"
+    assert found.changed_at == 0.0
+
+
+def test_a_run_that_holds_has_nothing_to_explain():
+    world = worlds.room_freed_while_parked(0)
+    job = Job(world=world, config=quick_stack(StackConfig()), specifications=("exclusive_use",))
+    with pytest.raises(InputError, match="violates nothing"):
+        explain_job(job)
+
+
+def test_a_layer_under_test_is_replaced_by_the_reference_and_the_reference_by_others():
+    config = StackConfig(priority_rule=Choice("distance_to_goal"), engine=Choice("kinematic"))
+    changes = changes_of(config)
+    rules = [c.config.priority_rule.name for c in changes if c.layer == "priority_rule"]
+    planners = [c.config.planner.name for c in changes if c.layer == "planner"]
+    assert rules == ["fixed"]
+    assert planners == ["ompl"]
+    assert all(c.config.engine.name == "kinematic" for c in changes)
+
+
+@pytest.mark.parametrize(
+    ("cured", "guess", "expected"),
+    [
+        ([], "planner", "planner"),
+        (["controller"], "planner", "controller"),
+        (["controller", "queue_policy"], "controller", "controller"),
+        (["controller", "queue_policy"], "planner", "queue_policy"),
+    ],
+)
+def test_one_layer_is_named_from_what_cured_the_failure(cured, guess, expected):
+    findings = [
+        Finding(layer=layer, change=layer, failure_gone=layer in cured)
+        for layer in ("queue_policy", "planner", "controller")
+    ]
+    assert verdict_on(findings, guess)[0] == expected
+
+
+def test_the_trace_alone_gives_a_first_guess(stalled):
+    _, judged = stalled
+    assert suspected_layer(judged.verdicts, judged.outcome.trace) == "waypoint_generator"
+    assert suspected_layer((), judged.outcome.trace) == ""

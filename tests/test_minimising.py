@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from benchmarks.defects import worlds
+from mrta_falsify.campaign.signature import signature
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
+from mrta_falsify.minimising import minimise_job, share_removed
+from mrta_falsify.trial import Job, judge, quick_stack
+
+
+@pytest.fixture(scope="module")
+def cluttered():
+    """A stalled robot with a person, a chair and an idle robot that have no part in it."""
+    world = worlds.same_room_twice_stalls(0)
+    far = world.rooms[-1].point
+    crowd = dataclasses.replace(
+        world,
+        robots=(*world.robots, RobotSpec(name="spare", pose=frozen_array([*far, 0.0]))),
+        humans=(HumanSpec(name="visitor", route=frozen_array([(far[0] + 1.0, far[1] + 1.5)])),),
+        furniture=(
+            *world.furniture,
+            Furniture(
+                name="chair",
+                kind="chair",
+                polygon=rectangle(0.4, 0.4, (far[0] - 1.5, far[1] + 1.5)),
+            ),
+        ),
+    )
+    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    return Job(world=crowd, config=config, specifications=("no_deadlock",), early_stop=True)
+
+
+@pytest.mark.slow
+def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered):
+    found = minimise_job(cluttered, max_runs=60)
+    world = found.world
+    assert found.one_minimal
+    assert [robot.name for robot in world.robots] == ["robot1"]
+    assert world.humans == ()
+    assert "chair" not in [item.name for item in world.furniture]
+    assert world.horizon < cluttered.world.horizon
+    assert share_removed(found) > 0.4
+    assert found.signature == signature(judge(cluttered).verdicts)
+    again = judge(dataclasses.replace(cluttered, world=world))
+    assert again.outcome.trace.digest == found.judged.outcome.trace.digest
+    for number in range(len(world.tasks)):
+        tasks = world.tasks[:number] + world.tasks[number + 1 :]
+        without = dataclasses.replace(cluttered, world=dataclasses.replace(world, tasks=tasks))
+        assert signature(judge(without).verdicts) != found.signature
+
+
+@pytest.mark.slow
+def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
+    cache = tmp_path / "cache.jsonl"
+    few = minimise_job(cluttered, max_runs=3, cache=cache)
+    assert few.runs == 3
+    assert not few.one_minimal
+    seen = []
+    more = minimise_job(
+        cluttered, max_runs=6, cache=cache, on_run=lambda runs, text: seen.append(runs)
+    )
+    assert seen == [4, 5, 6]
+    assert more.runs == 6
+
+
+def test_a_run_that_holds_cannot_be_minimised(cluttered):
+    healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
+    with pytest.raises(InputError, match="violates nothing"):
+        minimise_job(healthy)
+
+
+@pytest.mark.slow
+def test_values_move_to_nominal_where_the_failure_does_not_need_them(cluttered):
+    noisy = tuple(
+        dataclasses.replace(robot, position_noise=0.003) for robot in cluttered.world.robots
+    )
+    job = dataclasses.replace(
+        cluttered, world=dataclasses.replace(cluttered.world, robots=noisy, ray_noise=0.001)
+    )
+    found = minimise_job(job, max_runs=60)
+    assert np.all([robot.position_noise == 0.0 for robot in found.world.robots])
+    assert "noise and delays of robots" in found.removed
