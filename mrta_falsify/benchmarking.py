@@ -5,14 +5,13 @@ Layers are measured through their protocols, so any registered implementation ca
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.protocols import Controller, ControlView, Planner
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Furniture, RobotSpec, Task, World
-from mrta_falsify.stack.control import steering
+from mrta_falsify.stack.control.steering import Scene, Steering
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import Episode
@@ -320,43 +319,40 @@ def _time_controller(config: StackConfig, robots: int) -> tuple[dict[str, float]
     for view in views[:20]:
         controller.control(view)
     spent = np.array([_timed(functools.partial(controller.control, view)) for view in views])
-    controller = _controller(config)
-    with _joint_programs() as programs:
-        for view in views:
-            controller.control(view)
-    solved = np.array(programs[20:])
-    return _percentiles(spent), _percentiles(solved) if len(solved) else None
+    return _percentiles(spent), _time_program(_controller(config), views)
+
+
+@runtime_checkable
+class _BarrierController(Controller, Protocol):
+    """A controller built on our barrier program, whose parts can be timed alone."""
+
+    steering: Steering
+
+    def scene(self, view: ControlView) -> Scene:
+        """What is steered at this tick."""
+
+
+def _time_program(controller: Controller, views: Sequence[ControlView]) -> dict[str, float] | None:
+    """Assembly of limits and rows, and one solve for all robots."""
+    if not isinstance(controller, _BarrierController):
+        return None
+    steering = controller.steering
+    spent = []
+    for view in views:
+        scene = controller.scene(view)
+        before = time.perf_counter()
+        program = steering.program(view, scene)
+        assembled = time.perf_counter() - before
+        joint = program.as_one()
+        before = time.perf_counter()
+        steering.solve(joint, always=True)
+        spent.append(assembled + time.perf_counter() - before)
+        controller.control(view)
+    return _percentiles(np.array(spent[20:]))
 
 
 def _percentiles(seconds: Array) -> dict[str, float]:
     return {"p50": _ms(seconds, 50.0), "p99": _ms(seconds, 99.0)}
-
-
-@contextlib.contextmanager
-def _joint_programs() -> Iterator[list[float]]:
-    """Seconds of every barrier program that is assembled and solved inside."""
-    inside = vars(steering)
-    assemble, solve = inside["_rows"], inside["solve_fleet"]
-    spent: list[float] = []
-
-    def timed_assemble(*args: Any) -> Any:
-        before = time.perf_counter()
-        rows = assemble(*args)
-        spent.append(time.perf_counter() - before)
-        return rows
-
-    def timed_solve(rows: Any, *args: Any, **options: Any) -> Any:
-        joint = dataclasses.replace(rows, component=np.zeros_like(rows.component))
-        before = time.perf_counter()
-        solve(joint, *args, **options, always=True)
-        spent[-1] += time.perf_counter() - before
-        return solve(rows, *args, **options)
-
-    inside.update(_rows=timed_assemble, solve_fleet=timed_solve)
-    try:
-        yield spent
-    finally:
-        inside.update(_rows=assemble, solve_fleet=solve)
 
 
 def _time_controller_init(config: StackConfig) -> float:

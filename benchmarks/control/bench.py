@@ -11,7 +11,6 @@ measured. Columns [ms], p50 and p99:
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 import time
 from pathlib import Path
@@ -21,7 +20,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "stack"))
 from control_course import Course, box, line
 
-from mrta_falsify.stack.control import steering
 from mrta_falsify.stack.control.cluster import ClusterCbf
 
 
@@ -57,38 +55,29 @@ def measure(n: int) -> str:
         course.step(controller)
         if course.arrived().all():
             break
-    calls: list[tuple] = []
-    rows_of, solve = steering._rows, steering.solve_fleet
-    steering._rows = lambda *args: (calls.append((args,)), rows_of(*args))[1]
-
-    def recorded(*args, **options):
-        calls[-1] += (args, options)
-        return solve(*args, **options)
-
-    steering.solve_fleet = recorded
     controller = ClusterCbf(ClusterCbf.Options())
-    for view in views:
-        controller.control(view)
-    steering._rows, steering.solve_fleet = rows_of, solve
+    steering = controller.steering
     joint, used, fast = [], [], 0
-    for assembly, arguments, options in calls:
+    for view in views:
+        scene = controller.scene(view)
 
-        def together(assembly=assembly, arguments=arguments, options=options):
-            rows = dataclasses.replace(rows_of(*assembly), component=np.zeros(n, dtype=np.int64))
-            return solve(rows, *arguments[1:], **options, always=True)
+        def together(view=view, scene=scene):
+            return steering.solve(steering.program(view, scene).as_one(), always=True)
+
+        def as_used(view=view, scene=scene):
+            return steering.solve(steering.program(view, scene))
 
         joint.append(spent(together))
-        used.append(
-            spent(lambda a=assembly, b=arguments, o=options: solve(rows_of(*a), *b[1:], **o))
-        )
-        fast += solve(*arguments, **options).solved == 0
+        used.append(spent(as_used))
+        fast += as_used().solved == 0
+        controller.control(view)
     controller = ClusterCbf(ClusterCbf.Options())
     whole = [spent(lambda view=view: controller.control(view), 1) for view in views]
     cells = "".join(
         f"{np.percentile(times, 50):9.3f}{np.percentile(times, 99):9.3f}"
         for times in (joint, used, whole)
     )
-    return f"{n:6d}{cells}{fast / len(calls):9.0%}"
+    return f"{n:6d}{cells}{fast / len(views):9.0%}"
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,10 +37,7 @@ class FixedOrder:
 
     def ranks(self, view: PriorityView) -> IntArray:
         """See :class:`~mrta_falsify.core.protocols.PriorityRule`."""
-        n = len(view.active)
-        first = [robot for robot in self._options.order if robot < n]
-        rest = [robot for robot in reversed(range(n)) if robot not in first]
-        return _ranks_of(np.array(first + rest, dtype=np.int64))
+        return _fixed_ranks(self._options.order, len(view.active)).copy()
 
 
 class DistanceToGoal:
@@ -55,6 +53,14 @@ class DistanceToGoal:
     def ranks(self, view: PriorityView) -> IntArray:
         """See :class:`~mrta_falsify.core.protocols.PriorityRule`."""
         return _ranks_of(np.argsort(view.distance_to_goal, kind="stable"))
+
+
+@functools.lru_cache(maxsize=16)
+def _fixed_ranks(order: tuple[int, ...], n: int) -> IntArray:
+    """Ranks of ``n`` robots: the listed ones, then the others, the largest number first."""
+    first = [robot for robot in order if robot < n]
+    rest = [robot for robot in reversed(range(n)) if robot not in first]
+    return _ranks_of(np.array(first + rest, dtype=np.int64))
 
 
 def _ranks_of(order: IntArray) -> IntArray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -52,6 +53,7 @@ from mrta_falsify.stack.refuges import APART, choose_refuge, refuges_of
 from mrta_falsify.stack.room_queues import Queue, QueueState
 from mrta_falsify.stack.waypoints import join
 
+NOT_A_POINT = (math.nan, math.nan)
 LOOK_AHEAD = 0.5  # m, MRTA-Sim
 AT_REST = 0.1  # m/s, slow enough to load and unload
 AT_PATH_END = 0.15  # m, controllers stop within 0.1 m of their goal
@@ -64,6 +66,10 @@ NO_PATH_DELAY = 120.0  # s that a robot without a path is expected to be late
 IN_THE_WAY_AFTER = 5.0  # s without progress, then an idle robot ahead is sent away
 CLEARED = 1.5  # m of a stuck robot's path that idle robots have to clear
 
+# Bound once: up to Python 3.11 each `Phase.X` costs ten times a plain name, and every robot
+# is asked for its phase several times a tick.
+OFF, IDLE, DRIVING, QUEUEING, PLANNING, SERVING, MAKING_ROOM = Phase
+
 #: where a robot's route leads
 NOWHERE, TO_ROOM, TO_SPOT, TO_PARKING = "", "room", "spot", "parking"
 
@@ -74,7 +80,7 @@ class Mission:
 
     itinerary: list[Stop] = field(default_factory=list)
     onboard: list[int] = field(default_factory=list)
-    phase: Phase = Phase.OFF
+    phase: Phase = OFF
     aim: str = NOWHERE
     room: int = -1  #: room it was in last
     place: int = -1  #: place in the queue it stands in, -1: none
@@ -170,7 +176,7 @@ class Stack:
                     if queue.resource.room is not None:
                         missions[robot].room = queue.resource.room
             if missions[robot].room < 0 and self._points:
-                gaps = [float(np.hypot(*(point - position))) for point in self._points]
+                gaps = [_distance(point, position) for point in self._points]
                 missions[robot].room = int(np.argmin(gaps))
         return StackState(
             missions=missions,
@@ -237,8 +243,8 @@ class Stack:
 
     def _join(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
         for robot, mission in enumerate(state.missions):
-            if mission.phase == Phase.OFF and fleet.time >= self._world.robots[robot].joins_at:
-                mission.phase = Phase.IDLE
+            if mission.phase is OFF and fleet.time >= self._world.robots[robot].joins_at:
+                mission.phase = IDLE
                 events.append(StackEvent(time=fleet.time, kind="joined", robot=robot))
 
     @staticmethod
@@ -262,7 +268,7 @@ class Stack:
                     onboard=tuple(mission.onboard),
                     room=mission.room,
                     first_ends=self._first_stop_ends(mission, fleet.pose[robot, :2], fleet.time),
-                    reachable=mission.phase != Phase.OFF and bool(links.dispatcher[robot]),
+                    reachable=mission.phase is not OFF and bool(links.dispatcher[robot]),
                 )
                 for robot, mission in enumerate(state.missions)
             ]
@@ -289,7 +295,7 @@ class Stack:
             rest, *_, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
             drive = (length + path_length(np.vstack([rest[-1:], way.route[2:]]))) / MEAN_SPEED
             if mission.aim == TO_SPOT:
-                drive += float(np.hypot(*(self._points[stop.room] - way.route[-1]))) / MEAN_SPEED
+                drive += _distance(self._points[stop.room], way.route[-1]) / MEAN_SPEED
         return time + drive + service
 
     def _pursue(
@@ -301,14 +307,14 @@ class Stack:
         events: list[StackEvent],
     ) -> None:
         """Work on the next stop: serve it, ask for its room, or find the way there."""
-        if mission.phase == Phase.OFF:
+        if mission.phase is OFF:
             return
         self._serve(state, robot, mission, fleet, events)
         if not mission.itinerary:
             if mission.aim != TO_PARKING:
                 if mission.aim != NOWHERE or mission.way.is_going:
                     mission.way.stop()
-                mission.aim, mission.phase, mission.stops_short_of = NOWHERE, Phase.IDLE, -1
+                mission.aim, mission.phase, mission.stops_short_of = NOWHERE, IDLE, -1
                 mission.place = -1
             return
         if mission.serve_until >= 0.0:
@@ -334,7 +340,7 @@ class Stack:
             waiter = Waiter(
                 robot=robot,
                 since=fleet.time,
-                distance=float(np.hypot(*(self._points[room] - position))),
+                distance=_distance(self._points[room], position),
                 deadline=self._next_deadline(mission),
             )
             if queue.ask(memory, waiter):
@@ -371,7 +377,7 @@ class Stack:
                 mission.serve_until = fleet.time + service + self._visit_time(state, robot, stop)
                 mission.room, mission.place = stop.room, -1
                 mission.way.stop()
-                mission.aim, mission.phase = NOWHERE, Phase.SERVING
+                mission.aim, mission.phase = NOWHERE, SERVING
             if fleet.time < mission.serve_until:
                 return
             mission.serve_until = -1.0
@@ -388,7 +394,7 @@ class Stack:
             )
             again = mission.itinerary and mission.itinerary[0].room == stop.room
             if again and "same_room_twice_stalls" in self._defects:
-                mission.aim, mission.phase = "stalled", Phase.DRIVING
+                mission.aim, mission.phase = "stalled", DRIVING
                 return
 
     def _has_arrived(
@@ -416,7 +422,7 @@ class Stack:
     def _head_for_room(
         self, mission: Mission, room: int, position: Array, *, from_spot: bool
     ) -> None:
-        mission.phase = Phase.DRIVING
+        mission.phase = DRIVING
         if mission.aim == TO_ROOM:
             return
         index = self._queue_of_room.get(room)
@@ -478,14 +484,14 @@ class Stack:
     @staticmethod
     def _note_waiting(mission: Mission, position: Array) -> None:
         """Queueing as soon as the robot stands at its place; a little later on the way back."""
-        reach = 2.0 * SPOT_REACHED if mission.phase == Phase.QUEUEING else SPOT_REACHED
+        reach = 2.0 * SPOT_REACHED if mission.phase is QUEUEING else SPOT_REACHED
         arrived = (
             mission.stops_short_of < 0
             and mission.place >= 0
             and len(mission.way.route) > 0
             and _is_at(mission.way.route[-1], position, reach, mission.way)
         )
-        mission.phase = Phase.QUEUEING if arrived else Phase.DRIVING
+        mission.phase = QUEUEING if arrived else DRIVING
 
     @staticmethod
     def _is_near_spot(queue: Queue, position: Array) -> bool:
@@ -525,7 +531,7 @@ class Stack:
         self, queue: Queue, memory: QueueState, robot: int, mission: Mission, fleet: FleetState
     ) -> bool:
         """Whether a holder that has no further stop in the room gives it back."""
-        has_finished = not mission.itinerary and mission.phase in (Phase.IDLE, Phase.MAKING_ROOM)
+        has_finished = not mission.itinerary and mission.phase in (IDLE, MAKING_ROOM)
         if has_finished and "room_freed_while_parked" in self._defects:
             return True
         if queue.resource.hold == "until_served" and robot in memory.entered:
@@ -563,7 +569,7 @@ class Stack:
             if mission.aim == TO_PARKING:
                 self._end_parking(mission, robot, fleet)
             if (
-                mission.phase == Phase.IDLE
+                mission.phase is IDLE
                 and mission.aim == NOWHERE
                 and not mission.itinerary
                 and fleet.time >= mission.park_at
@@ -592,7 +598,7 @@ class Stack:
         else:
             return
         mission.way.stop()
-        mission.aim, mission.phase = NOWHERE, Phase.IDLE
+        mission.aim, mission.phase = NOWHERE, IDLE
 
     def _wanted_queues(self, state: StackState) -> dict[int, int]:
         """Resources that somebody waits for or is on the way to, and who that is."""
@@ -631,7 +637,7 @@ class Stack:
             if stuck:
                 x, y, _ = fleet.pose[other]
                 ahead = cut_path(look_along(way.path, x, y, LOOK_AHEAD)[0], CLEARED)
-            covers_end = np.hypot(*(end - position)) < APART
+            covers_end = _distance(end, position) < APART
             if covers_end or is_within(ahead, position, APART):
                 avoid = np.vstack([ahead, end[None, :]])
                 self._send_away(state, robot, fleet, events, other=other, avoid=avoid)
@@ -661,7 +667,7 @@ class Stack:
         if place < 0:
             mission.unreachable.clear()
             return
-        mission.parking, mission.aim, mission.phase = place, TO_PARKING, Phase.MAKING_ROOM
+        mission.parking, mission.aim, mission.phase = place, TO_PARKING, MAKING_ROOM
         mission.way.head_for(self._refuges.points[place][None, :])
         events.append(
             StackEvent(time=fleet.time, kind="makes-room", robot=robot, resource=name, other=other)
@@ -737,18 +743,21 @@ class Stack:
     @staticmethod
     def _look_ahead(state: StackState, fleet: FleetState) -> Views:
         """Every robot's way ahead."""
-        n = len(state.missions)
-        views = Views(
-            rest=[NO_POINTS] * n, target=np.full((n, 2), np.nan), length=np.full(n, np.inf)
-        )
-        for robot, mission in enumerate(state.missions):
+        rests, targets, lengths = [], [], []
+        for mission, (x, y, _) in zip(state.missions, fleet.pose.tolist(), strict=True):
             way = mission.way
-            if len(way.path) and way.is_going:
-                x, y, _ = fleet.pose[robot]
+            rest, target, length = NO_POINTS, NOT_A_POINT, math.inf
+            if len(way.path) and len(way.route):
                 rest, target_x, target_y, length = look_along(way.path, x, y, LOOK_AHEAD)
-                views.rest[robot], views.length[robot] = rest, length
-                views.target[robot] = target_x, target_y
-        return views
+                target = target_x, target_y
+            rests.append(rest)
+            targets.append(target)
+            lengths.append(length)
+        return Views(
+            rest=rests,
+            target=np.array(targets, dtype=np.float64).reshape(-1, 2),
+            length=np.array(lengths, dtype=np.float64),
+        )
 
     def _limit(
         self, state: StackState, views: Views, fleet: FleetState, events: list[StackEvent]
@@ -761,7 +770,7 @@ class Stack:
                 limit = max(0.0, enter - STOP_SHORT)
                 views.shorten(robot, limit, fleet.pose[robot])
                 waits = mission.place >= 0 and limit <= SPOT_REACHED
-                mission.phase = Phase.QUEUEING if waits else Phase.DRIVING
+                mission.phase = QUEUEING if waits else DRIVING
         if not self._areas:
             return
         travellers = [
@@ -786,25 +795,29 @@ class Stack:
         self, state: StackState, views: Views, fleet: FleetState, links: Links
     ) -> tuple[Command, Intent]:
         missions = state.missions
-        active = np.zeros(len(missions), dtype=np.bool_)
+        active = []
         goal = np.full((len(missions), 2), np.nan)
-        for robot, mission in enumerate(missions):
-            active[robot] = mission.phase == Phase.SERVING
-            if not len(views.rest[robot]):
+        waypoint = np.full((len(missions), 2), np.nan)
+        for robot, (mission, rest) in enumerate(zip(missions, views.rest, strict=True)):
+            if len(mission.way.route):
+                waypoint[robot] = mission.way.route[0]
+            if not len(rest):
+                active.append(mission.phase is SERVING)
                 continue
-            goal[robot] = views.rest[robot][-1]
-            at_spot = mission.phase == Phase.QUEUEING and views.length[robot] < SPOT_REACHED
+            goal[robot] = rest[-1]
+            at_spot = mission.phase is QUEUEING and views.length[robot] < SPOT_REACHED
             if at_spot:
                 views.target[robot] = np.nan
-            active[robot] = not at_spot and mission.standing is None
+            active.append(not at_spot and mission.standing is None)
+        is_active = np.array(active, dtype=np.bool_)
         waiting_since = [
-            m.moved_at if fleet.time - m.moved_at > RETRY else np.inf for m in missions
+            m.moved_at if fleet.time - m.moved_at > RETRY else math.inf for m in missions
         ]
         ranks = self._priority.ranks(
             PriorityView(
                 time=fleet.time,
                 pose=fleet.pose,
-                active=active,
+                active=is_active,
                 distance_to_goal=views.length,
                 waiting_since=np.array(waiting_since),
             )
@@ -817,8 +830,8 @@ class Stack:
             target=views.target,
             goal=goal,
             path=tuple(views.rest),
-            active=active,
-            present=np.array([m.phase != Phase.OFF for m in missions], dtype=np.bool_),
+            active=is_active,
+            present=np.array([m.phase is not OFF for m in missions], dtype=np.bool_),
             rank=ranks,
             obstacle_points=fleet.obstacle_points,
             human_position=fleet.human_position,
@@ -831,12 +844,10 @@ class Stack:
             max_turn_rate=self._max_turn_rate,
         )
         result = state.controller.control(view)
-        nowhere = (np.nan, np.nan)
-        waypoints = [m.way.route[0] if len(m.way.route) else nowhere for m in missions]
         intent = Intent(
             phase=np.array([_phase_of(m) for m in missions], dtype=np.int64),
             goal=self._final_goals(state),
-            waypoint=np.array(waypoints, dtype=np.float64).reshape(-1, 2),
+            waypoint=waypoint,
             path=tuple(m.way.path for m in missions),
             cluster=result.cluster,
             leader=result.leader,
@@ -887,6 +898,11 @@ class Views:
         self.target[robot] = x, y
 
 
+def _distance(point: Array, other: Array) -> float:
+    """Distance [m] of two points ``(2,)``."""
+    return float(np.hypot(point[0] - other[0], point[1] - other[1]))
+
+
 def _is_at(point: Array, position: Array, reach: float, way: Way) -> bool:
     """Whether a robot is where it wants to be: near the point, or as near as its path leads.
 
@@ -898,8 +914,7 @@ def _is_at(point: Array, position: Array, reach: float, way: Way) -> bool:
     if not len(way.path) or len(way.route) > 1:
         return False
     end = way.path[-1]
-    moved = np.hypot(end[0] - point[0], end[1] - point[1]) <= ROOM_REACHED
-    return bool(moved and np.hypot(end[0] - position[0], end[1] - position[1]) <= AT_PATH_END)
+    return _distance(end, point) <= ROOM_REACHED and _distance(end, position) <= AT_PATH_END
 
 
 def _way_ahead(way: Way, rest: Array) -> Array:
@@ -912,6 +927,6 @@ def _way_ahead(way: Way, rest: Array) -> Array:
 def _phase_of(mission: Mission) -> int:
     if mission.standing is not None:
         return int(mission.standing)
-    if mission.phase == Phase.DRIVING and mission.way.is_going and not len(mission.way.path):
-        return int(Phase.PLANNING)
+    if mission.phase is DRIVING and mission.way.is_going and not len(mission.way.path):
+        return int(PLANNING)
     return int(mission.phase)

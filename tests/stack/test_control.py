@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from control_course import Course, line
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from mrta_falsify.stack.control import qp
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import Choice
+from mrta_falsify.stack.control import qp, yielding
 from mrta_falsify.stack.control.barrier import (
     OBSTACLE,
     ROBOT,
@@ -21,6 +24,7 @@ from mrta_falsify.stack.control.clusters import connected_clusters, elect_leader
 from mrta_falsify.stack.control.lookahead import lookahead_point, remaining_path
 from mrta_falsify.stack.control.memory import SECTORS, remember_points
 from mrta_falsify.stack.control.options import CbfOptions
+from mrta_falsify.stack.control.survey import _sorted_by, _without_leader
 
 KINDS = kind_table(CbfOptions())
 
@@ -187,6 +191,96 @@ def test_hits_on_another_robot_are_left_to_the_pair_rows():
     assert not np.isfinite(seen_points).any()
 
 
+# --- survey and manoeuvres --------------------------------------------------------------
+
+
+@given(st.permutations(range(7)))
+@settings(deadline=None)
+def test_robots_are_ordered_by_their_keys(keys):
+    order = _sorted_by(np.array(keys, dtype=np.int64))
+    assert [keys[robot] for robot in order] == sorted(keys)
+
+
+@pytest.mark.parametrize(
+    ("remote_at", "alone_before", "speed", "expected"),
+    [
+        (9.9, False, 0.5, [True, False, False]),  # repeats the last command
+        (9.0, False, 0.5, [False, True, False]),  # which is too old now: brakes
+        (9.0, False, 0.0, [False, False, True]),  # at rest: goes on by itself
+        (9.0, True, 0.5, [False, False, True]),  # and stays so while it drives
+        (-np.inf, False, 0.5, [False, False, True]),  # led itself all the time
+    ],
+)
+def test_robot_without_its_leader_repeats_then_brakes_then_goes_alone(
+    remote_at, alone_before, speed, expected
+):
+    yes, no = np.ones(1, dtype=bool), np.zeros(1, dtype=bool)
+    lost = _without_leader(
+        np.array([[speed, 0.0, 0.0]]),
+        yes,
+        yes,
+        no,
+        np.array([remote_at]),
+        np.array([alone_before]),
+        10.0,
+        0.25,
+    )
+    assert lost[:, 0].tolist() == expected
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_motions_in_boxes_apart_never_conflict(seed):
+    rng = np.random.default_rng(seed)
+    steps = rng.normal(scale=0.1, size=(2, yielding.SAMPLES, 2))
+    one, other = np.cumsum(steps, axis=1) + rng.uniform(-1.5, 1.5, (2, 1, 2))
+    boxes = np.empty((2, 4))
+    yielding._fill_box(one, boxes[0])
+    yielding._fill_box(other, boxes[1])
+    if yielding._are_apart(boxes[0], boxes[1], 0.72):
+        assert yielding._conflict(one, other, 0.72) == np.inf
+    nearest = np.linalg.norm(one[:, None] - other[None], axis=2).min()
+    if nearest < 0.72:
+        assert not yielding._are_apart(boxes[0], boxes[1], 0.72)
+
+
+# --- steering ---------------------------------------------------------------------------
+
+
+def head_on():
+    ends = [(-2.0, 0.0), (2.0, 0.1)]
+    return Course(
+        pose=[[*ends[0], 0.0], [*ends[1], np.pi]],
+        paths=[line(*ends, spacing=0.05), line(*ends[::-1], spacing=0.05)],
+    )
+
+
+@pytest.mark.parametrize("name", ["cluster_cbf", "decentralised_cbf"])
+def test_asking_for_the_scene_changes_no_command(name):
+    poses = []
+    for asks in (True, False):
+        course, controller = head_on(), registry.build("controller", Choice(name))
+        for _ in range(60):
+            if asks:
+                controller.scene(course.view())
+            course.step(controller)
+        poses.append(course.pose.tobytes())
+    assert poses[0] == poses[1]
+
+
+def test_joint_program_couples_robots_that_would_be_solved_apart():
+    course = head_on()
+    controller = registry.build("controller", Choice("cluster_cbf"))
+    view = course.view()
+    program = controller.steering.program(view, controller.scene(view))
+    assert program.rows.component.tolist() == [0, 1]
+    assert program.as_one().rows.component.tolist() == [0, 0]
+    apart = controller.steering.solve(program, always=True)
+    joint = controller.steering.solve(program.as_one(), always=True)
+    assert (apart.solved, joint.solved) == (2, 1)
+    np.testing.assert_allclose(apart.inputs, joint.inputs, atol=1e-3)
+
+
 # --- programs ---------------------------------------------------------------------------
 
 
@@ -216,7 +310,14 @@ def solve(rows, reference, **options):
     n = len(reference)
     limit = np.tile([1.0, 2.0], (n, 1))
     return qp.solve_fleet(
-        rows, reference, np.zeros((n, 2)), -limit, limit, np.ones(n), slack_weight=50.0, **options
+        rows,
+        reference,
+        lambda: np.zeros((n, 2)),
+        -limit,
+        limit,
+        np.ones(n),
+        slack_weight=50.0,
+        **options,
     )
 
 

@@ -27,18 +27,6 @@ EFFORT = 0.98  # no row asks for more than this share of what the inputs can giv
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Things:
-    """What each robot must keep clear of on its own; T entries per robot."""
-
-    position: Array  #: (N, T, 2) [m], map frame
-    velocity: Array  #: (N, T, 2) [m/s], map frame
-    gap: Array  #: (N, T) distance to keep, centre to centre [m]
-    kind: IntArray  #: (N, T) OBSTACLE, HUMAN, ROBOT; -1: no entry
-    share: Array  #: (N, T) part of the demand that this robot takes
-    seen_from: IntArray  #: (N, T) robot whose state enters the row: the robot itself
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rows:
     """Linear constraints on the inputs; those that no input could violate are left out."""
 
@@ -141,7 +129,7 @@ def assemble_rows(
         low: ``(N, 2)`` smallest inputs.
         high: ``(N, 2)`` largest inputs.
         group: ``(N,)`` robots of equal number >= 0 decide together; < 0: no rows at all.
-        thing_position: as in :class:`Things`, like the following.
+        thing_position: ``(N, T, 2)``, as from ``surroundings.list_things``, like the next five.
         thing_velocity: ``(N, T, 2)``.
         thing_gap: ``(N, T)``.
         thing_kind: ``(N, T)``.

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numba import njit
 
-from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.config import Choice
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
-from mrta_falsify.stack.control.barrier import kind_table
-from mrta_falsify.stack.control.clusters import connected_clusters, elect_leaders, precedence
-from mrta_falsify.stack.control.dynamics import Dynamics, Wish
-from mrta_falsify.stack.control.memory import Memory, remember_points, track_robots
+from mrta_falsify.stack.control.dynamics import Wish
+from mrta_falsify.stack.control.memory import Memory
 from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.steering import Scene, steer, without_later_humans
+from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
+from mrta_falsify.stack.control.survey import Survey, survey_fleet
 from mrta_falsify.stack.control.yielding import (
     ASIDE,
     GO,
@@ -29,6 +27,22 @@ from mrta_falsify.stack.control.yielding import (
     Manoeuvres,
     choose_manoeuvres,
 )
+
+NO_PATHS = np.zeros((0, 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Decision:
+    """What the robots are to do at one tick, before the barriers."""
+
+    view: ControlView
+    memory: Memory  #: of the tick before
+    survey: Survey
+    scene: Scene
+    anchor: Array  #: (N, 2) as in :class:`Memory`, like the following
+    anchor_at: Array  #: (N,)
+    demoted_until: Array  #: (N,)
+    remote_at: Array  #: (N,)
 
 
 class ClusterCbf:
@@ -54,12 +68,7 @@ class ClusterCbf:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._dynamics: Dynamics = registry.build(
-            "dynamics",
-            Choice(options.dynamics, dict(options.dynamics_options)),
-            where="stack.controller",
-        )
-        self._kinds = kind_table(options)
+        self.steering = Steering(options)
         self._memory: Memory | None = None
         braking = options.followers == "brake" or "fixed_priority_starves" in options.defects
         self._followers_brake = braking
@@ -67,151 +76,123 @@ class ClusterCbf:
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
+        decision = self._decide(view)
+        survey, memory = decision.survey, decision.memory
+        answer, twist = self.steering.steer(decision.view, decision.scene)
+        disobeys = "follower_zero_command" in self._options.defects and memory.tick % 2 == 1
+        _fill_orders(
+            twist, survey.hold, memory.last_twist, view.present, survey.leader, bool(disobeys)
+        )
+        self._memory = Memory(
+            point=survey.points,
+            seen_at=survey.seen_at,
+            pose=survey.pose,
+            speed=survey.speed,
+            anchor=decision.anchor,
+            anchor_at=decision.anchor_at,
+            demoted_until=decision.demoted_until,
+            remote_at=decision.remote_at,
+            last_twist=twist,
+            on_its_own=survey.on_its_own,
+            tick=memory.tick + 1,
+        )
+        return ControlResult(
+            command=Command(twist=twist),
+            cluster=survey.cluster,
+            leader=survey.leader,
+            slack=answer.slack,
+            fallback=~answer.usable,
+        )
+
+    def scene(self, view: ControlView) -> Scene:
+        """What :meth:`control` would steer at this tick; nothing is remembered of it."""
+        return self._decide(view).scene
+
+    def _decide(self, view: ControlView) -> _Decision:
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
             view = without_later_humans(view)
         memory = self._memory
         if memory is None or len(memory.pose) != len(view.pose):
             memory = Memory.fresh(view.pose, view.time)
-        heard = view.present & view.states_link
-        pose, speed = track_robots(
-            view.pose,
-            view.velocity[:, 0],
-            memory.pose,
-            memory.speed,
-            heard | (memory.tick == 0),
-            view.max_acceleration,
-            view.dt,
+        survey = survey_fleet(
+            view,
+            memory,
+            neighbour_distance=options.neighbour_distance,
+            obstacle_memory=options.obstacle_memory,
+            command_lifetime=options.command_lifetime,
         )
-        points, seen_at = remember_points(
-            memory.point,
-            memory.seen_at,
-            view.obstacle_points,
-            np.ascontiguousarray(pose[:, :2]),
-            view.present,
-            view.time,
-            options.obstacle_memory,
+        moves = self._manoeuvres(view, survey)
+        target, speed, turn_first, group, weight, anchor, anchor_at, demoted_until, remote_at = (
+            _follow_up(
+                moves.kind,
+                moves.target,
+                moves.speed,
+                survey.pose,
+                survey.wants,
+                survey.joint,
+                survey.cluster,
+                survey.leader,
+                survey.halted,
+                view.target,
+                view.present,
+                view.leader_link,
+                view.max_speed,
+                memory.anchor,
+                memory.anchor_at,
+                memory.demoted_until,
+                memory.remote_at,
+                view.time,
+                self._patience,
+                options.leader_weight,
+            )
         )
-        wants = view.present & np.isfinite(view.target[:, 0])
-        demoted = memory.demoted_until > view.time
-        key = precedence(view.active & view.present, wants, demoted, view.rank)
-        label = connected_clusters(
-            np.ascontiguousarray(pose[:, :2]), heard, options.neighbour_distance
-        )
-        commanded = heard & view.leader_link
-        leader = elect_leaders(label, commanded, view.active, key)
-        hold, stop, on_its_own = self._lost_robots(view, memory, leader)
-        joint = commanded & ~on_its_own
-        moves = self._manoeuvres(view, pose, speed, points, joint, wants, key, leader)
-        goes = (moves.kind == GO) | (moves.kind == PASS)
-        anchor, anchor_at, demoted_until = _track_progress(
-            memory.anchor,
-            memory.anchor_at,
-            memory.demoted_until,
-            pose,
-            wants & goes,
-            view.time,
-            self._patience,
-        )
-        halted = stop | (view.present & ~view.states_link)
-        target = np.where(halted[:, None], np.nan, moves.target)
-        group = np.where(view.present, np.where(joint, label, np.arange(len(pose))), -1)
-        alone = np.bincount(label, minlength=len(pose))[label] < 2
         scene = Scene(
-            pose=pose,
-            points=points,
+            pose=survey.pose,
+            points=survey.points,
             known=view.present,
             group=group,
-            share=np.ones((len(pose), len(pose))),
-            wish=Wish(
-                target=target,
-                speed=np.minimum(moves.speed, view.max_speed),
-                reverse=moves.reverse,
-                turn_first=_turn_threshold(moves.kind, alone),
-            ),
-            weight=np.where(leader == np.arange(len(pose)), options.leader_weight, 1.0),
+            share=np.ones((len(group), len(group))),
+            wish=Wish(target=target, speed=speed, reverse=moves.reverse, turn_first=turn_first),
+            weight=weight,
         )
-        answer, twist = steer(self._dynamics, view, scene, options, self._kinds)
-        twist = np.where(hold[:, None], memory.last_twist, twist)
-        twist[~view.present] = 0.0
-        follows = leader != np.arange(len(pose))
-        if "follower_zero_command" in options.defects and memory.tick % 2:
-            twist = np.where(follows[:, None], 0.0, twist)
-        self._memory = Memory(
-            point=points,
-            seen_at=seen_at,
-            pose=pose,
-            speed=speed,
+        return _Decision(
+            view=view,
+            memory=memory,
+            survey=survey,
+            scene=scene,
             anchor=anchor,
             anchor_at=anchor_at,
             demoted_until=demoted_until,
-            remote_at=np.where(
-                follows, view.time, np.where(view.leader_link, -np.inf, memory.remote_at)
-            ),
-            last_twist=twist,
-            on_its_own=on_its_own,
-            tick=memory.tick + 1,
-        )
-        return ControlResult(
-            command=Command(twist=twist),
-            cluster=label,
-            leader=leader,
-            slack=answer.slack,
-            fallback=~answer.usable,
+            remote_at=remote_at,
         )
 
-    def _lost_robots(
-        self, view: ControlView, memory: Memory, leader: IntArray
-    ) -> tuple[BoolArray, BoolArray, BoolArray]:
-        """Robots that repeat their last command, that brake, and that control themselves."""
-        lost = view.present & ~view.leader_link
-        age = view.time - memory.remote_at
-        followed = np.isfinite(memory.remote_at)
-        hold = lost & followed & (age <= self._options.command_lifetime + 1e-9)
-        at_rest = np.abs(view.velocity[:, 0]) < 0.05
-        on_its_own = lost & ~hold & (memory.on_its_own | ~followed | at_rest)
-        return hold, lost & ~hold & ~on_its_own, on_its_own
-
-    def _manoeuvres(
-        self,
-        view: ControlView,
-        pose: Array,
-        speed: Array,
-        points: Array,
-        joint: BoolArray,
-        wants: BoolArray,
-        key: IntArray,
-        leader: IntArray,
-    ) -> Manoeuvres:
+    def _manoeuvres(self, view: ControlView, survey: Survey) -> Manoeuvres:
         options = self._options
         if self._followers_brake:
-            leads = leader == np.arange(len(pose))
-            goes = wants & leads
+            n = len(view.pose)
+            goes = survey.wants & (survey.leader == np.arange(n))
             return Manoeuvres(
                 kind=np.where(goes, GO, WAIT),
                 target=np.where(goes[:, None], view.target, np.nan),
-                speed=view.max_speed.copy(),
-                reverse=np.zeros(len(pose), dtype=np.bool_),
-                conflict=np.full(len(pose), np.inf),
+                speed=view.max_speed,
+                reverse=np.zeros(n, dtype=np.bool_),
             )
-        first = np.zeros(len(pose) + 1, dtype=np.int64)
-        first[1:] = np.cumsum([len(path) for path in view.path])
-        kind, target, pace, reverse, conflict = choose_manoeuvres(
-            pose,
-            speed,
+        first = np.array([0, *itertools.accumulate(map(len, view.path))], dtype=np.int64)
+        kind, target, pace, reverse = choose_manoeuvres(
+            survey.pose,
+            survey.speed,
             view.target,
-            np.concatenate([path.reshape(-1, 2) for path in view.path])
-            if first[-1]
-            else np.zeros((0, 2)),
+            np.concatenate(view.path) if first[-1] else NO_PATHS,
             first,
-            np.argsort(key, kind="stable"),
-            joint,
-            wants,
-            ~view.active & ~wants,
+            survey.order,
+            survey.joint,
+            survey.wants,
+            view.active,
             view.present,
             view.max_speed,
             view.max_acceleration,
-            points,
+            survey.points,
             view.human_position,
             view.human_velocity,
             view.human_radius - 0.25 + options.min_gap_human + 0.1,
@@ -221,23 +202,86 @@ class ClusterCbf:
             options.min_gap_obstacle,
             3.5,
         )
-        # Robots outside the joint decision go their own way.
-        outside = ~joint & wants
-        return Manoeuvres(
-            kind=np.where(outside, GO, kind),
-            target=np.where(outside[:, None], view.target, target),
-            speed=pace,
-            reverse=reverse,
-            conflict=conflict,
-        )
+        return Manoeuvres(kind=kind, target=target, speed=pace, reverse=reverse)
 
 
-def _turn_threshold(kind: IntArray, alone: BoolArray) -> Array:
+@njit(cache=True)
+def _follow_up(
+    kind: IntArray,
+    target: Array,
+    pace: Array,
+    pose: Array,
+    wants: BoolArray,
+    joint: BoolArray,
+    cluster: IntArray,
+    leader: IntArray,
+    halted: BoolArray,
+    own_target: Array,
+    present: BoolArray,
+    leader_link: BoolArray,
+    max_speed: Array,
+    anchor: Array,
+    anchor_at: Array,
+    demoted_until: Array,
+    remote_at: Array,
+    now: float,
+    patience: float,
+    leader_weight: float,
+) -> tuple[Array, Array, Array, IntArray, Array, Array, Array, Array, Array]:
+    """What follows from the manoeuvres: wishes, groups, prices, and what is to be remembered.
+
+    Robots outside the joint decision go their own way.
+
+    Returns:
+        Target, speed, turn threshold of the wishes; group and weight of the scene; anchor,
+        its time, suspended leads and time of the last remote command for the memory.
+    """
+    n = kind.shape[0]
+    crew = np.zeros(n, dtype=np.int64)
+    wish, speed, turn_first = np.empty((n, 2)), np.empty(n), np.empty(n)
+    group, weight, commanded_at = np.empty(n, dtype=np.int64), np.empty(n), np.empty(n)
+    tries = np.empty(n, dtype=np.bool_)
+    for i in range(n):
+        crew[cluster[i]] += 1
+    for i in range(n):
+        outside = wants[i] and not joint[i]
+        does = GO if outside else kind[i]
+        tries[i] = wants[i] and (does in (GO, PASS))
+        for c in range(2):
+            wish[i, c] = own_target[i, c] if outside else target[i, c]
+            if halted[i]:
+                wish[i, c] = np.nan
+        speed[i] = min(pace[i], max_speed[i])
+        turn_first[i] = _turn_threshold(does, crew[cluster[i]] < 2)
+        group[i] = -1
+        if present[i]:
+            group[i] = cluster[i] if joint[i] else i
+        weight[i] = leader_weight if leader[i] == i else 1.0
+        commanded_at[i] = now
+        if leader[i] == i:
+            commanded_at[i] = -np.inf if leader_link[i] else remote_at[i]
+    anchor, anchor_at, demoted_until = _track_progress(
+        anchor, anchor_at, demoted_until, pose, tries, now, patience
+    )
+    return (
+        wish,
+        speed,
+        turn_first,
+        group,
+        weight,
+        anchor,
+        anchor_at,
+        demoted_until,
+        commanded_at,
+    )
+
+
+@njit(cache=True)
+def _turn_threshold(kind: int, alone: bool) -> float:
     """Heading error above which a robot turns on the spot: MRTA-Sim's pi/4, pi/2 in clusters."""
-    threshold = np.where(alone, np.pi / 4, np.pi / 2)
-    threshold[(kind == ASIDE) | (kind == PASS)] = np.pi / 6
-    threshold[kind == SLOW] = np.pi / 4
-    return threshold
+    if kind in (ASIDE, PASS):
+        return np.pi / 6
+    return np.pi / 4 if alone or kind == SLOW else np.pi / 2
 
 
 @njit(cache=True)
@@ -261,3 +305,23 @@ def _track_progress(
             demoted_until[i] = now + patience
             anchor_at[i] = now
     return anchor, anchor_at, demoted_until
+
+
+@njit(cache=True)
+def _fill_orders(
+    twist: Array,
+    hold: BoolArray,
+    last_twist: Array,
+    present: BoolArray,
+    leader: IntArray,
+    disobeys: bool,
+) -> None:
+    """Repeated commands, and none for robots that are not there.
+
+    ``disobeys``: planted defect, followers' own zero commands fight the leader's.
+    """
+    for i in range(twist.shape[0]):
+        if hold[i]:
+            twist[i, :] = last_twist[i, :]
+        if not present[i] or (disobeys and leader[i] != i):
+            twist[i, :] = 0.0

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core import registry
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.config import Choice
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
-from mrta_falsify.stack.control.barrier import kind_table
-from mrta_falsify.stack.control.dynamics import Dynamics, Wish
+from mrta_falsify.stack.control.dynamics import Wish
 from mrta_falsify.stack.control.memory import Memory, remember_points, track_robots
 from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.steering import Scene, steer, without_later_humans
+from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
 
 
 class DecentralisedCbf:
@@ -36,36 +33,51 @@ class DecentralisedCbf:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._dynamics: Dynamics = registry.build(
-            "dynamics",
-            Choice(options.dynamics, dict(options.dynamics_options)),
-            where="stack.controller",
-        )
-        self._kinds = kind_table(options)
+        self.steering = Steering(options)
         self._memory: Memory | None = None
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
+        view, memory, scene = self._decide(view)
+        answer, twist = self.steering.steer(view, scene)
+        twist[~view.present] = 0.0
+        memory.last_twist = twist
+        self._memory = memory
+        n = len(view.pose)
+        return ControlResult(
+            command=Command(twist=twist),
+            cluster=np.arange(n),
+            leader=np.arange(n),
+            slack=answer.slack,
+            fallback=~answer.usable,
+        )
+
+    def scene(self, view: ControlView) -> Scene:
+        """What :meth:`control` would steer at this tick; nothing is remembered of it."""
+        return self._decide(view)[2]
+
+    def _decide(self, view: ControlView) -> tuple[ControlView, Memory, Scene]:
+        """What is seen, what is to be remembered, what is to be steered."""
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
             view = without_later_humans(view)
         n = len(view.pose)
-        memory = self._memory
-        if memory is None or len(memory.pose) != n:
-            memory = Memory.fresh(view.pose, view.time)
+        last = self._memory
+        if last is None or len(last.pose) != n:
+            last = Memory.fresh(view.pose, view.time)
         heard = view.present & view.states_link
         pose, speed = track_robots(
             view.pose,
-            view.velocity[:, 0],
-            memory.pose,
-            memory.speed,
-            heard | (memory.tick == 0),
+            view.velocity[:, 0].copy(),
+            last.pose,
+            last.speed,
+            heard | (last.tick == 0),
             view.max_acceleration,
             view.dt,
         )
         points, seen_at = remember_points(
-            memory.point,
-            memory.seen_at,
+            last.point,
+            last.seen_at,
             view.obstacle_points,
             np.ascontiguousarray(pose[:, :2]),
             view.present,
@@ -87,17 +99,6 @@ class DecentralisedCbf:
             ),
             weight=np.ones(n),
         )
-        answer, twist = steer(self._dynamics, view, scene, options, self._kinds)
-        twist[~view.present] = 0.0
         memory = Memory.fresh(pose, view.time)
-        memory.point, memory.seen_at = points, seen_at
-        memory.speed, memory.last_twist = speed, twist
-        memory.tick = 1
-        self._memory = memory
-        return ControlResult(
-            command=Command(twist=twist),
-            cluster=np.arange(n),
-            leader=np.arange(n),
-            slack=answer.slack,
-            fallback=~answer.usable,
-        )
+        memory.point, memory.seen_at, memory.speed, memory.tick = points, seen_at, speed, 1
+        return view, memory, scene

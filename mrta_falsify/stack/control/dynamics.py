@@ -77,14 +77,13 @@ class Unicycle:
 
     def linearise(self, view: ControlView) -> Motion:
         """See :class:`Dynamics`."""
-        velocity, direction, effect = _unicycle_motion(view.pose, view.velocity)
-        limit = np.empty((len(view.pose), 2))
-        limit[:, 0] = view.max_acceleration
-        limit[:, 1] = view.max_turn_rate
+        velocity, direction, speed, effect, limit = _unicycle_motion(
+            view.pose, view.velocity, view.max_acceleration, view.max_turn_rate
+        )
         return Motion(
             velocity=velocity,
             direction=direction,
-            speed=view.velocity[:, 0].copy(),
+            speed=speed,
             effect=effect,
             limit=limit,
             drives_along=True,
@@ -213,19 +212,25 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 
 
 @njit(cache=True)
-def _unicycle_motion(pose: Array, twist: Array) -> tuple[Array, Array, Array]:
-    """Velocity and heading ``(N, 2)``, effect ``(N, 2, 2)`` of each unicycle."""
+def _unicycle_motion(
+    pose: Array, twist: Array, max_acceleration: Array, max_turn_rate: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Velocity and heading ``(N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``, limit ``(N, 2)``."""
     n = pose.shape[0]
+    speed = np.empty(n)
+    limit = np.empty((n, 2))
     velocity = np.empty((n, 2))
     direction = np.empty((n, 2))
     effect = np.empty((n, 2, 2))
     for i in range(n):
         cos, sin, v = np.cos(pose[i, 2]), np.sin(pose[i, 2]), twist[i, 0]
+        speed[i] = v
+        limit[i, 0], limit[i, 1] = max_acceleration[i], max_turn_rate[i]
         direction[i, 0], direction[i, 1] = cos, sin
         velocity[i, 0], velocity[i, 1] = v * cos, v * sin
         effect[i, 0, 0], effect[i, 1, 0] = cos, sin
         effect[i, 0, 1], effect[i, 1, 1] = -v * sin, v * cos
-    return velocity, direction, effect
+    return velocity, direction, speed, effect, limit
 
 
 @njit(cache=True)

@@ -12,6 +12,8 @@ structure of each problem size.
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +60,7 @@ class Answer:
 def solve_fleet(
     rows: Rows,
     reference: Array,
-    brake: Array,
+    brake: Callable[[], Array],
     low: Array,
     high: Array,
     weight: Array,
@@ -74,7 +76,7 @@ def solve_fleet(
     Args:
         rows: constraints of all robots.
         reference: ``(N, 2)`` wanted inputs, inside the limits.
-        brake: ``(N, 2)`` inputs used when a program has no usable answer.
+        brake: gives the inputs ``(N, 2)`` used when a program has no usable answer.
         low: ``(N, 2)`` smallest inputs.
         high: ``(N, 2)`` largest inputs.
         weight: ``(N,)`` price of moving a robot away from its reference.
@@ -98,12 +100,12 @@ def solve_fleet(
     inputs = reference.copy()
     slack = np.zeros(n)
     usable = np.ones(n, dtype=np.bool_)
-    heads = np.flatnonzero(broken)
+    heads = broken.nonzero()[0].tolist()
+    solve = _solve_osqp if solver == "osqp" else _solve_daqp
     for head in heads:
-        members = np.flatnonzero(rows.component == head)
-        solve = _solve_osqp if solver == "osqp" else _solve_daqp
+        members = (rows.component == head).nonzero()[0]
         u, s, good = solve(rows, members, reference, low, high, weight, slack_weight)
-        inputs[members] = u if good else brake[members]
+        inputs[members] = u if good else brake()[members]
         slack[members] = s
         usable[members] = good
     return Answer(inputs=inputs, slack=slack, usable=usable, solved=len(heads))
@@ -147,6 +149,7 @@ class _Structure:
         self.linear = np.zeros(self.columns)
         self.lower = np.full(self.height, -UNBOUNDED)
         self.upper = np.full(self.height, UNBOUNDED)
+        self.start = np.zeros(self.columns)
         self.no_multipliers = np.zeros(self.height)
         self.solver = osqp.OSQP()
         hessian = scipy.sparse.csc_matrix(np.eye(self.columns))
@@ -195,15 +198,19 @@ def _fill_program(
     place: IntArray,
     pair_place: IntArray,
     first_limit: int,
+    template: Array,
     data: Array,
     hessian: Array,
     linear: Array,
     lower: Array,
     upper: Array,
+    start: Array,
 ) -> None:
     """Write one component into OSQP's arrays: rows of unit length, slack_scale times x[-1] = s."""
     n = members.shape[0]
     last = 2 * n
+    data[:] = template
+    lower[:] = -UNBOUNDED
     for k in range(n):
         i = members[k]
         for c in range(own_count[i]):
@@ -217,6 +224,7 @@ def _fill_program(
         for c in range(2):
             hessian[2 * k + c] = weight[i]
             linear[2 * k + c] = -weight[i] * reference[i, c]
+            start[2 * k + c] = reference[i, c]
             lower[first_limit + 2 * k + c] = low[i, c]
             upper[first_limit + 2 * k + c] = high[i, c]
     for p in range(pair.shape[0]):
@@ -251,16 +259,11 @@ def _solve_osqp(
     slack_weight: float,
 ) -> tuple[Array, float, bool]:
     """Inputs ``(n, 2)``, slack and usability of one component."""
-    n = len(members)
-    wanted = int(rows.own_count[members].max())
+    wanted = max(rows.own_count[members].tolist())
     m = next((size for size in OWN_SIZES if size >= wanted), wanted)
-    structure = _structure(n, m)
-    data, hessian, linear = structure.data, structure.hessian, structure.linear
-    lower, upper = structure.lower, structure.upper
-    data[:] = structure.template
-    lower[:] = -UNBOUNDED
+    structure = _structure(len(members), m)
     # The slack variable is sqrt(q) s: all diagonal entries of the Hessian are then near 1.
-    scale = 1.0 / np.sqrt(slack_weight)
+    scale = 1.0 / math.sqrt(slack_weight)
     _fill_program(
         rows.own,
         rows.own_bound,
@@ -279,33 +282,48 @@ def _solve_osqp(
         structure.place,
         structure.pair_row,
         structure.first_limit,
-        data,
-        hessian,
-        linear,
-        lower,
-        upper,
+        structure.template,
+        structure.data,
+        structure.hessian,
+        structure.linear,
+        structure.lower,
+        structure.upper,
+        structure.start,
     )
     inner = structure.solver._solver
-    inner.update_data_vec(q=linear, l=lower, u=upper)
-    inner.update_data_mat(P_x=hessian, P_i=None, A_x=data, A_i=None)
-    start = np.zeros(structure.columns)
-    start[:-1] = reference[members].ravel()
-    inner.warm_start(start, structure.no_multipliers)
+    inner.update_data_vec(q=structure.linear, l=structure.lower, u=structure.upper)
+    inner.update_data_mat(P_x=structure.hessian, P_i=None, A_x=structure.data, A_i=None)
+    inner.warm_start(structure.start, structure.no_multipliers)
     for attempt, step_size in enumerate(STEP_SIZES):
         if attempt:
             inner.update_rho(step_size)
         inner.solve()
-        if inner.info.status_val == SOLVED:
+        solved = inner.info.status_val == SOLVED
+        if solved:
             break
     if attempt:
         inner.update_rho(STEP_SIZES[0])
     x = inner.solution.x
-    if not np.isfinite(x).all():
+    u, finite = _within_limits(x, members, low, high)
+    if not finite:
         return reference[members], 0.0, False
-    u = np.clip(x[:-1].reshape(n, 2), low[members], high[members])
     slack = max(0.0, float(x[-1]) * scale)
-    good = inner.info.status_val == SOLVED or _worst_break(rows, members, u, slack) < TOLERANCE
+    good = solved or _worst_break(rows, members, u, slack) < TOLERANCE
     return u, slack if slack > 1e-4 else 0.0, good
+
+
+@njit(cache=True)
+def _within_limits(x: Array, members: IntArray, low: Array, high: Array) -> tuple[Array, bool]:
+    """Inputs ``(n, 2)`` of a solution ``(2 n + 1,)``, clipped; and whether all of it is finite."""
+    n = members.shape[0]
+    u = np.empty((n, 2))
+    finite = bool(np.isfinite(x[2 * n]))
+    for k in range(n):
+        for c in range(2):
+            value = x[2 * k + c]
+            finite = finite and np.isfinite(value)
+            u[k, c] = min(max(value, low[members[k], c]), high[members[k], c])
+    return u, finite
 
 
 def _worst_break(rows: Rows, members: IntArray, u: Array, slack: float) -> float:

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
-from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, ROBOT, Things
-from mrta_falsify.stack.control.options import CbfOptions
+from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, ROBOT
 
 HUMAN_RADIUS = 0.25  # m, the person that `min_gap_human` is meant for
 HUMAN_RANGE = 8.0  # m
@@ -15,7 +14,7 @@ ROBOT_RANGE = 8.0  # m
 
 
 @njit(cache=True)
-def _list_things(
+def list_things(
     points: Array,
     humans: Array,
     human_velocity: Array,
@@ -26,8 +25,26 @@ def _list_things(
     group: IntArray,
     share: Array,
     gaps: tuple[float, float, float],
-) -> tuple[Array, Array, Array, IntArray, Array]:
-    """Arrays of :class:`Things`, except the last."""
+) -> tuple[Array, Array, Array, IntArray, Array, IntArray]:
+    """What each robot must keep clear of by itself; T entries per robot.
+
+    Args:
+        points: ``(N, S, 2)`` obstacle points [m], inf: none.
+        humans: ``(H, 2)`` [m].
+        human_velocity: ``(H, 2)`` [m/s].
+        human_radius: ``(H,)`` [m].
+        position: ``(N, 2)`` robots as the fleet knows them [m].
+        velocity: ``(N, 2)`` [m/s].
+        known: ``(N,)`` robots that are there and of which the others know.
+        group: ``(N,)`` robots of one group decide together and are no things to each other.
+        share: ``(N, N)`` part of a demand that a robot (row) takes against one of another group.
+        gaps: distance to keep from an obstacle point, a person, a robot [m].
+
+    Returns:
+        Position [m] and velocity [m/s] ``(N, T, 2)``, distance to keep, centre to centre
+        ``(N, T)`` [m], kind ``(N, T)`` (-1: no entry), part of the demand that this robot
+        takes ``(N, T)``, and the robot whose state enters the row: the robot itself ``(N, T)``.
+    """
     n, sectors = points.shape[0], points.shape[1]
     h = humans.shape[0]
     t = sectors + h + n
@@ -36,7 +53,9 @@ def _list_things(
     gap = np.zeros((n, t))
     kind = np.full((n, t), -1, dtype=np.int64)
     part = np.ones((n, t))
+    seen_from = np.empty((n, t), dtype=np.int64)
     for i in range(n):
+        seen_from[i] = i
         if group[i] < 0:
             continue
         for k in range(sectors):
@@ -61,50 +80,7 @@ def _list_things(
                 gap[i, sectors + h + j] = gaps[2]
                 kind[i, sectors + h + j] = ROBOT
                 part[i, sectors + h + j] = share[i, j]
-    return where, moving, gap, kind, part
-
-
-def list_things(
-    points: Array,
-    humans: Array,
-    human_velocity: Array,
-    human_radius: Array,
-    position: Array,
-    velocity: Array,
-    known: BoolArray,
-    group: IntArray,
-    share: Array,
-    options: CbfOptions,
-) -> Things:
-    """What each robot must keep clear of by itself.
-
-    Args:
-        points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        humans: ``(H, 2)`` [m].
-        human_velocity: ``(H, 2)`` [m/s].
-        human_radius: ``(H,)`` [m].
-        position: ``(N, 2)`` robots as the fleet knows them [m].
-        velocity: ``(N, 2)`` [m/s].
-        known: ``(N,)`` robots that are there and of which the others know.
-        group: ``(N,)`` robots of one group decide together and are no things to each other.
-        share: ``(N, N)`` part of a demand that a robot (row) takes against one of another group.
-        options: distances.
-    """
-    gaps = (options.min_gap_obstacle, options.min_gap_human, options.min_gap_robot)
-    where, moving, gap, kind, part = _list_things(
-        points,
-        humans,
-        human_velocity,
-        human_radius,
-        position,
-        velocity,
-        known,
-        group,
-        share,
-        gaps,
-    )
-    own = np.repeat(np.arange(len(points))[:, None], kind.shape[1], axis=1)
-    return Things(position=where, velocity=moving, gap=gap, kind=kind, share=part, seen_from=own)
+    return where, moving, gap, kind, part, seen_from
 
 
 @njit(cache=True)
@@ -224,7 +200,7 @@ def speed_limits(
         known: ``(N,)`` robots that are there and of which the others know.
         max_speed: ``(N,)`` [m/s].
         max_acceleration: ``(N,)`` [m/s^2].
-        thing_position: as in ``Things``, like the following.
+        thing_position: ``(N, T, 2)``, as from :func:`list_things`, like the next four.
         thing_velocity: ``(N, T, 2)``.
         thing_gap: ``(N, T)``.
         thing_kind: ``(N, T)``.

@@ -39,12 +39,13 @@ class Manoeuvres:
     target: Array  #: (N, 2) point to drive to [m], nan: brake
     speed: Array  #: (N,) [m/s]
     reverse: BoolArray  #: (N,)
-    conflict: Array  #: (N,) time until the conflict that is left [s], inf: none
 
 
 @njit(cache=True)
 def _fill_pursuit(
     path: Array,
+    segment: int,
+    share: float,
     x: float,
     y: float,
     yaw: float,
@@ -53,9 +54,11 @@ def _fill_pursuit(
     acceleration: float,
     motion: Array,
 ) -> None:
-    """Fill ``motion`` (SAMPLES, 2) with the way along ``path`` at up to ``cruise``."""
+    """Fill ``motion`` (SAMPLES, 2) with the way along ``path`` at up to ``cruise``.
+
+    The robot begins beside (segment, share) of the path.
+    """
     motion[0, 0], motion[0, 1] = x, y
-    segment, share = project_on_path(path, x, y, 0)
     tx, ty = point_ahead(path, segment, share, x, y, LOOK)
     error = abs((np.arctan2(ty - y, tx - x) - yaw + np.pi) % (2.0 * np.pi) - np.pi)
     delay = max(0.0, error - 0.25 * np.pi) / TURN_RATE
@@ -123,6 +126,28 @@ def _fill_stop(state: Array, deceleration: float, motion: Array) -> None:
 
 
 @njit(cache=True)
+def _fill_box(motion: Array, box: Array) -> None:
+    """Fill ``box`` (4,) with the least x, y and the largest x, y of ``motion`` (SAMPLES, 2)."""
+    box[0], box[1] = motion[0]
+    box[2], box[3] = motion[0]
+    for k in range(1, SAMPLES):
+        x, y = motion[k]
+        box[0], box[1] = min(box[0], x), min(box[1], y)
+        box[2], box[3] = max(box[2], x), max(box[3], y)
+
+
+@njit(cache=True)
+def _are_apart(box: Array, other: Array, gap: float) -> bool:
+    """Whether nothing in one box is nearer than ``gap`` to anything in the other."""
+    return bool(
+        other[0] - box[2] >= gap
+        or box[0] - other[2] >= gap
+        or other[1] - box[3] >= gap
+        or box[1] - other[3] >= gap
+    )
+
+
+@njit(cache=True)
 def _conflict(motion: Array, other: Array, gap: float) -> float:
     """When two motions first come nearer than ``gap`` [s], inf: never.
 
@@ -175,6 +200,7 @@ def _first_conflict(
     i: int,
     motion: Array,
     motions: Array,
+    boxes: Array,
     considered: BoolArray,
     gap: float,
     discs: Array,
@@ -183,8 +209,10 @@ def _first_conflict(
 ) -> tuple[float, bool]:
     """Time of the first conflict with considered robots or standing people, and if it stands."""
     first, stands = np.inf, False
+    box, place = np.empty(4), np.empty(4)
+    _fill_box(motion, box)
     for j in range(motions.shape[0]):
-        if j == i or not considered[j]:
+        if j == i or not considered[j] or _are_apart(box, boxes[j], gap):
             continue
         t = _conflict(motion, motions[j], gap)
         if t < first and not _is_followed(motion, motions[j]):
@@ -193,6 +221,9 @@ def _first_conflict(
             moved += (motions[j, -1, 1] - motions[j, 0, 1]) ** 2
             stands = moved < 0.01
     for k in range(discs.shape[0]):
+        place[:2], place[2:] = discs[k], discs[k]
+        if _are_apart(box, place, disc_gap[k]):
+            continue
         scratch[:, 0], scratch[:, 1] = discs[k, 0], discs[k, 1]
         t = _conflict(motion, scratch, disc_gap[k])
         if t < first:
@@ -216,6 +247,7 @@ def _fill_way(
     top: float,
     acceleration: float,
     motions: Array,
+    boxes: Array,
     considered: BoolArray,
     gap: float,
     discs: Array,
@@ -224,10 +256,14 @@ def _fill_way(
     """Go on, or go on slowly; whether something that stands is in the way of going on."""
     trial, scratch = np.empty((SAMPLES, 2)), np.empty((SAMPLES, 2))
     stands = False
+    x, y, yaw, speed = state
+    segment, share = project_on_path(path, x, y, 0)
     for kind in (GO, SLOW):
         pace = cruise if kind == GO else SLOW_SHARE * cruise
-        _fill_pursuit(path, state[0], state[1], state[2], state[3], pace, acceleration, trial)
-        t, fixed = _first_conflict(i, trial, motions, considered, gap, discs, disc_gap, scratch)
+        _fill_pursuit(path, segment, share, x, y, yaw, speed, pace, acceleration, trial)
+        t, fixed = _first_conflict(
+            i, trial, motions, boxes, considered, gap, discs, disc_gap, scratch
+        )
         if kind == GO and t >= SOON:
             t = np.inf
         if kind == GO:
@@ -253,6 +289,7 @@ def _fill_pass(
     points: Array,
     obstacle_gap: float,
     motions: Array,
+    boxes: Array,
     considered: BoolArray,
     gap: float,
     discs: Array,
@@ -275,7 +312,7 @@ def _fill_pass(
         if not _way_is_clear(x, y, ux, uy, length, points, obstacle_gap + 0.03):
             continue
         _fill_straight(x, y, ux, uy, turn, 0.5 * cruise, length, trial)
-        t, _ = _first_conflict(i, trial, motions, considered, gap, discs, disc_gap, scratch)
+        t, _ = _first_conflict(i, trial, motions, boxes, considered, gap, discs, disc_gap, scratch)
         if t < np.inf:
             continue
         cheapest = cost
@@ -293,6 +330,7 @@ def _fill_wait(
     wants: bool,
     acceleration: float,
     motions: Array,
+    boxes: Array,
     considered: BoolArray,
     gap: float,
     discs: Array,
@@ -301,7 +339,7 @@ def _fill_wait(
     """Stop and stay."""
     trial, scratch = np.empty((SAMPLES, 2)), np.empty((SAMPLES, 2))
     _fill_stop(state, acceleration, trial)
-    t, _ = _first_conflict(i, trial, motions, considered, gap, discs, disc_gap, scratch)
+    t, _ = _first_conflict(i, trial, motions, boxes, considered, gap, discs, disc_gap, scratch)
     if t > choice[5] + 1e-9:
         choice[0] = WAIT if wants else STAY
         choice[1], choice[2] = np.nan, np.nan
@@ -345,6 +383,7 @@ def _fill_aside(
     points: Array,
     obstacle_gap: float,
     motions: Array,
+    boxes: Array,
     considered: BoolArray,
     gap: float,
     discs: Array,
@@ -368,7 +407,7 @@ def _fill_aside(
         if not _bodies_clear(i, x, y, ux, uy, length, pose, others, min_gap_robot):
             continue
         _fill_straight(x, y, ux, uy, turn, ASIDE_SPEED, length, trial)
-        t, _ = _first_conflict(i, trial, motions, considered, gap, discs, disc_gap, scratch)
+        t, _ = _first_conflict(i, trial, motions, boxes, considered, gap, discs, disc_gap, scratch)
         if t > choice[5] + 0.3 or (t == choice[5] and cost < cheapest):
             cheapest = cost
             choice[0], choice[1], choice[2] = ASIDE, x + length * ux, y + length * uy
@@ -420,6 +459,7 @@ def _fill_fixed(
     eligible: BoolArray,
     max_acceleration: Array,
     motions: Array,
+    boxes: Array,
 ) -> None:
     """Predict robots that nobody can ask to move, and those that decide for themselves."""
     for i in range(states.shape[0]):
@@ -431,6 +471,7 @@ def _fill_fixed(
             for k in range(SAMPLES):
                 motions[i, k, 0] = x + k * STEP * v * np.cos(yaw)
                 motions[i, k, 1] = y + k * STEP * v * np.sin(yaw)
+        _fill_box(motions[i], boxes[i])
 
 
 @njit(cache=True)
@@ -454,7 +495,7 @@ def choose_manoeuvres(
     order: IntArray,
     eligible: BoolArray,
     wants: BoolArray,
-    movable: BoolArray,
+    active: BoolArray,
     known: BoolArray,
     max_speed: Array,
     max_acceleration: Array,
@@ -467,7 +508,7 @@ def choose_manoeuvres(
     min_gap_robot: float,
     obstacle_gap: float,
     near: float,
-) -> tuple[IntArray, Array, Array, BoolArray, Array]:
+) -> tuple[IntArray, Array, Array, BoolArray]:
     """Fields of :class:`Manoeuvres`.
 
     Args:
@@ -479,7 +520,8 @@ def choose_manoeuvres(
         order: ``(N,)`` robot numbers, the one that goes first in front.
         eligible: ``(N,)`` robots that this decides for; others are only kept clear of.
         wants: ``(N,)`` robots with a way of their own.
-        movable: ``(N,)`` robots at rest that may be asked to move aside.
+        active: ``(N,)`` has a task; robots that neither want to move nor have a task may be
+            asked to move aside.
         known: ``(N,)`` robots that are there.
         max_speed: ``(N,)`` [m/s].
         max_acceleration: ``(N,)`` [m/s^2].
@@ -498,13 +540,13 @@ def choose_manoeuvres(
     states = np.empty((n, 4))
     states[:, :3] = pose
     states[:, 3] = speed
-    motions = np.empty((n, SAMPLES, 2))
+    motions, boxes = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
     discs, disc_gap = np.empty((human.shape[0], 2)), np.empty(human.shape[0])
     stuck = np.zeros(n, dtype=np.bool_)
     for _ in range(2):
-        decides = known & eligible & ~stuck & (wants | movable)
+        decides = known & eligible & ~stuck & (wants | ~active)
         considered = known & ~decides
-        _fill_fixed(states, considered, eligible, max_acceleration, motions)
+        _fill_fixed(states, considered, eligible, max_acceleration, motions, boxes)
         stuck_before = stuck.sum()
         for i in order:
             choice[i] = np.array([STAY, np.nan, np.nan, max_speed[i], 0.0, np.inf])
@@ -518,6 +560,7 @@ def choose_manoeuvres(
                 if wants[i]:
                     choice[i, 0], choice[i, 1], choice[i, 2] = GO, target[i, 0], target[i, 1]
                 _fill_stop(states[i], max_acceleration[i], motions[i])
+                _fill_box(motions[i], boxes[i])
                 considered[i] = True
                 continue
             choice[i, 5] = -1.0
@@ -526,30 +569,32 @@ def choose_manoeuvres(
                 path = _path_of(i, states[i], target[i], points_on_path, path_first)
                 stands = _fill_way(
                     choice[i], motions[i], i, states[i], target[i], path, cruise, max_speed[i],
-                    max_acceleration[i], motions, considered, gap, people, people_gap,
+                    max_acceleration[i], motions, boxes, considered, gap, people, people_gap,
                 )  # fmt: skip
                 if stands and choice[i, 5] < np.inf:
                     segment, _share = project_on_path(path, pose[i, 0], pose[i, 1], 0)
                     ahead = path[segment + 1] - path[segment]
                     _fill_pass(
                         choice[i], motions[i], i, states[i], np.arctan2(ahead[1], ahead[0]),
-                        cruise, obstacle[i], obstacle_gap, motions, considered, gap, people,
-                        people_gap,
+                        cruise, obstacle[i], obstacle_gap, motions, boxes, considered, gap,
+                        people, people_gap,
                     )  # fmt: skip
             if choice[i, 5] < np.inf:
                 _fill_wait(
                     choice[i], motions[i], i, states[i], wants[i], max_acceleration[i], motions,
-                    considered, gap, people, people_gap,
+                    boxes, considered, gap, people, people_gap,
                 )  # fmt: skip
             if choice[i, 5] < np.inf:
                 _fill_aside(
                     choice[i], motions[i], i, states[i], pose, known & ~considered, min_gap_robot,
-                    obstacle[i], obstacle_gap, motions, considered, gap, people, people_gap,
+                    obstacle[i], obstacle_gap, motions, boxes, considered, gap, people,
+                    people_gap,
                 )  # fmt: skip
+            _fill_box(motions[i], boxes[i])
             considered[i] = True
             # Nowhere to go: in a second round the others have to find a way round it.
             stuck[i] = choice[i, 5] < np.inf and choice[i, 0] == STAY
         if stuck.sum() == stuck_before:
             break
     kind = choice[:, 0].astype(np.int64)
-    return kind, choice[:, 1:3].copy(), choice[:, 3].copy(), choice[:, 4] > 0.5, choice[:, 5].copy()
+    return kind, choice[:, 1:3].copy(), choice[:, 3].copy(), choice[:, 4] > 0.5

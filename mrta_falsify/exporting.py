@@ -1,0 +1,116 @@
+"""Worlds and runs for other systems: Nav2, SDF, MRTA-Sim, MCAP, GIF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from mrta_falsify import app
+from mrta_falsify.campaigns import open_campaign, stored_world
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.trace import Trace, read_trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
+from mrta_falsify.trial import quick_stack, rerun
+
+Kind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif"]
+KINDS: tuple[str, ...] = get_args(Kind)
+OF_RUNS = ("mcap", "gif")  #: that need more than a world
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subject:
+    """What is exported."""
+
+    world: World
+    config: StackConfig
+    trace: Trace | None = None
+    verdicts: tuple[Verdict, ...] = ()
+
+
+def subject_of_world(name: str, config: StackConfig) -> Subject:
+    """A world by file or name; it is run when a run is asked for."""
+    return Subject(world=app.find_world(name), config=config)
+
+
+def subject_of_trial(directory: Path, name: str, *, with_trace: bool) -> Subject:
+    """A trial of a campaign, with its stored trace if there is one, else run again.
+
+    Raises:
+        InputError: no such trial, or it has no world.
+    """
+    campaign = open_campaign(directory)
+    record = campaign.record(name)
+    world = stored_world(campaign, record)
+    config = campaign.settings.trials.stack
+    if record.engine != config.engine.name:
+        config = quick_stack(config)
+    trace = None
+    if with_trace:
+        stored = campaign.folder(record) / "trace.zip"
+        if stored.is_file():
+            trace = read_trace(stored)
+        else:
+            trace = rerun(campaign.settings.trials, record, world).outcome.trace
+    return Subject(world=world, config=config, trace=trace, verdicts=record.verdicts)
+
+
+def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
+    """Write ``subject`` in the form ``kind``.
+
+    Args:
+        subject: what.
+        kind: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file), ``mrta-sim`` (a
+            directory), ``mcap`` or ``gif`` (a file).
+        path: where.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: unknown kind, a missing extra, a place that cannot be written.
+    """
+    from simulator_interface.formats import mcap, mrta_sim_files, sdf_world  # noqa: PLC0415
+
+    if kind not in KINDS:
+        raise ConfigError(f"--format is {kind!r}; it must be one of {', '.join(KINDS)}")
+    world, config = subject.world, subject.config
+    if kind == "nav2":
+        return app.export_nav2(world, path, config)
+    app.make_directory(path if kind == "mrta-sim" else path.parent)
+    if kind == "sdf":
+        sdf_world.write_sdf(world, path)
+        return (path,)
+    if kind == "mrta-sim":
+        return mrta_sim_files.write_mrta_sim(world, app.costmap_of(world, config), path)
+    subject = with_trace(subject)
+    assert subject.trace is not None
+    if kind == "mcap":
+        mcap.write_mcap(world, subject.trace, app.costmap_of(world, config), path)
+    else:
+        from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
+        from reports.figures import RunView  # noqa: PLC0415
+
+        view = RunView(
+            world=world,
+            trace=subject.trace,
+            verdicts=subject.verdicts,
+            costmap=app.costmap_of(world, config),
+        )
+        animation.write_gif(view, path)
+    return (path,)
+
+
+def with_trace(subject: Subject) -> Subject:
+    """``subject`` with a trace; its world is run if it has none."""
+    if subject.trace is not None:
+        return subject
+    outcome = app.run(subject.world, subject.config)
+    return Subject(
+        world=subject.world,
+        config=subject.config,
+        trace=outcome.trace,
+        verdicts=outcome.verdicts,
+    )

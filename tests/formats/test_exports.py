@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from mrta_falsify.app import costmap_of
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.world import Blockage
+from simulator_interface.formats import mrta_sim
+from simulator_interface.formats.mcap import write_mcap
+from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim
+from simulator_interface.formats.sdf_world import sdf_text
+
+
+def test_every_solid_of_the_world_is_an_extruded_outline_in_the_sdf(hall):
+    blockage = Blockage(
+        name="bed", polygon=frozen_array([[1, 1], [2, 1], [2, 2]]), start=0.0, end=9.0
+    )
+    later = dataclasses.replace(blockage, name="later", start=5.0)
+    world = dataclasses.replace(hall, events=(blockage, later))
+    tree = ET.fromstring(sdf_text(world))
+    models = {model.get("name"): model for model in tree.iter("model")}
+    assert sorted(models) == [
+        "blockage_bed", "furniture_table", "wall_east", "wall_north", "wall_south", "wall_west",
+    ]  # fmt: skip
+    table = models["furniture_table"]
+    place = np.array([float(v) for v in table.findtext("pose").split()[:2]])
+    points = [p.text.split() for p in table.find("link/collision/geometry/polyline").iter("point")]
+    outline = np.array(points, dtype=float) + place
+    np.testing.assert_allclose(outline, hall.furniture[0].polygon, atol=1e-5)
+    assert table.findtext("static") == "true"
+
+
+def test_names_that_collide_or_are_odd_stay_apart(hall):
+    items = tuple(
+        dataclasses.replace(hall.furniture[0], name=name) for name in ("a b", "a/b", "<x>&")
+    )
+    tree = ET.fromstring(sdf_text(dataclasses.replace(hall, furniture=items)))
+    names = [m.get("name") for m in tree.iter("model") if m.get("name").startswith("furniture")]
+    assert len(set(names)) == 3
+
+
+def test_mrta_sims_files_are_read_back_by_the_readers_of_its_own_files(hall, tmp_path):
+    tasks = (
+        *hall.tasks,
+        dataclasses.replace(hall.tasks[0], arrival=4.2, deadline=99.9),
+    )
+    world = dataclasses.replace(hall, tasks=tasks)
+    files = write_mrta_sim(world, costmap_of(world), tmp_path)
+    assert all(path.is_file() for path in files)
+    stream = mrta_sim.read_task_stream(tmp_path / NAMES["tasks"], rooms=2)
+    rows = [(task.arrival, task.start, task.end, task.deadline) for task in stream.tasks]
+    assert rows == [(0, 0, 1, 100), (5, 0, 1, 99), (5, 1, 0, 120)]
+    assert stream.agents == (0, 1)
+    starts = mrta_sim.read_robot_setup(tmp_path / NAMES["robots"])
+    for start, robot in zip(starts, world.robots, strict=True):
+        assert start.name == robot.name
+        np.testing.assert_array_equal(start.pose, robot.pose)
+    people = mrta_sim.read_human_routes(tmp_path / NAMES["people"])
+    np.testing.assert_array_equal(people[0].route, world.humans[0].route)
+
+
+def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_trace, tmp_path):
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    path = tmp_path / "run.mcap"
+    write_mcap(hall, hall_trace, costmap_of(hall), path)
+    seen = {}
+    with highlevel.AnyReader([path]) as reader:
+        for connection, stamp, raw in reader.messages():
+            seen.setdefault(connection.topic, []).append(
+                (stamp, reader.deserialize(raw, connection.msgtype))
+            )
+    assert {"/tf", "/map", "/markers", "/events", "/robot1/odom", "/robot1/plan"} <= set(seen)
+    for stamp, message in seen["/robot2/odom"]:
+        tick = round(stamp * 1e-9 / hall_trace.dt)
+        x, y, yaw = hall_trace.columns["pose"][tick, 1]
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        assert (place.x, place.y) == (x, y)
+        assert 2.0 * np.arctan2(turn.z, turn.w) == pytest.approx(yaw, abs=1e-12)
+    (_, grid), *others = seen["/map"]
+    assert others == []
+    assert grid.data.max() == 100
+    kinds = [json.loads(message.data)["kind"] for _, message in seen["/events"]]
+    assert kinds == [event.kind for event in hall_trace.events]
