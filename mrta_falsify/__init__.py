@@ -26,6 +26,7 @@ _NAMES_OF = {
     "mrta_falsify.core.verdict": ("Verdict",),
     "mrta_falsify.core.world": ("World", "read_world", "write_world"),
     "mrta_falsify.health": ("doctor",),
+    "mrta_falsify.scenarios": ("check", "check_summary", "open_scenario", "sample", "write_check"),
     "mrta_falsify.travel_times": ("measure_travel_times",),
     "scenic_worlds.layouts": ("layout_names", "load_layout", "load_world", "world_names"),
     "scenic_worlds.variation": ("vary_world",),

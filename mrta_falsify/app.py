@@ -32,6 +32,7 @@ from simulator_interface.formats import mrta_sim, nav2
 
 if TYPE_CHECKING:
     from reports.figures import RunView
+    from scenic_worlds.program import Realised
     from simulator_interface.simulate import Outcome
 
 # --- worlds ----------------------------------------------------------------------------
@@ -77,10 +78,32 @@ def find_world(
         InputError: no such file or name, a file that is not what it should be, files that
             contradict each other, a robot start that is taken.
     """
+    return find_start(name, seed=seed, tasks=tasks, robots=robots, humans=humans).world
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Start:
+    """What a run begins with."""
+
+    world: World
+    scene: Any = None  #: Scenic's, if the world was sampled from a program
+
+
+def find_start(
+    name: str,
+    *,
+    seed: int | None = None,
+    tasks: Path | None = None,
+    robots: Path | None = None,
+    humans: Path | None = None,
+) -> Start:
+    """World as of :func:`find_world`, with the scene it was sampled from, if it was."""
+    scene = None
     if name in layouts.world_names():
         world, fixed = layouts.load_world(name), True
     elif name.endswith(".scenic") or name in scenario_names():
-        world, fixed = _sample_program(name, seed or 0), False
+        sampled = _sample_program(name, seed or 0)
+        world, scene, fixed = sampled.world, sampled.scene, False
     elif name.endswith(".json") or Path(name).exists():
         world, fixed = read_world(Path(name)), True
     else:
@@ -90,7 +113,7 @@ def find_world(
         starts.check_starts(world)
         if fixed and seed is not None:
             world = variation.vary_world(world, seed)
-    return world
+    return Start(world=world, scene=scene)
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -99,13 +122,14 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in folder.glob("*.scenic")))
 
 
-def _sample_program(name: str, seed: int) -> World:
+def _sample_program(name: str, seed: int) -> Realised:
     if name.endswith(".scenic") and not Path(name).is_file():
         raise FormatError(f"{name}: cannot be read: no such file")
     # Scenic takes two seconds to import; only this road needs it.
     program = importlib.import_module("scenic_worlds.program")
-    sampled: World = program.compile_program(program.scenario_path(name)).sample(seed)
-    return sampled
+    compiled = program.compile_program(program.scenario_path(name))
+    realised: Realised = compiled.realise(compiled.candidate(seed))
+    return realised
 
 
 def _with_inputs(
@@ -174,6 +198,7 @@ def run(
     specifications: Sequence[str] = (),
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
+    scene: Any = None,
 ) -> Outcome:
     """Run the full stack in ``world`` and judge it.
 
@@ -183,6 +208,8 @@ def run(
         specifications: names, or ``stl:FORMULA``; all that ship if empty.
         keep_trace: False keeps only the trace's digest.
         on_progress: called about once per simulated second with the time [s].
+        scene: that ``world`` was sampled from (:func:`find_start`); only worlds that are
+            ``scripted`` need it.
 
     Raises:
         InputError: the world cannot be run, or a name is unknown.
@@ -192,6 +219,7 @@ def run(
         world=world,
         config=config or StackConfig(),
         specifications=tuple(specifications) or default_specifications(),
+        scene=scene,
     )
     return run_job(job, keep_trace=keep_trace, on_progress=on_progress)
 

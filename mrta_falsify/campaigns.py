@@ -17,10 +17,12 @@ from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sample
 from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.campaign.statistics import failure_probability, why_no_probability
 from mrta_falsify.campaign.store import (
+    SETTINGS,
     Campaign,
     Store,
     StoreError,
     read_campaign,
+    read_settings,
     write_atomically,
 )
 from mrta_falsify.core import codec, registry
@@ -91,6 +93,19 @@ def new_settings(
     )
     build_sampler(settings)
     return settings
+
+
+def open_store(directory: Path, settings: CampaignSettings) -> Store:
+    """A new campaign with ``settings``, or the one that is there, to go on with.
+
+    Raises:
+        StoreError: the directory holds something else, or a campaign with other settings.
+    """
+    if not (directory / SETTINGS).exists():
+        return Store.create(directory, settings)
+    if codec.digest(read_settings(directory)) != codec.digest(settings):
+        raise StoreError(f"{directory}: holds a campaign with other settings; choose another one")
+    return Store.resume(directory)
 
 
 @contextlib.contextmanager

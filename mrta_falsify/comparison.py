@@ -11,9 +11,8 @@ from typing import Any
 from mrta_falsify import campaigns
 from mrta_falsify.campaign import survival
 from mrta_falsify.campaign.settings import CampaignSettings, Limits
-from mrta_falsify.campaign.store import SETTINGS, Campaign, Store, StoreError, read_settings
+from mrta_falsify.campaign.store import SETTINGS, Campaign
 from mrta_falsify.campaign.survival import Search
-from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 
 
@@ -60,7 +59,7 @@ def run(
     searches = plan.searches(directory)
     for done, (name, seed, folder) in enumerate(searches, start=1):
         settings = _settings(plan, name, seed, folder)
-        with _open(folder, settings) as store:
+        with campaigns.open_store(folder, settings) as store:
             limits = Limits(budget=plan.budget, stop_after=plan.stop_after)
             result = campaigns.run(store, limits, executor)
         if result.ended == "interrupted":
@@ -74,14 +73,6 @@ def run(
 def _settings(plan: Plan, name: str, seed: int, folder: Path) -> CampaignSettings:
     trials = dataclasses.replace(plan.settings.trials, seed=seed, directory=str(folder.resolve()))
     return dataclasses.replace(plan.settings, trials=trials, sampler=Choice(name))
-
-
-def _open(folder: Path, settings: CampaignSettings) -> Store:
-    if not (folder / SETTINGS).exists():
-        return Store.create(folder, settings)
-    if codec.digest(read_settings(folder)) != codec.digest(settings):
-        raise StoreError(f"{folder}: holds a search with other settings")
-    return Store.resume(folder)
 
 
 # --- what came of it -----------------------------------------------------------------------

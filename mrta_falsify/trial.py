@@ -51,6 +51,7 @@ class Job:
     config: StackConfig
     specifications: tuple[str, ...] = default_specifications()
     early_stop: bool = False  #: end soon after the first violation
+    scene: Any = None  #: Scenic's, for a world that cannot do without its program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,12 +76,42 @@ def run_job(
     on_progress: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Simulate and judge one job (see :func:`simulator_interface.simulate.simulate`)."""
+    return _run_episode(
+        job,
+        build_specifications(job.specifications),
+        keep_trace=keep_trace,
+        on_progress=on_progress,
+    )
+
+
+def _run_episode(
+    job: Job,
+    specifications: tuple[Specification, ...],
+    *,
+    keep_trace: bool,
+    on_progress: Callable[[float], None] | None = None,
+    stop: Callable[[Frame], str] | None = None,
+) -> Outcome:
+    """Our own loop, or Scenic's over the same loop for a scripted world."""
+    if job.world.scripted and job.scene is not None:
+        from simulator_interface.scenic_simulator import simulate_scene  # noqa: PLC0415 - Scenic
+
+        return simulate_scene(
+            job.scene,
+            job.world,
+            job.config,
+            specifications=specifications,
+            keep_trace=keep_trace,
+            on_progress=on_progress,
+            stop=stop,
+        )
     return simulate(
         job.world,
         job.config,
-        specifications=build_specifications(job.specifications),
+        specifications=specifications,
         keep_trace=keep_trace,
         on_progress=on_progress,
+        stop=stop,
     )
 
 
@@ -93,13 +124,7 @@ def judge(job: Job, *, keep_trace: bool = True) -> Judged:
     """
     specifications = build_specifications(job.specifications)
     watch = _Watch(job, specifications)
-    outcome = simulate(
-        job.world,
-        job.config,
-        specifications=specifications,
-        keep_trace=keep_trace,
-        stop=watch.stop,
-    )
+    outcome = _run_episode(job, specifications, keep_trace=keep_trace, stop=watch.stop)
     verdicts = tuple(_bounded(verdict) for verdict in outcome.verdicts)
     margins = objectives(verdicts)
     if outcome.ended == "decided":
@@ -210,14 +235,14 @@ class Trials:
             attempts=realised.attempts,
             scene_s=time.perf_counter() - began,
         )
-        return self._simulate(realised.world, record)
+        return self._simulate(realised.world, record, realised.scene)
 
-    def _simulate(self, world: World, record: TrialRecord) -> TrialRecord:
+    def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:
         settings = self._settings
         began = time.perf_counter()
         config, screening = settings.stack, None
         if settings.screen:
-            quick = self._judge(world, quick_stack(config))
+            quick = self._judge(world, quick_stack(config), scene)
             if not quick.failed:
                 return self._finish(world, record, quick, quick_stack(config).engine.name, began)
             screening = Screening(
@@ -228,12 +253,12 @@ class Trials:
                 sim_time=quick.outcome.sim_time,
                 wall_s=quick.outcome.wall_s,
             )
-        judged = self._judge(world, config)
+        judged = self._judge(world, config, scene)
         record = dataclasses.replace(record, screening=screening)
         return self._finish(world, record, judged, config.engine.name, began)
 
-    def _judge(self, world: World, config: StackConfig) -> Judged:
-        job = _job(self._settings, world, config)
+    def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:
+        job = _job(self._settings, world, config, scene)
         return judge(job)
 
     def _finish(
@@ -270,10 +295,11 @@ class Trials:
         return str((folder / "trace.zip").relative_to(root))
 
 
-def _job(settings: TrialSettings, world: World, config: StackConfig) -> Job:
+def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
     return Job(
         world=world,
         config=config,
+        scene=scene,
         specifications=settings.specifications or campaign_specifications(),
         early_stop=settings.early_stop,
     )
@@ -290,7 +316,10 @@ def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
     config = settings.stack
     if record.engine and record.engine != config.engine.name:
         config = quick_stack(config)
-    return judge(_job(settings, world, config))
+    scene = None
+    if world.scripted:
+        scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
+    return judge(_job(settings, world, config, scene))
 
 
 def quick_stack(config: StackConfig) -> StackConfig:

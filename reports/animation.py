@@ -169,7 +169,10 @@ def _draw_frame(canvas: _Canvas, view: RunView, tick: int, speed: float) -> np.n
 
 def _draw_people(draw: ImageDraw.ImageDraw, canvas: _Canvas, view: RunView, tick: int) -> None:
     positions = view.trace.columns["human_position"][tick]
-    for human, (x, y) in zip(view.world.humans, canvas.pixels(positions), strict=True):
+    for human, position in zip(view.world.humans, positions, strict=True):
+        if np.isnan(position).any():  # not in the building
+            continue
+        ((x, y),) = canvas.pixels(position[None])
         reach = max(3.0, human.radius * canvas.scale)
         colour = HUMAN if human.reacts_to_robots else HUMAN_BLIND
         draw.ellipse((x - reach, y - reach, x + reach, y + reach), fill=colour, outline="white")

@@ -162,7 +162,9 @@ def draw_floor(
                 )
             )
             x, y = event.polygon.mean(axis=0)
-            _label(axes, (x, y), f"blocked {event.start:g}-{event.end:g} s", size=7, colour=UNSAFE)
+            _label(
+                axes, (x, y), f"blocked {event.start:.0f}-{event.end:.0f} s", size=7, colour=UNSAFE
+            )
     _draw_queues(axes, world)
     _draw_rooms(axes, world, label_size)
     _draw_scale(axes, world)

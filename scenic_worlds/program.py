@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
-import random
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+import dataclasses
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
-import scenic
-from scenic.core.distributions import RejectionException
-from scenic.core.errors import ScenicError
-from scenic.core.scenarios import Scenario
+from scenic.core.scenarios import Scenario, Scene
 
-from mrta_falsify.core.errors import FormatError, UnknownNameError, WorldError
-from mrta_falsify.core.seeding import stream
+from mrta_falsify.core.candidate import Candidate, SearchSpace, candidate_of
+from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError, WorldError
 from mrta_falsify.core.world import World
+from scenic_worlds.checking import FastChecker
+from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
+from scenic_worlds.primitives.driver import Driver
+from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
+from scenic_worlds.sources import sources_digest
 from simulator_interface.world_from_scene import world_from_scene
 
+__all__ = [
+    "Mode",
+    "Program",
+    "Realised",
+    "RejectedScene",
+    "compile_program",
+    "scenario_names",
+    "scenario_path",
+]
+
 SCENARIO_DIR = Path(__file__).parent / "scenarios"
-MAX_ITERATIONS = 2000
+
+#: ``exact``: whole-scene rejection, Scenic's distribution; ``repair``: local resampling
+Mode = Literal["repair", "exact"]
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -44,63 +56,132 @@ def scenario_path(name_or_path: str) -> Path:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Realised:
+    """A candidate that became a world."""
+
+    world: World
+    scene: Scene  #: Scenic's, for programs that are simulated by Scenic
+    candidate: Candidate  #: gives the world by itself, in one attempt
+    attempts: int  #: scenes tried until one was accepted
+    rejections: dict[str, int]  #: how often each rejecter rejected
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Program:
-    """A compiled Scenic program."""
+    """A compiled Scenic program; every random choice is a coordinate of its search space."""
 
     name: str
-    scenario: Scenario
+    path: Path
+    params: dict[str, Any]  #: global parameters that were overridden
+    space: SearchSpace
+    scenario: Scenario  #: Scenic's, with every random primitive driven
+    sources_digest: str  #: of the program's files and layout
+    search: SceneSearch = field(repr=False)
 
-    def sample(self, seed: int) -> World:
-        """World drawn from the program's own distribution.
+    def realise(
+        self, candidate: Candidate, mode: Mode = "repair", *, max_attempts: int = MAX_ATTEMPTS
+    ) -> Realised:
+        """World of a candidate, or of the nearest one that is valid.
 
         Args:
-            seed: decides everything random, >= 0.
+            candidate: ``u`` ``(k,)``, and the seed of what u does not cover: which soft
+                requirements hold, and where to look if the scene at u is not valid.
+            mode: ``repair`` redraws what belongs to the objects to blame; ``exact`` draws
+                whole scenes, so that a uniform u gives Scenic's conditional distribution.
+            max_attempts: scenes to try, >= 1.
+
+        Returns:
+            The world, and the candidate that gives it by itself.
 
         Raises:
-            WorldError: no scene was accepted in 2000 attempts, or the scene is no world.
+            RejectedScene: no scene was accepted; says who rejected how often.
+            InputError: the candidate does not belong to this program, or a sampled value is
+                one that no world can have.
         """
-        with _seeded(seed):
-            try:
-                scene, _ = self.scenario.generate(maxIterations=MAX_ITERATIONS)
-            except RejectionException as error:
-                raise WorldError(
-                    f"{self.name}: no scene accepted in {MAX_ITERATIONS} attempts; "
-                    f"last rejected by: {error}"
-                ) from None
-        return world_from_scene(scene, name=self.name, seed=seed)
+        self._check(candidate, mode)
+
+        def accept(sample: Any) -> tuple[Scene, World]:
+            scene = self.scenario._makeSceneFromSample(sample)
+            return scene, world_from_scene(scene, name=self.name, seed=candidate.seed)
+
+        find = self.search.exact if mode == "exact" else self.search.repair
+        try:
+            found = find(candidate.u, candidate.seed, accept, max_attempts=max_attempts)
+        except InputError:
+            raise
+        except Exception as error:
+            where = scenic_line(error.__traceback__, self.path)
+            raise WorldError(
+                f"{where}: a scene cannot be computed: {type(error).__name__}: {error}"
+            ) from error
+        scene, world = found.value
+        return Realised(
+            world=world,
+            scene=scene,
+            candidate=dataclasses.replace(candidate, u=found.u, params=self.params),
+            attempts=found.attempts,
+            rejections=found.rejections,
+        )
+
+    def candidate(self, seed: int, number: int = 0) -> Candidate:
+        """Candidate ``number`` of a random campaign with ``seed`` on this program."""
+        candidate = candidate_of(seed, number, len(self.space))
+        return dataclasses.replace(candidate, params=self.params)
+
+    def sample(self, seed: int, mode: Mode = "repair") -> World:
+        """World of candidate 0 of a campaign with ``seed``.
+
+        Raises:
+            RejectedScene: no scene was accepted.
+        """
+        return self.realise(self.candidate(seed), mode).world
+
+    def _check(self, candidate: Candidate, mode: str) -> None:
+        if mode not in get_args(Mode):
+            raise ConfigError(f"mode is {mode!r}; it must be repair or exact")
+        shape, k = np.shape(candidate.u), len(self.space)
+        if shape != (k,):
+            raise ConfigError(
+                f"candidate.u has shape {shape}; {self.name} has {k} dimensions, so it must be "
+                f"({k},)"
+            )
+        if k and not (np.min(candidate.u) >= 0.0 and np.max(candidate.u) <= 1.0):
+            raise ConfigError("candidate.u has values outside [0, 1]")
+        if candidate.params and candidate.params != self.params:
+            raise ConfigError(
+                f"candidate.params is {candidate.params}; {self.name} was compiled with "
+                f"{self.params}"
+            )
 
 
-def compile_program(path: Path, params: dict[str, Any] | None = None) -> Program:
+def compile_program(
+    path: Path, params: dict[str, Any] | None = None, *, needs_tasks: bool = True
+) -> Program:
     """Compile a Scenic file. It is code, and runs with the rights of whoever calls this.
 
     Args:
         path: a ``.scenic`` file over ``scenic_worlds.model``.
         params: global parameters to override.
+        needs_tasks: refuse a program without tasks.
 
     Raises:
-        FormatError: the program does not compile; names file and line where Scenic does.
+        FormatError: the program does not compile, or has no robots or tasks; names file and
+            line where they are known.
     """
-    try:
-        with _seeded(0):
-            scenario = scenic.scenarioFromFile(str(path), params=params or {})
-    except ScenicError as error:
-        line = getattr(error, "lineno", None)
-        where = f"{path}:{line}" if line else str(path)
-        raise FormatError(f"{where}: {error}") from None
-    if "_places" not in scenario.params:
-        raise FormatError(f"{path}: has no `model scenic_worlds.model` at its top")
-    return Program(name=path.stem, scenario=scenario)
-
-
-@contextmanager
-def _seeded(seed: int) -> Iterator[None]:
-    """Scenic draws from global generators: seed them inside its door, restore them after."""
-    before = random.getstate(), np.random.get_state()  # noqa: NPY002
-    numbers = stream(seed, "scenic")
-    random.seed(int(numbers.integers(2**63)))
-    np.random.seed(int(numbers.integers(2**32)))  # noqa: NPY002
-    try:
-        yield
-    finally:
-        random.setstate(before[0])
-        np.random.set_state(before[1])  # noqa: NPY002
+    params = dict(params or {})
+    path = Path(path)
+    scenario = compile_scenario(path, params)
+    if needs_tasks:
+        check_tasks(scenario, path)
+    driver = Driver(scenario)
+    checker = FastChecker()
+    scenario.setSampleChecker(checker)
+    return Program(
+        name=path.stem,
+        path=path,
+        params=params,
+        space=driver.space,
+        scenario=scenario,
+        sources_digest=sources_digest(path, getattr(scenario.params["_places"], "layout", None)),
+        search=SceneSearch(driver, checker, path.stem),
+    )

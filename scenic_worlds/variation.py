@@ -38,7 +38,7 @@ def vary_world(world: World, seed: int) -> World:
         WorldError: a robot's start has no free place within 0.2 m.
     """
     random = stream(seed, "start_offsets")
-    solids = [Polygon(polygon) for polygon in world.solid_polygons()]
+    solids = [Polygon(polygon) for polygon in _outlines(world)]
     tree = STRtree(solids)
     placed: list[RobotSpec] = []
     for robot in world.robots:
@@ -72,7 +72,7 @@ def jitter_world(world: World, seed: int) -> World:
         WorldError: a robot's start has no free place within 2 cm.
     """
     random = stream(seed, "jitter")
-    solids = [Polygon(polygon) for polygon in world.solid_polygons()]
+    solids = [Polygon(polygon) for polygon in _outlines(world)]
     tree = STRtree(solids)
     placed: list[RobotSpec] = []
     for robot in world.robots:
@@ -101,6 +101,10 @@ def jitter_world(world: World, seed: int) -> World:
         ray_noise=max(world.ray_noise, RAY_NOISE),
         seed=seed,
     )
+
+
+def _outlines(world: World) -> list[Array]:
+    return [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
 
 
 def _moved_start(

@@ -27,6 +27,7 @@ from simulator_interface.bodies import RobotModel, check_starts, gather_fleet
 from simulator_interface.kinematic import count_substeps
 from simulator_interface.rays import next_corners, polygon_edges, ray_directions
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
+from simulator_interface.staging import Stage
 
 
 @contextlib.contextmanager
@@ -132,6 +133,7 @@ class BulletEngine:
         self._build_floor_and_solids(world)
         self._build_robots(world)
         self._build_people(world)
+        self._build_pieces()
         self._blocks: dict[int, int] = {}  # blockage number -> body
         self._overlaps: list[_Overlap] = []
         self._pose = self._read_pose()
@@ -172,7 +174,7 @@ class BulletEngine:
         self._sort(floor, -1, FLOOR, ROBOT | WHEEL)
         polygons = world.solid_polygons()
         heights = [wall.height for wall in world.walls]
-        heights += [item.height for item in world.furniture]
+        heights += [item.height for item in world.furniture if not item.movable]
         if polygons:
             self._column[self._add_solid(polygons, heights)] = gaps.STATIC
 
@@ -313,7 +315,37 @@ class BulletEngine:
             self._column[body] = gaps.HUMAN
             self._people.append(body)
 
+    def _build_pieces(self) -> None:
+        """Movable furniture: convex bodies that are put where people push them."""
+        self._pieces: list[int] = []
+        for piece in self._around.pieces:
+            vertices, _ = side_faces([piece.outline], [piece.item.height])
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH, vertices=vertices.tolist(), **self._call
+            )
+            body = pybullet.createMultiBody(0.0, shape, useMaximalCoordinates=1, **self._call)
+            pybullet.changeDynamics(body, -1, lateralFriction=0.0, restitution=0.0, **self._call)
+            self._sort(body, -1, SOLID, ROBOT)
+            self._column[body] = gaps.STATIC
+            self._pieces.append(body)
+        self._place_pieces()
+
+    def _place_pieces(self) -> None:
+        for body, (x, y, turn) in zip(
+            self._pieces, self._around.furniture_pose.tolist(), strict=True
+        ):
+            turned = (0.0, 0.0, math.sin(turn / 2.0), math.cos(turn / 2.0))
+            pybullet.resetBasePositionAndOrientation(body, (x, y, 0.0), turned, self._client)
+
     # --- step ----------------------------------------------------------------------------
+
+    def arrange(self, stage: Stage) -> None:
+        """See :class:`simulator_interface.staging.StagedEngine`."""
+        moved = np.isfinite(stage.placed[:, 0])
+        self._human[moved] = stage.placed[moved]
+        self._around.arrange(stage, self._tick * self._dt)
+        self._place_pieces()
+        self._note_changes()
 
     def step(self, command: Command, human_velocity: Array) -> Sensed:
         """See :class:`mrta_falsify.core.protocols.Engine`."""

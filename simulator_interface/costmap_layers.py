@@ -68,7 +68,9 @@ class BoundCostmap:
         self._prices = _costs_by_squared_distance(options)
         self._blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._static = _static_costmap(world, options)
-        self._maps: OrderedDict[tuple[tuple[int, ...], bytes], Costmap] = OrderedDict()
+        movable = world.movable_furniture() if self._sees_furniture else ()
+        self._furniture = tuple(item.polygon for item in movable)
+        self._maps: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Costmap] = OrderedDict()
 
     def costmap(self, time: float, parked: Array = _NOBODY) -> Costmap:
         """Costmap at ``time`` [s] with robots at rest at ``parked`` ``(P, 2)`` [m].
@@ -79,17 +81,30 @@ class BoundCostmap:
         active = tuple(
             i for i, event in enumerate(self._blockages) if event.start <= time < event.end
         )
-        if not active and len(parked) == 0:
+        if not active and len(parked) == 0 and not self._furniture:
             return self._static
         places = np.asarray(parked, dtype=np.float64).reshape(-1, 2)
         places = places[np.lexsort(places.T[::-1])]  # who parks where does not matter
-        key = (active, places.tobytes())
+        key = (active, places.tobytes(), b"".join(p.tobytes() for p in self._furniture))
         if key not in self._maps:
-            self._maps[key] = self._overlay([self._blockages[i].polygon for i in active], places)
+            polygons = [self._blockages[i].polygon for i in active]
+            self._maps[key] = self._overlay([*polygons, *self._furniture], places)
             if len(self._maps) > KEPT_MAPS:
                 self._maps.popitem(last=False)
         self._maps.move_to_end(key)
         return self._maps[key]
+
+    def furnish(self, outlines: tuple[Array, ...]) -> None:
+        """See :class:`simulator_interface.staging.StagedSource`."""
+        self._furniture = outlines if self._sees_furniture else ()
+
+    def add_blockage(self, blockage: Blockage) -> None:
+        """See :class:`simulator_interface.staging.StagedSource`."""
+        self._blockages.append(blockage)
+
+    @property
+    def _sees_furniture(self) -> bool:
+        return "costmap_blind_to_furniture" not in self._options.defects
 
     def _overlay(self, polygons: Sequence[Array], places: Array) -> Costmap:
         options, static = self._options, self._static
@@ -160,7 +175,7 @@ def _static_costmap(world: World, options: CostmapOptions) -> Costmap:
     """Costmap of what never changes; worlds are frozen, so one is built per world."""
     solids = [wall.polygon for wall in world.walls]
     if "costmap_blind_to_furniture" not in options.defects:
-        solids += [item.polygon for item in world.furniture]
+        solids += [item.polygon for item in world.furniture if not item.movable]
     grid = _empty_grid(world, options.resolution)
     _fill_polygons(grid, solids)
     _fill_costs(grid.cost, _whole(grid.cost), _costs_by_squared_distance(options))

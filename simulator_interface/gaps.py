@@ -301,7 +301,7 @@ def _outward(polygon: Array, corners: int, px: float, py: float) -> tuple[float,
 
 
 @njit(cache=True)
-def _disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
+def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
     """Distance of a point from the nearest edge, at most ``radius``."""
     best = radius
     for e in range(len(extra)):
@@ -386,7 +386,7 @@ def move_people(
         nx, ny = _outward(placed[robot], corners[robot], x, y)
         turn = (x - pose[robot, 0]) * dy - (y - pose[robot, 1]) * dx
         way = -1.0 if turn < -STRAIGHT_ON * length else 1.0  # straight on: pass on the right
-        free_before = _disc_clear(grid, extra, x, y, r)
+        free_before = disc_clear(grid, extra, x, y, r)
         for _ in range(2):
             sx, sy = x - way * ny * length, y + way * nx * length
             gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
@@ -394,7 +394,7 @@ def move_people(
                 ox, oy = _outward(placed[robot], corners[robot], sx, sy)
                 sx, sy = sx - gap * ox, sy - gap * oy
                 gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
-            free = _disc_clear(grid, extra, sx, sy, r)
+            free = disc_clear(grid, extra, sx, sy, r)
             if gap >= min(before, 0.0) - 1e-6 and (free >= r or free >= free_before):
                 position[h, 0], position[h, 1] = sx, sy
                 break

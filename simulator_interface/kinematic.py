@@ -28,6 +28,7 @@ from simulator_interface.gaps import (
 )
 from simulator_interface.rays import EdgeGrid
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
+from simulator_interface.staging import Stage
 
 TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds nobody
 HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
@@ -130,6 +131,12 @@ class KinematicEngine:
         self._tick += 1
         around.update(self._tick * self._dt)
         return self._sense((self._human - walked_from) / self._dt)
+
+    def arrange(self, stage: Stage) -> None:
+        """See :class:`simulator_interface.staging.StagedEngine`."""
+        moved = np.isfinite(stage.placed[:, 0])
+        self._human[moved] = stage.placed[moved]
+        self._around.arrange(stage, self._tick * self._dt)
 
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt

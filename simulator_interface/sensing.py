@@ -12,6 +12,7 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Blockage, World
 from simulator_interface import gaps, rays
 from simulator_interface.bodies import Fleet
+from simulator_interface.staging import Stage, first_inside, first_poses, pieces_of
 
 PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
 SWEEP = 3  # ticks until the rays point the same way again
@@ -34,12 +35,11 @@ class Surroundings:
         edges = rays.polygon_edges(world.solid_polygons())
         self.grid = rays.build_edge_grid(edges, world.bounds)
         self.blockages = tuple(event for event in world.events if isinstance(event, Blockage))
+        self.pieces = pieces_of(world)
+        self.furniture_pose = first_poses(self.pieces)  #: (F, 3) movable furniture
+        self.inside = first_inside(world)  #: (H,) as far as the directives go
         self.human_radius = np.array([human.radius for human in world.humans])
-        times = {event.start for event in self.blockages} | {e.end for e in self.blockages}
-        times |= {human.appears_at for human in world.humans}
-        times |= {human.leaves_at for human in world.humans}
-        self._changes = sorted(times)
-        self._next = 0
+        self._plan_changes()
         self._begun = False
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
@@ -57,14 +57,38 @@ class Surroundings:
         self._begun = True
         while self._next < len(self._changes) and self._changes[self._next] <= now:
             self._next += 1
+        self._bring_to(now)
+        return True
+
+    def arrange(self, stage: Stage, time: float) -> None:
+        """Take up what people did before the tick that begins at ``time`` [s]."""
+        self.inside = stage.inside
+        self.furniture_pose = stage.furniture_pose
+        if stage.added:
+            self.blockages += stage.added
+            self._plan_changes()
+        self._begun = False
+        self.update(time)
+
+    def _plan_changes(self) -> None:
+        times = {event.start for event in self.blockages} | {e.end for e in self.blockages}
+        times |= {human.appears_at for human in self.world.humans}
+        times |= {human.leaves_at for human in self.world.humans}
+        self._changes = sorted(times)
+        self._next = 0
+
+    def _bring_to(self, now: float) -> None:
         self.standing = tuple(
             k for k, event in enumerate(self.blockages) if event.start <= now < event.end
         )
-        self.edges = rays.polygon_edges([self.blockages[k].polygon for k in self.standing])
+        outlines = [self.blockages[k].polygon for k in self.standing]
+        poses = zip(self.pieces, self.furniture_pose, strict=True)
+        outlines += [piece.at(pose) for piece, pose in poses]
+        self.edges = rays.polygon_edges(outlines)
         self.owner = np.full(len(self.edges), -1, dtype=np.int64)
         humans = self.world.humans
         self.present = np.array([h.appears_at <= now < h.leaves_at for h in humans], dtype=np.bool_)
-        return True
+        self.present &= self.inside
 
 
 class Observer:

@@ -16,15 +16,17 @@ import numpy as np
 from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import FleetState, Frame, Sensed, StackEvent
-from mrta_falsify.core.protocols import Engine, Specification
+from mrta_falsify.core.protocols import CostmapSource, Engine, Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import World
+from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
-from simulator_interface.crowd import Crowd, present_humans
+from simulator_interface.crowd import Crowd
+from simulator_interface.staging import StagedEngine, StagedSource, needs_stage
 
 #: people need more room than a robot's disc; they see every object
 PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
@@ -97,10 +99,15 @@ class Episode:
         self.config = config
         self.dt = 1.0 / config.control_rate
         self.state: StackState | None = None
+        self.tick = 0  #: of the last frame
         source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
         self._engine: Engine = registry.build("engine", config.engine)
+        self._source: CostmapSource = source
+        if needs_stage(world):
+            self._check_stage()
         self.stack = Stack(world, config, source)
-        self._crowd = self._new_crowd()
+        self.crowd = self._new_crowd()
+        self._resting: tuple[int, ...] | None = None
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
@@ -111,13 +118,58 @@ class Episode:
         planner = registry.build("planner", StackConfig().planner)
         return Crowd(world=self.world, model=model, planner=planner, source=true_map, dt=self.dt)
 
+    def _check_stage(self) -> None:
+        """Refuse components for which the building never changes.
+
+        Raises:
+            ConfigError: names the component.
+        """
+        parts = (
+            ("engine", self.config.engine, isinstance(self._engine, StagedEngine)),
+            ("costmap", self.config.costmap, isinstance(self._source, StagedSource)),
+        )
+        for layer, choice, is_able in parts:
+            if not is_able:
+                raise ConfigError(
+                    f"{layer}={choice.name} cannot run a world with directives or movable "
+                    "furniture; see simulator_interface/staging.py for what it needs"
+                )
+
+    def add_blockage(self, name: str, polygon: Array, *, height: float, end: float) -> Blockage:
+        """Put something down; it stands from the next tick to ``end`` [s].
+
+        Raises:
+            ConfigError: engine or costmap cannot take it.
+        """
+        self._check_stage()
+        assert isinstance(self._source, StagedSource)
+        blockage = Blockage(
+            name=name,
+            polygon=polygon,
+            height=height,
+            start=(self.tick + 1) * self.dt,
+            end=max(end, (self.tick + 1) * self.dt),
+        )
+        self.crowd.add_blockage(blockage)
+        self._source.add_blockage(blockage)
+        self.world = self.crowd.world
+        return blockage
+
+    def replace_person(self, person: int, spec: HumanSpec) -> None:
+        """Let somebody new take the place of a person who never appeared."""
+        self._check_stage()
+        self.crowd.replace_person(person, spec)
+        self.world = self.crowd.world
+
     def frames(self) -> Iterator[Frame]:
         """Frames from time 0 on, for as long as they are asked for."""
         try:
-            human_position = self._crowd.start()
+            human_position = self.crowd.start()
             sensed = self._engine.start(self.world, self.dt, human_position)
             self.state = self.stack.start()
             while True:
+                self.tick = sensed.tick
+                measured, sensed = sensed, self._as_staged(sensed)
                 seen = self._without_absent(sensed)
                 fleet = self._localisation.fleet(seen)
                 self.state, command, intent, events = self.stack.step(self.state, fleet)
@@ -125,14 +177,51 @@ class Episode:
                 yield Frame(
                     sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
                 )
-                human_velocity = self._crowd.velocities(sensed)
+                human_velocity = self.crowd.velocities(measured)
+                stage = self.crowd.stage()
+                if stage is not None:
+                    assert isinstance(self._engine, StagedEngine)
+                    self._engine.arrange(stage)
                 sensed = self._engine.step(command, human_velocity)
         finally:
             self._engine.close()
 
+    def swap(self, config: StackConfig) -> None:
+        """Let another stack go on from the same memory; to be called between two frames.
+
+        Everything but engine, people and control rate may differ. The controller starts anew if
+        it is another one; all other layers keep their memory in the stack's state.
+        """
+        assert self.state is not None, "the episode has not begun"
+        source = self._source
+        changed = config.costmap != self.config.costmap or config.defects != self.config.defects
+        if changed:
+            source = registry.build("costmap", config.costmap, defects=config.defects)
+            source = source.bind(self.world)
+        self.stack = Stack(self.world, config, source)
+        if config.controller != self.config.controller or config.defects != self.config.defects:
+            self.state.controller = self.stack.start().controller
+        self.config, self._source = config, source
+
+    def _as_staged(self, sensed: Sensed) -> Sensed:
+        """``sensed`` with what the crowd knows: who is gone, and where furniture stands."""
+        errands = self.crowd.errands
+        things = errands.furnishings
+        if things.pieces:
+            resting = things.at_rest(sensed.time)
+            if resting != self._resting:
+                self._resting = resting
+                assert isinstance(self._source, StagedSource)
+                self._source.furnish(tuple(things.outline(k) for k in resting))
+            sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
+        if errands.inside.all():
+            return sensed
+        position = np.where(errands.inside[:, None], sensed.human_position, np.nan)
+        return dataclasses.replace(sensed, human_position=position)
+
     def _without_absent(self, sensed: Sensed) -> Sensed:
         """What can be perceived: people who are not in the building are nowhere."""
-        present = present_humans(self.world, sensed.time)
+        present = self.crowd.present(sensed.time)
         if present.all():
             return sensed
         seen = np.where(present[:, None], sensed.human_position, np.inf)
@@ -157,11 +246,20 @@ def episode(world: World, config: StackConfig) -> Iterator[Frame]:
     Raises:
         InputError: the world cannot be run (a start inside a wall) or a layer is unknown.
     """
+    _check_unscripted(world)
     running = Episode(world, config)
     for frame in running.frames():
         yield frame
         if _end_of(running, frame):
             return
+
+
+def _check_unscripted(world: World) -> None:
+    if world.scripted:
+        raise WorldError(
+            f"{world.name}: cannot be run without its Scenic program, because of "
+            f"{world.scripted}; run the program: scenic -S FILE.scenic --count 1"
+        )
 
 
 def _end_of(running: Episode, frame: Frame) -> str:
@@ -198,50 +296,102 @@ def simulate(
     Raises:
         InputError: as in :func:`episode`.
     """
-    began = wall_clock.perf_counter()
-    running = Episode(world, config)
-    recorder = TraceRecorder(
-        world_digest=world.digest(),
-        dt=running.dt,
-        robots=tuple(robot.name for robot in world.robots),
-        humans=tuple(human.name for human in world.humans),
-        keep=keep_trace,
-    )
-    contacts = ContactCounter()
-    contacts.start(world, running.dt)
-    for specification in specifications:
-        specification.start(world, running.dt)
-    ledger = _TaskLedger(world)
-    ended, last_time, per_second = "interrupted", 0.0, config.control_rate
-    frames = running.frames()
+    _check_unscripted(world)
+    running = Run(world, config, specifications=specifications, keep_trace=keep_trace, stop=stop)
+    per_second = config.control_rate
     try:
-        for frame in frames:
-            recorder.add(frame)
-            contacts.update(frame)
-            ledger.update(frame.events)
-            for specification in specifications:
-                specification.update(frame)
-            last_time = frame.sensed.time
+        while not running.ended:
+            frame = running.advance()
             if on_progress is not None and frame.sensed.tick % per_second == 0:
-                on_progress(last_time)
-            reason = _end_of(running, frame) or (stop(frame) if stop is not None else "")
-            if reason:
-                ended, left = reason, frame.intent.tasks_left
-                break
+                on_progress(frame.sensed.time)
     except KeyboardInterrupt:
-        left = np.ones(len(world.robots), dtype=np.int64)
+        running.end("interrupted")
     finally:
-        frames.close()  # type: ignore[attr-defined]
-    return Outcome(
-        trace=recorder.finish(ended),
-        verdicts=tuple(specification.verdict() for specification in specifications),
-        contacts=contacts.totals(),
-        tasks=ledger.count(),
-        robots_finished=int((left == 0).sum()),
-        ended=ended,
-        sim_time=last_time,
-        wall_s=wall_clock.perf_counter() - began,
-    )
+        running.close()
+    return running.outcome()
+
+
+class Run:
+    """One episode, recorded and judged tick by tick.
+
+    It is the one loop: :func:`simulate` drives it to its end, Scenic's simulation drives it
+    by a few ticks per time step. Close it whatever happens.
+
+    Args:
+        world: what to simulate.
+        config: the stack under test.
+        specifications: folds that score the run; they are started here.
+        keep_trace: keep columns and tables; without, the trace has only its digest.
+        stop: ends the episode at the first frame for which it returns a reason.
+
+    Raises:
+        InputError: as in :func:`episode`.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        config: StackConfig,
+        *,
+        specifications: Sequence[Specification] = (),
+        keep_trace: bool = True,
+        stop: Callable[[Frame], str] | None = None,
+    ) -> None:
+        self._began = wall_clock.perf_counter()
+        self.episode = Episode(world, config)
+        self.ended = ""  #: why the episode ended, empty: it goes on
+        self.frame: Frame | None = None  #: of the last tick
+        self._recorder = TraceRecorder(
+            world_digest=world.digest(),
+            dt=self.episode.dt,
+            robots=tuple(robot.name for robot in world.robots),
+            humans=tuple(human.name for human in world.humans),
+            keep=keep_trace,
+        )
+        self._contacts = ContactCounter()
+        self._contacts.start(world, self.episode.dt)
+        self._specifications = tuple(specifications)
+        for specification in self._specifications:
+            specification.start(world, self.episode.dt)
+        self._ledger = _TaskLedger(world)
+        self._stop = stop
+        self._frames = self.episode.frames()
+
+    def advance(self) -> Frame:
+        """The next tick, recorded and judged; not to be asked for once the run has ended."""
+        frame = next(self._frames)
+        self._recorder.add(frame)
+        self._contacts.update(frame)
+        self._ledger.update(frame.events)
+        for specification in self._specifications:
+            specification.update(frame)
+        self.frame = frame
+        self.ended = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
+        return frame
+
+    def end(self, reason: str) -> None:
+        """End the run here, unless it has already."""
+        self.ended = self.ended or reason
+
+    def close(self) -> None:
+        """Free the engine; may be called twice."""
+        self._frames.close()  # type: ignore[attr-defined]
+
+    def outcome(self) -> Outcome:
+        """What came of the run; call it once, at its end."""
+        finished = 0
+        if self.frame is not None and self.ended != "interrupted":
+            finished = int((self.frame.intent.tasks_left == 0).sum())
+        return Outcome(
+            trace=self._recorder.finish(self.ended),
+            verdicts=tuple(specification.verdict() for specification in self._specifications),
+            contacts=self._contacts.totals(),
+            tasks=self._ledger.count(),
+            robots_finished=finished,
+            ended=self.ended,
+            sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
+            wall_s=wall_clock.perf_counter() - self._began,
+        )
 
 
 class _TaskLedger:

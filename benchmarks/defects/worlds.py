@@ -353,6 +353,46 @@ def planner_failure_blocks_all(seed: int) -> World:
     return _world(layout, seed, robots=robots, tasks=tasks, horizon=150.0, events=(bed,))
 
 
+# --- allocator -------------------------------------------------------------------------
+
+
+def late_feedback_unsat(seed: int) -> World:
+    """A robot at half the speed of the dispatcher's table is late when a second batch comes.
+
+    Varied: starts, speed, when the second batch comes, and which rooms are asked for.
+    """
+    random = stream(seed, "defects/late_feedback_unsat")
+    layout = ward_layout(rooms=5)
+    slow = float(random.uniform(0.3, 0.4))
+    robots = [
+        dataclasses.replace(_robot(0, _near(random, layout.rooms[0].point)), max_speed=slow),
+        _robot(1, _near(random, layout.rooms[4].point), _yaw(random)),
+    ]
+    end = int(random.integers(2, 4))
+    batch = float(random.uniform(45.0, 60.0))
+    tasks = [
+        Task(arrival=0.0, start=0, end=end, deadline=400.0),
+        Task(arrival=batch, start=4, end=1, deadline=450.0),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=240.0)
+
+
+def no_plan_when_infeasible(seed: int) -> World:
+    """One of two deliveries cannot be in time; both can be made.
+
+    Varied: starts, rooms, and by how much the deadline is missed.
+    """
+    random = stream(seed, "defects/no_plan_when_infeasible")
+    layout = ward_layout(rooms=4)
+    robots = [_robot(i, _near(random, layout.rooms[i].point), _yaw(random)) for i in range(2)]
+    ends = random.permutation([2, 3])
+    tasks = [
+        Task(arrival=0.0, start=0, end=int(ends[0]), deadline=float(random.uniform(2.0, 8.0))),
+        Task(arrival=0.0, start=1, end=int(ends[1]), deadline=300.0),
+    ]
+    return _world(layout, seed, robots=robots, tasks=tasks, horizon=180.0)
+
+
 PLANTS: dict[str, Plant] = {
     plant.defect: plant
     for plant in (
@@ -415,6 +455,18 @@ PLANTS: dict[str, Plant] = {
             "deadlines",
             fixed_priority_starves,
             "an idle robot in the door shuts the leader in, a neighbour has work",
+        ),
+        Plant(
+            "late_feedback_unsat",
+            "all_tasks_done",
+            late_feedback_unsat,
+            "a slow robot is late when the second batch of tasks comes",
+        ),
+        Plant(
+            "no_plan_when_infeasible",
+            "all_tasks_done",
+            no_plan_when_infeasible,
+            "one of two deliveries cannot be in time",
         ),
     )
 }

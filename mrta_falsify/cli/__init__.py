@@ -3,7 +3,11 @@
 Each module adds its commands to the group when it is imported.
 """
 
+from mrta_falsify.cli import allocation as allocation
 from mrta_falsify.cli import campaigns as campaigns
+from mrta_falsify.cli import demo as demo
+from mrta_falsify.cli import exports as exports
+from mrta_falsify.cli import scenarios as scenarios
 from mrta_falsify.cli.commands import main
 
 __all__ = ["main"]

@@ -126,13 +126,13 @@ def campaign(
             time_limit=time_limit,
         )
         store = Store.create(directory, chosen)
-    with store, _live(store.directory, budget) as (on_record, on_told):
+    with store, live(store.directory, budget) as (on_record, on_told):
         result = campaigns.run(store, limits, where, on_record=on_record, on_told=on_told)
     data = campaigns.summary(result)
     if style == "json":
         output.print_json(app.finite(data))
     else:
-        _print_summary(data)
+        print_summary(data)
     return _exit_code(result)
 
 
@@ -179,7 +179,7 @@ def _exit_code(result: Result) -> int:
 
 
 @contextmanager
-def _live(
+def live(
     directory: Path, budget: int
 ) -> Iterator[tuple[Callable[[TrialRecord, bool], None], Callable[[TrialRecord, Counts], None]]]:
     """Progress on stderr: a bar on terminals, a line now and then elsewhere."""
@@ -230,7 +230,8 @@ def _counts(counts: Counts) -> str:
     return ", ".join(parts)
 
 
-def _print_summary(data: dict[str, Any]) -> None:
+def print_summary(data: dict[str, Any]) -> None:
+    """What a campaign found, as text."""
     out = output.stdout()
     out.print(
         f"{data['ran']} trials ({data['sim_hours']:.2f} h simulated in {data['wall_s']:.0f} s), "

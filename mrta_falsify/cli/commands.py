@@ -12,8 +12,6 @@ from mrta_falsify.cli.options import FILE, format_option, spec_option, stack_opt
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
 
-DEMO_WORLD = "aws_hospital_day"
-
 _WORLD_HELP = (
     "WORLD is a world file (.json), a Scenic program (.scenic), or a shipped name of either."
 )
@@ -29,7 +27,7 @@ def main() -> None:
     """
 
 
-# --- run and demo ------------------------------------------------------------------------
+# --- run --------------------------------------------------------------------------------
 
 
 @main.command(epilog=_WORLD_HELP)
@@ -78,11 +76,14 @@ def run(
     from mrta_falsify import app  # noqa: PLC0415 - loads the whole stack; --help need not
 
     config = app.load_stack(stack, (*settings, "engine.gui=true") if gui else settings)
-    world = app.find_world(world_name, seed=seed, tasks=tasks, robots=robots, humans=humans)
+    start = app.find_start(world_name, seed=seed, tasks=tasks, robots=robots, humans=humans)
+    world = start.world
     if directory is not None:
         app.make_directory(directory)
     with output.progress(world.name, world.horizon, "s simulated") as report_progress:
-        outcome = app.run(world, config, specifications=specs, on_progress=report_progress)
+        outcome = app.run(
+            world, config, specifications=specs, on_progress=report_progress, scene=start.scene
+        )
     data = {**app.summary(outcome), "seed": seed, "stack_digest": config.digest()}
     if directory is not None:
         app.write_run(outcome, world, directory, config=config, gif=gif, mp4=mp4)
@@ -97,44 +98,6 @@ def run(
         return ExitCode.INTERRUPTED
     broken = any(verdict.violated for verdict in outcome.verdicts)
     return ExitCode.VIOLATED if broken else ExitCode.DONE
-
-
-@main.command()
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@stack_options
-@click.option(
-    "-o",
-    "--output",
-    "directory",
-    type=FILE,
-    metavar="DIR",
-    default=Path("demo-run"),
-    show_default=True,
-)
-def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Path) -> int:
-    """One run of the AWS hospital: six robots, eight people, the stream testcase_6agents_3_3.
-
-    Ends with verdicts, a picture and a report page; the last line is the page's path.
-    """
-    from mrta_falsify import app  # noqa: PLC0415
-
-    config = app.load_stack(stack, settings)
-    world = app.find_world(DEMO_WORLD, seed=seed)
-    app.make_directory(directory)
-    click.echo(
-        f"{world.name}, seed {seed}: {len(world.robots)} robots, {len(world.humans)} people, "
-        f"{len(world.tasks)} tasks"
-    )
-    with output.progress(world.name, world.horizon, "s simulated") as report_progress:
-        outcome = app.run(world, config, on_progress=report_progress)
-    output.print_summary(app.summary(outcome))
-    files = app.write_run(outcome, world, directory, config=config)
-    click.echo()
-    click.echo(f"picture  {files.picture}")
-    click.echo(f"replay   mrta-falsify run {files.world} --stack {files.stack}")
-    click.echo("report page:")
-    click.echo(str(files.report.resolve()))
-    return ExitCode.INTERRUPTED if outcome.ended == "interrupted" else ExitCode.DONE
 
 
 # --- other verbs ---------------------------------------------------------------------------
@@ -194,31 +157,6 @@ def travel_times(
     for start, end in times.missing():
         output.say(f"no way from room {start} to room {end}: left empty")
     output.say(f"wrote {path}")
-    return ExitCode.DONE
-
-
-@main.command(epilog=_WORLD_HELP)
-@click.argument("world_name", metavar="WORLD")
-@click.option("--format", "kind", type=click.Choice(("nav2",)), required=True)
-@stack_options
-@click.option(
-    "-o",
-    "--output",
-    "path",
-    type=FILE,
-    required=True,
-    metavar="PATH",
-    help="NAME.yaml, or a directory that gets map.yaml and map.pgm.",
-)
-def export(
-    world_name: str, kind: str, stack: Path | None, settings: tuple[str, ...], path: Path
-) -> int:
-    """Write the map of a world for another system."""
-    from mrta_falsify import app  # noqa: PLC0415
-
-    config = app.load_stack(stack, settings)
-    for written in app.export_nav2(app.find_world(world_name), path, config):
-        click.echo(str(written))
     return ExitCode.DONE
 
 

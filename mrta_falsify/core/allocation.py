@@ -1,4 +1,4 @@
-"""What dispatcher and allocator exchange."""
+"""What dispatcher and allocator exchange: problems, plans and proofs of infeasibility."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import Literal
 from mrta_falsify.core.arrays import Array
 
 Action = Literal["pickup", "dropoff"]
+#: ``free``: stops that are not committed may change; ``keep``: the old plan is only appended to
+Commitment = Literal["free", "keep"]
+Status = Literal["plan", "partial", "infeasible"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +30,7 @@ class OpenTask:
     number: int
     start: int  #: room number
     end: int  #: room number
-    arrival: float  #: [s]
+    arrival: float  #: [s], the leg toward the pickup starts no earlier
     deadline: float  #: [s], absolute
     pickup_time: float = 0.0  #: service [s]
     dropoff_time: float = 0.0  #: service [s]
@@ -42,17 +45,32 @@ class RobotPlan:
     free_at: float  #: when the committed part ends [s]
     onboard: tuple[int, ...]  #: task numbers picked up (or committed to be) and not dropped
     capacity: int
-    planned: tuple[Stop, ...] = ()  #: the free part of the previous itinerary
+    planned: tuple[Stop, ...] = ()  #: the part of the previous itinerary that is not committed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AllocationProblem:
-    """One call of the allocator."""
+    """One call of the allocator.
+
+    R rooms. A stop's time is the end of its service: the later of the previous stop's end
+    and (for a pickup) the task's arrival, plus travel, plus service. Robots do not return.
+    """
 
     now: float  #: [s]
     robots: tuple[RobotPlan, ...]
     tasks: tuple[OpenTask, ...]  #: every task that is not committed to be dropped
     travel_times: Array  #: (R, R) [s], closed under shortest paths
+    commitment: Commitment = "free"  #: what may happen to ``RobotPlan.planned``
+    points: Array | None = None  #: (R, 2) location points of the rooms [m], map frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Infeasible:
+    """A proof that not all deadlines can be met."""
+
+    core: tuple[int, ...]  #: tasks that cannot all be in time, sorted; without any one they can
+    reason: str  #: in words
+    minimal: bool = True  #: False: the search for a smaller core was cut off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,3 +81,12 @@ class Allocation:
     late: tuple[int, ...] = ()  #: tasks served after their deadline by this plan
     unserved: tuple[int, ...] = ()  #: tasks no robot takes
     reason: str = ""  #: why tasks are late or unserved, in words
+    infeasible: Infeasible | None = None  #: proof that no plan meets all deadlines
+    least_lost: int | None = None  #: proved: at least this many deadlines are lost
+
+    @property
+    def status(self) -> Status:
+        """``plan``: all in time; ``infeasible``: proved impossible; ``partial``: not known."""
+        if not self.late and not self.unserved:
+            return "plan"
+        return "partial" if self.infeasible is None else "infeasible"

@@ -7,7 +7,9 @@ from typing import Any, Literal
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.seeding import candidate_seed, stream
 
+#: ``opaque``: the coordinate seeds a generator; deterministic, but near values mean nothing
 DimensionKind = Literal["range", "normal", "point", "choice", "integer", "opaque"]
 
 
@@ -49,3 +51,33 @@ class Candidate:
     u: Array = quantity(shape=("k",), low=0.0, high=1.0)  #: after repair
     seed: int = 0  #: of everything that u does not cover
     params: dict[str, Any] = field(default_factory=dict)  #: overridden Scenic parameters
+
+
+def uniform_point(campaign_seed: int, number: int, k: int) -> Array:
+    """Uniform point ``(k,)`` of the unit cube that belongs to a candidate, read-only.
+
+    Args:
+        campaign_seed: >= 0.
+        number: position in the campaign, from 0; each has a random stream of its own.
+        k: number of dimensions.
+    """
+    u = stream(campaign_seed, f"sampler/random/{number}").random(k)
+    u.setflags(write=False)
+    return u
+
+
+def candidate_of(campaign_seed: int, number: int, k: int) -> Candidate:
+    """Candidate ``number`` of a campaign of independent uniform points.
+
+    ``run --seed S`` is candidate 0 of the campaign with seed S.
+
+    Args:
+        campaign_seed: >= 0.
+        number: position in the campaign, from 0.
+        k: number of dimensions.
+    """
+    return Candidate(
+        number=number,
+        u=uniform_point(campaign_seed, number, k),
+        seed=candidate_seed(campaign_seed, number),
+    )

@@ -76,14 +76,22 @@ def quantity(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def later(default: Any) -> Any:
+    """Field that joined a schema later: while it has its default it is not written.
+
+    Files and digests of values that do not use it stay as they were.
+    """
+    return dataclasses.field(default=default, metadata={"later": True})
+
+
 # --- out -------------------------------------------------------------------------------
 
 
 def encode(value: Any) -> Any:
     """JSON-shaped data (dicts, lists, str, numbers, bool, None) for a value of this project."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
-        return {name: encode(item) for name, item in pairs}
+        pairs = ((f, getattr(value, f.name)) for f in dataclasses.fields(value))
+        return {f.name: encode(item) for f, item in pairs if not _is_left_out(f, item)}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, enum.Enum):
@@ -95,6 +103,10 @@ def encode(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     return value
+
+
+def _is_left_out(field: dataclasses.Field[Any], item: Any) -> bool:
+    return "later" in field.metadata and bool(item == field.default)
 
 
 def canonical_json(value: Any) -> str:

@@ -42,4 +42,10 @@ DEFECTS: dict[str, Defect] = {
     "fixed_priority_starves": Defect(
         "priority_rule", "a boxed-in leader keeps the lead, so its neighbours never move"
     ),
+    "late_feedback_unsat": Defect(
+        "allocator", "once a robot ends a committed stop late, no later batch has a plan"
+    ),
+    "no_plan_when_infeasible": Defect(
+        "allocator", "no plan at all if one deadline cannot be met; the dispatcher stops for good"
+    ),
 }

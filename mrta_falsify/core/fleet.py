@@ -9,6 +9,8 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 
 
@@ -36,7 +38,7 @@ class Sensed:
     time: float  #: simulation time [s]
     pose: Array  #: (N, 3) x [m], y [m], yaw [rad]
     velocity: Array  #: (N, 3) forward [m/s], left [m/s], turn rate [rad/s], body frame
-    human_position: Array  #: (H, 2) [m]
+    human_position: Array  #: (H, 2) [m]; nan: left, or has not appeared yet
     human_velocity: Array  #: (H, 2) [m/s], map frame
     obstacle_points: Array  #: (N, A, 2) nearest static hit per ray [m], map frame; inf: none
     gap_robot: Array  #: (N,) narrowest surface gap to a robot over the sub-steps [m], inf: far
@@ -45,6 +47,9 @@ class Sensed:
     nearest_robot: IntArray  #: (N,) robot number of ``gap_robot``, -1: none
     nearest_human: IntArray  #: (N,) human number of ``gap_human``, -1: none
     contact: BoolArray  #: (N, 3) touched a robot, human, static during the sub-steps
+    furniture_pose: Array = field(
+        default_factory=lambda: np.zeros((0, 3))
+    )  #: (F, 3) movable furniture: centre x, y [m], turn since the start [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -34,6 +34,7 @@ SENSED_COLUMNS = (
     "nearest_robot",
     "nearest_human",
     "contact",
+    "furniture_pose",
 )
 INTENT_COLUMNS = (
     "phase",

@@ -8,13 +8,17 @@ All lengths in metres, angles in radians, times in seconds, in the map frame of 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
+from mrta_falsify.core.directives import Directive, Push
 from mrta_falsify.core.errors import FormatError, UnknownNameError, WorldError
 
 SCHEMA_VERSION = 1
@@ -44,6 +48,7 @@ class Furniture:
     height: float = quantity(above=0.0, unit="m", default=1.0)
     mesh: str = ""  #: name of a mesh to draw, empty for the extruded footprint
     traced: bool = False  #: outlined from the occupancy map itself, so left out of map scores
+    movable: bool = later(False)  #: has wheels, so that a person can push it; convex
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,7 +117,11 @@ class RobotSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HumanSpec:
-    """A person who walks a route."""
+    """A person who walks a route, or does what the directives say one after the other.
+
+    With directives, the first point of ``route`` is where the person begins, and the rest of
+    the route, ``repeat`` and ``start`` do not matter. After the last directive it stands.
+    """
 
     name: str  #: unique
     route: Array = quantity(shape=("K", 2), unit="m")  #: points visited in turn; K = 1: stands
@@ -125,6 +134,8 @@ class HumanSpec:
     )  #: share of the route's length walked at 0
     appears_at: float = quantity(low=0.0, unit="s", default=0.0)
     leaves_at: float = quantity(low=0.0, unit="s", allow_infinite=False, default=1e9)
+    directives: tuple[Directive, ...] = later(())
+    body: Literal["person", "robot"] = later("person")  #: "robot": scripted, not of the fleet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,15 +202,20 @@ class World:
     )  #: an episode ends here at the latest
     ray_noise: float = quantity(low=0.0, unit="m", default=0.0)  #: std of obstacle distances
     seed: int = quantity(low=0, default=0)  #: of all noise inside the episode
+    scripted: str = later("")  #: what of its Scenic program it cannot do without, empty: nothing
 
     def digest(self) -> str:
         """sha256 of the canonical JSON."""
         return codec.digest(self)
 
     def solid_polygons(self) -> tuple[Array, ...]:
-        """Outlines ``(V, 2)`` [m] of walls, then furniture."""
+        """Outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
         walls = tuple(wall.polygon for wall in self.walls)
-        return walls + tuple(item.polygon for item in self.furniture)
+        return walls + tuple(item.polygon for item in self.furniture if not item.movable)
+
+    def movable_furniture(self) -> tuple[Furniture, ...]:
+        """Furniture that can be pushed, in the order of ``furniture``."""
+        return tuple(item for item in self.furniture if item.movable)
 
     def __post_init__(self) -> None:
         check_world(self)
@@ -221,6 +237,7 @@ def check_world(world: World) -> None:
         )
     _check_unique(world)
     _check_polygons(world)
+    _check_directives(world)
     rooms = len(world.rooms)
     for i, task in enumerate(world.tasks):
         for field in ("start", "end"):
@@ -289,6 +306,49 @@ def _check_polygons(world: World) -> None:
     for where, polygon in solids:
         if len(polygon) < 3:
             raise WorldError(f"{where}.polygon has {len(polygon)} corners; it needs at least 3")
+    for i, item in enumerate(world.furniture):
+        if item.movable and not _is_convex(item.polygon):
+            raise WorldError(
+                f"furniture[{i}].polygon of {item.name!r} is not convex and counter-clockwise; "
+                "movable furniture must be"
+            )
+
+
+def _is_convex(polygon: Array) -> bool:
+    side = np.roll(polygon, -1, axis=0) - polygon
+    turned = np.roll(side, -1, axis=0)
+    return bool((side[:, 0] * turned[:, 1] - side[:, 1] * turned[:, 0] >= -1e-9).all())
+
+
+def _check_directives(world: World) -> None:
+    for i, human in enumerate(world.humans):
+        if human.directives and not len(human.route):
+            raise WorldError(f"humans[{i}].route is empty; its first point is where they begin")
+        check_pushes(world, human.directives, where=f"humans[{i}].directives")
+
+
+def check_pushes(
+    world: World, directives: Sequence[Directive], *, where: str = "directives"
+) -> None:
+    """Refuse to push what cannot be pushed.
+
+    Raises:
+        UnknownNameError: no such furniture.
+        WorldError: it is not movable.
+    """
+    names = {item.name: item.movable for item in world.furniture}
+    for i, directive in enumerate(directives):
+        if not isinstance(directive, Push):
+            continue
+        if directive.furniture not in names:
+            raise UnknownNameError(
+                "furniture", directive.furniture, names, where=f"{where}[{i}].furniture"
+            )
+        if not names[directive.furniture]:
+            raise WorldError(
+                f"{where}[{i}].furniture is {directive.furniture!r}; it must be furniture with "
+                "movable true"
+            )
 
 
 def read_world(path: Path) -> World:

@@ -34,6 +34,7 @@ from mrta_falsify.specs.places import Place, Places, contains
 STILL_FOR = 1.0  # s without progress before somebody is asked what is in the way
 EVALUATE_EVERY = 0.25  # s between two looks at the geometry
 AT_GOAL = 0.6  # m, at rest this near to the goal is there
+ARRIVED = 0.3  # m, a robot that is kept off its goal by more than this is not served
 REACH = 1.2  # m of path ahead on which a robot is in the way
 HUMAN_REACH = 1.5  # m of path ahead on which a person is in the way
 SOLID_REACH = 1.0  # m of path ahead on which a solid is in the way
@@ -188,7 +189,7 @@ class _Look:
         for i in np.flatnonzero(self.still & self.present).tolist():
             if self._is_idle(i):
                 self.found[i] = [BlockedBy(i, "task")]
-            elif not self.tracker._service.is_serving(i):
+            elif not self.tracker._service.is_serving(i) or self._is_kept_off(i):
                 self.found[i] = self._own_edges(i)
                 if not self.found[i]:
                     unexplained.append(i)
@@ -201,6 +202,11 @@ class _Look:
             for i in sorted(self.found)
             for edge in sorted(self.found[i], key=lambda e: (e.cause, e.other, e.resource))
         )
+
+    def _is_kept_off(self, i: int) -> bool:
+        """Whether something stands between a robot near its goal and the goal."""
+        away = np.hypot(*(self.position[i] - self.intent.goal[i]))
+        return bool(away > ARRIVED) and any(e.cause != "human" for e in self._in_the_way(i))
 
     def _is_idle(self, i: int) -> bool:
         place = self.place[i]

@@ -6,9 +6,11 @@ is a set of lost robots that wait only among themselves; robots that queue up be
 its victims, not its members: were a member taken away, the rest would go free.
 
 How long a closed set must last before it counts depends on whether anything could still
-resolve it. It is *hard* if no member has a way round the others (or they hold resources that
-exclude each other): then a few seconds do. Otherwise a stack may still re-plan, as ours does
-when a robot has been parked for 5 s, and the set is given longer.
+resolve it. It is *hard* if no member has a way round the others, or they hold resources that
+exclude each other. A hard set counts after a few seconds, unless robots stand in each other's
+way: they may still back off, which neither motion nor geometry rules out. Those, and sets that
+are not hard, are given longer, since a stack may re-plan, as ours does when a robot has been
+parked for 5 s.
 """
 
 from __future__ import annotations
@@ -31,6 +33,12 @@ from mrta_falsify.specs.places import Places
 
 EVALUATE_EVERY = 0.25  # s between two looks at the edges, as the tracker's
 REOPENED_FOR = 0.6  # s a robot may look free before its time in a closed set starts anew
+#: what does not start the time of a soft set anew: shuffling, a new path, a turn on the spot
+SHUFFLE = 0.3  # m
+SHUFFLE_FOR = 4.0  # s of looking free
+SHUFFLE_PATIENCE = 1.5  # times the soft patience, for sets that only shuffle
+BODY_CELL = 0.05  # m, grid on which ways round are looked for
+BODY_MARGIN = 0.03  # m beyond the robot's radius that any way needs on each side
 HARDNESS_FOR = 2.0  # s for which the answer "is there a way round" is kept
 HUMAN_STILL = 0.3  # m, a person who stays within this stands
 
@@ -43,6 +51,7 @@ class _Closed:
     onset: float  #: when its last member stopped [s]
     age: float  #: how long it has been closed [s]
     hard: bool
+    patience: float  #: for sets of its kind [s]
 
 
 @dataclass(slots=True)
@@ -68,6 +77,7 @@ class NoDeadlock:
 
         patience: float = quantity(above=0.0, unit="s", default=4.0)  #: nobody has a way round
         soft_patience: float = quantity(above=0.0, unit="s", default=15.0)  #: somebody may have
+        idle_patience: float = quantity(above=0.0, unit="s", default=12.0)  #: behind an idle robot
         human_patience: float = quantity(above=0.0, unit="s", default=30.0)  #: a person who stands
         robot_gap: float = quantity(above=0.0, unit="m", default=0.6)  #: needed to pass a robot
 
@@ -81,10 +91,13 @@ class NoDeadlock:
         self._names = tuple(robot.name for robot in world.robots)
         self._stride = max(1, round(EVALUATE_EVERY / dt))
         self._still = Standstill(robots)
-        self._space = FreeSpace(world)
+        radius = min((robot.radius for robot in world.robots), default=0.0)
+        self._space = FreeSpace(world, cell=BODY_CELL, clearance=radius + BODY_MARGIN)
+        self._stuck_since = np.full(robots, np.inf)
+        self._stuck_at = np.full((robots, 2), np.inf)
         self._closed_since = np.full(robots, np.inf)
         self._closed_last = np.full(robots, -np.inf)
-        self._hardness: dict[tuple[int, ...], tuple[float, bool]] = {}
+        self._hardness: dict[frozenset[BlockedBy], tuple[float, bool]] = {}
         self._human_place = np.full((len(world.humans), 2), np.inf)
         self._human_since = np.zeros(len(world.humans))
         self._worst = 0.0  # largest share of the patience used up
@@ -105,12 +118,13 @@ class NoDeadlock:
         time = sensed.time
         edges = _by_robot(frame.blocked_by)
         lost, permanent = self._lost(edges, frame)
-        self._remember(lost, time)
+        self._remember(lost, sensed.pose[:, :2], time)
         self._count_waits(edges, since, time)
         for members in _cores(lost, edges):
             closed = self._closed_set(members, edges, permanent, frame, since)
-            patience = self._options.patience if closed.hard else self._options.soft_patience
-            share = closed.age / patience
+            stuck_for = time - float(self._stuck_since[list(members)].max())
+            shuffling = stuck_for / (SHUFFLE_PATIENCE * self._options.soft_patience)
+            share = max(closed.age / closed.patience, shuffling)
             self._worst = max(self._worst, share)
             if share > 1.0:
                 self._report(closed, edges, lost, frame)
@@ -149,6 +163,8 @@ class NoDeadlock:
             for edge in own
             if edge.cause != "task" and self._is_permanent(edge, idle, time)
         }
+        if self._awaits_an_end(time):
+            permanent = {edge for edge in permanent if not _is_unexplained(edge)}
         cut_off = self._in_outage(time)
         lost = {i for i in edges if i not in idle and i not in cut_off}
         while True:
@@ -175,6 +191,12 @@ class NoDeadlock:
             return edge.other in idle
         return not (edge.resource and self._space.is_temporary(edge.resource))
 
+    def _awaits_an_end(self, time: float) -> bool:
+        """Whether something from outside is in force that will end before the horizon."""
+        return any(
+            event.start <= time < event.end < self._world.horizon for event in self._world.events
+        )
+
     def _in_outage(self, time: float) -> set[int]:
         """Robots whose links are down and will come up again before the horizon."""
         cut: set[str] = set()
@@ -192,10 +214,14 @@ class NoDeadlock:
 
     # --- how long, how hard ------------------------------------------------------------
 
-    def _remember(self, lost: set[int], time: float) -> None:
+    def _remember(self, lost: set[int], position: Array, time: float) -> None:
         for i in lost:
-            if time - self._closed_last[i] > REOPENED_FOR:
+            free_for = time - self._closed_last[i]
+            if free_for > REOPENED_FOR:
                 self._closed_since[i] = time
+            moved = not np.hypot(*(position[i] - self._stuck_at[i])) <= SHUFFLE
+            if moved or free_for > SHUFFLE_FOR:
+                self._stuck_since[i], self._stuck_at[i] = time, position[i]
             self._closed_last[i] = time
 
     def _count_waits(self, edges: dict[int, list[BlockedBy]], since: Array, time: float) -> None:
@@ -216,7 +242,39 @@ class NoDeadlock:
         onset = float(since[chosen].max())
         closed_for = time - float(self._closed_since[chosen].max()) + STILL_FOR
         hard = self._is_hard(members, edges, permanent, frame)
-        return _Closed(members, onset, min(time - onset, closed_for), hard)
+        return _Closed(
+            members=members,
+            onset=onset,
+            age=min(time - onset, closed_for),
+            hard=hard,
+            patience=self._patience(members, edges, permanent, hard=hard),
+        )
+
+    def _patience(
+        self,
+        members: tuple[int, ...],
+        edges: dict[int, list[BlockedBy]],
+        permanent: set[BlockedBy],
+        *,
+        hard: bool,
+    ) -> float:
+        """How long such a set must last.
+
+        No way round does not mean no way back: robots that stand before each other may still
+        back off, and an idle one may be sent out of the way. Only what no robot can mend by
+        moving (a goal that solids cut off, a circle of held resources) counts at once.
+        """
+        in_the_way = any(
+            edge.cause == "barrier" and edge not in permanent for i in members for edge in edges[i]
+        )
+        if not hard or in_the_way:
+            return self._options.soft_patience
+        behind_idle = any(
+            edge.other >= 0 and edge.cause != "human" and edge in permanent
+            for i in members
+            for edge in edges[i]
+        )
+        return self._options.idle_patience if behind_idle else self._options.patience
 
     def _is_hard(
         self,
@@ -226,14 +284,14 @@ class NoDeadlock:
         frame: Frame,
     ) -> bool:
         time = frame.sensed.time
-        asked_at, answer = self._hardness.get(members, (-np.inf, False))
+        shown = [edge for i in members for edge in edges[i]]
+        asked_at, answer = self._hardness.get(frozenset(shown), (-np.inf, False))
         if time - asked_at < HARDNESS_FOR:
             return answer
-        shown = [edge for i in members for edge in edges[i]]
         idle = {edge.other for edge in shown if edge in permanent and edge.cause != "human"}
         bodies = (set(members) | idle) - {-1}
         answer = all(self._has_no_way_out(i, edges[i], bodies, frame) for i in members)
-        self._hardness[members] = (time, answer)
+        self._hardness[frozenset(shown)] = (time, answer)
         return answer
 
     def _has_no_way_out(self, i: int, own: list[BlockedBy], bodies: set[int], frame: Frame) -> bool:
@@ -300,6 +358,11 @@ class NoDeadlock:
             "blocked_by": other,
             "resource": edge.resource,
         }
+
+
+def _is_unexplained(edge: BlockedBy) -> bool:
+    """Whether the geometry shows no reason why the robot stands."""
+    return edge.other < 0 and not edge.resource and edge.cause in ("stalled", "no-path")
 
 
 def _by_robot(edges: Iterable[BlockedBy]) -> dict[int, list[BlockedBy]]:

@@ -30,6 +30,8 @@ class FreeSpace:
     """Free cells of one world; the grid is built at the first question."""
 
     world: World
+    cell: float = CELL  #: [m]
+    clearance: float = CLEARANCE  #: of a cell's centre [m]
     names: tuple[str, ...] = ()  #: of walls, furniture, blockages; ``owner - 1`` indexes it
     _owner: Owners | None = None
     _blockages: tuple[tuple[Blockage, int], ...] = ()
@@ -44,7 +46,7 @@ class FreeSpace:
             ``(-1, "")`` if all are free.
         """
         owner = self._grid(time)
-        cells = np.floor((points - self._origin) / CELL).astype(np.int64)
+        cells = np.floor((points - self._origin) / self.cell).astype(np.int64)
         rows, cols = owner.shape
         col, row = cells[:, 0], cells[:, 1]
         inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
@@ -79,10 +81,16 @@ class FreeSpace:
             owner = self._without_temporary(owner)
         blocked = owner != 0
         flat = np.ascontiguousarray(others, dtype=np.float64).reshape(-1, 2) - self._origin
-        _fill_discs(blocked, flat, gap, CELL)
+        _fill_discs(blocked, flat, gap, self.cell)
         sx, sy = start - self._origin
         gx, gy = goal - self._origin
-        return bool(_flood(blocked, sx, sy, START_REACH, gx, gy, GOAL_REACH, CELL))
+        return bool(_flood(blocked, sx, sy, START_REACH, gx, gy, GOAL_REACH, self.cell))
+
+    def lasting_free(self) -> BoolArray:
+        """``(rows, cols)`` cells free of walls and furniture; cell (0, 0) at the map's corner."""
+        self._grid(-np.inf)
+        assert self._owner is not None
+        return np.asarray(self._owner == 0)
 
     def is_temporary(self, name: str) -> bool:
         """Whether the solid ``name`` is a blockage that ends before the horizon."""
@@ -97,7 +105,7 @@ class FreeSpace:
         lasting = self._owner.copy()
         for event, number in self._blockages:
             if number in self._active and event.end >= self.world.horizon:
-                _fill_polygon(lasting, event.polygon - self._origin, number, CLEARANCE, CELL)
+                self._fill(lasting, event.polygon, number)
         return lasting
 
     def _grid(self, time: float) -> Owners:
@@ -109,22 +117,26 @@ class FreeSpace:
             current = self._owner.copy()
             for event, number in self._blockages:
                 if number in active:
-                    _fill_polygon(current, event.polygon - self._origin, number, CLEARANCE, CELL)
+                    self._fill(current, event.polygon, number)
             self._current, self._active = current, active
         assert self._current is not None
         return self._current
 
+    def _fill(self, owner: Owners, polygon: Array, number: int) -> None:
+        outline = polygon - self._origin
+        _fill_polygon(owner, outline, number, self.clearance, self.cell)
+
     def _build(self) -> Owners:
         world = self.world
         self._origin = np.array(world.bounds[:2])
-        cols, rows = np.ceil((world.bounds[2:] - world.bounds[:2]) / CELL).astype(int)
+        cols, rows = np.ceil((world.bounds[2:] - world.bounds[:2]) / self.cell).astype(int)
         owner = np.zeros((rows, cols), dtype=np.int16)
         names = []
         solids = [(wall.name, wall.polygon) for wall in world.walls]
-        solids += [(item.name, item.polygon) for item in world.furniture]
+        solids += [(item.name, item.polygon) for item in world.furniture if not item.movable]
         for name, polygon in solids:
             names.append(name)
-            _fill_polygon(owner, polygon - self._origin, len(names), CLEARANCE, CELL)
+            self._fill(owner, polygon, len(names))
         blockages = []
         for event in world.events:
             if isinstance(event, Blockage):

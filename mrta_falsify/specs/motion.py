@@ -15,7 +15,7 @@ STILL_RADIUS = 0.1
 GOALS_KEPT = 8  # goals remembered per spot; later ones no longer count as new
 SAME_GOAL = 0.3  # m, changes of goal below this are jitter
 TURN_STEP = 0.5  # rad, turning this far on the spot counts as progress ...
-TURN_LIMIT = 2.0 * np.pi  # rad, ... but a full circle without leaving the spot does not
+TURN_LIMIT = 1.1 * np.pi  # rad, ... but more than faces any direction, on one spot, does not
 
 
 @dataclass(slots=True)
@@ -23,7 +23,7 @@ class Standstill:
     """Since when each of N robots has not left its spot.
 
     A robot leaves its spot when it is more than ``radius`` from where it first stood; jitter
-    and a full circle of turning on the spot are no progress. A goal that it has not had on
+    and turning on the spot beyond half a circle are no progress. A goal that it has not had on
     this spot starts the time anew, so that time without a task, or in a queue, is not held
     against it; goals that come back do not.
     """

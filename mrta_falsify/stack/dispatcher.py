@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
@@ -21,15 +22,18 @@ from mrta_falsify.core.allocation import (
     RobotPlan,
     Stop,
 )
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.core.world import World
+from mrta_falsify.stack.allocation.checking import verify
+from mrta_falsify.stack.allocation.timing import assemble, closed_travel_times
 
 LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part may be planned again
 REPLAN_PERIOD = 10.0  # s, at most one such re-plan per period
 LOOK_PERIOD = 0.5  # s between looks at waiting tasks and late robots, 2 Hz as MRTA-Sim's queues
 GAIN = 5.0  # s, a re-plan must save this much, so that plans do not flutter
+ROUNDING = 1e-6  # s, what float arithmetic may add to a whole number of seconds
 LATENESS_WEIGHT = 20.0  # one second too late weighs as much as this many seconds of work
 
 
@@ -44,6 +48,7 @@ class DispatcherState:
     due: list[tuple[float, int]] = field(default_factory=list)  #: deadlines to watch, sorted
     look_at: float = 0.0  #: next look at waiting tasks and late robots [s]
     replan_at: float = 0.0  #: no re-plan for late robots before this [s]
+    gave_up: str = ""  #: why nothing is allocated any more; by planted defects only
 
     def deliver(self, task: int) -> None:
         """Take in that ``task`` has been dropped off."""
@@ -73,12 +78,22 @@ class Orders:
 class Dispatcher:
     """Calls the allocator when tasks arrive or robots run late."""
 
-    def __init__(self, world: World, allocator: Allocator) -> None:
+    def __init__(self, world: World, allocator: Allocator, defects: Collection[str] = ()) -> None:
+        """Serve a world.
+
+        Args:
+            world: tasks, robots, rooms and travel times.
+            allocator: asked for itineraries.
+            defects: planted defects switched on.
+        """
+        self._defects = frozenset(defects)
         self._tasks = world.tasks
         self._order = sorted(range(len(world.tasks)), key=lambda i: (world.tasks[i].arrival, i))
         self._allocator = allocator
         self._capacity = [robot.capacity for robot in world.robots]
-        self._times = closed_travel_times(world.travel_times)
+        # The border of the allocators: whole seconds, rounded so that no promise is too early.
+        self._times = np.ceil(closed_travel_times(world.travel_times) - ROUNDING)
+        self._points = frozen_array([room.point for room in world.rooms]) if world.rooms else None
 
     def all_done(self, state: DispatcherState) -> bool:
         """Whether every task is delivered and none is to come."""
@@ -103,16 +118,31 @@ class Dispatcher:
         if not arrived and (time < state.look_at or not state.open):
             return Orders(itineraries={}, events=events)
         state.look_at = time + LOOK_PERIOD
+        if state.gave_up and not arrived:
+            return Orders(itineraries={}, events=events)
         fleet = reports()
         robots = [i for i, report in enumerate(fleet) if report.reachable]
         if arrived or (state.waiting and robots):
             orders = self._allocate(state, time, fleet, robots, arrived=arrived)
-        elif time >= state.replan_at and any(_runs_late(time, fleet[i]) for i in robots):
+        elif any(self._loses_a_deadline(time, fleet[i]) for i in robots) or (
+            time >= state.replan_at and any(_runs_late(time, fleet[i]) for i in robots)
+        ):
             state.replan_at = time + REPLAN_PERIOD
             orders = self._replan(state, time, fleet, robots)
         else:
             return Orders(itineraries={}, events=events)
         return Orders(itineraries=orders.itineraries, events=events + orders.events)
+
+    def _loses_a_deadline(self, time: float, report: Report) -> bool:
+        """Whether a later drop was to be in time and will not be, as far behind as the robot is."""
+        if not report.itinerary:
+            return False
+        delay = max(time, report.first_ends) - report.itinerary[0].time
+        return delay > 0.0 and any(
+            stop.time <= self._tasks[stop.task].deadline < stop.time + delay
+            for stop in report.itinerary[1:]
+            if stop.action == "dropoff"
+        )
 
     # --- what is due ----------------------------------------------------------------------
 
@@ -149,8 +179,8 @@ class Dispatcher:
         arrived: bool,
     ) -> Orders:
         problem = self._problem(state, time, fleet, robots, keep_plans=True)
-        answer = self._allocator.allocate(problem)
-        fault = fault_of(problem, answer)
+        answer = self._ask(problem)
+        fault = self._planted_fault(state, time, fleet, answer) or fault_of(problem, answer)
         if fault:
             # Nothing is lost: the robots keep what they have, the new tasks wait.
             state.look_at = time + REPLAN_PERIOD
@@ -177,7 +207,7 @@ class Dispatcher:
         """Free the stops that are not committed, and take the new plan if it is better."""
         kept = self._problem(state, time, fleet, robots, keep_plans=True)
         freed = self._problem(state, time, fleet, robots, keep_plans=False)
-        old, new = self._allocator.allocate(kept), self._allocator.allocate(freed)
+        old, new = self._ask(kept), self._ask(freed)
         if fault_of(kept, old):
             return Orders(itineraries={}, events=[])
         better = (
@@ -185,13 +215,38 @@ class Dispatcher:
             and len(new.unserved) <= len(old.unserved)
             and self._cost(new) < self._cost(old) - GAIN
         )
-        if not better:
-            # The old plan with the times that are to be expected now.
-            return Orders(itineraries=self._itineraries(kept, old, fleet), events=[])
-        itineraries = self._itineraries(freed, new, fleet)
+        problem, answer = (freed, new) if better else (kept, old)
+        itineraries = self._itineraries(problem, answer, fleet)
         state.waiting = sorted(set(state.open) - _taken(itineraries, fleet))
-        notes = _notes(time, "robots late", new.reason, itineraries, fleet)
-        return Orders(itineraries=itineraries, events=notes)
+        notes = _notes(time, "robots late", answer.reason, itineraries, fleet)
+        # Only new times are nothing to tell of.
+        return Orders(itineraries=itineraries, events=notes if better or len(notes) > 1 else [])
+
+    def _ask(self, problem: AllocationProblem) -> Allocation:
+        """The allocator's answer; its times and lists are set right where they are not."""
+        answer = self._allocator.allocate(problem)
+        if fault_of(problem, answer) or not verify(answer, problem):
+            return answer
+        right = assemble(problem, answer.itineraries, reason=answer.reason)
+        return dataclasses.replace(right, infeasible=answer.infeasible)
+
+    def _planted_fault(
+        self, state: DispatcherState, time: float, fleet: Sequence[Report], answer: Allocation
+    ) -> str:
+        """Why a planted defect has no plan; empty without one.
+
+        SMrTa for simulation asserts planned and actual times of the same stop: unsatisfiable
+        from the first late robot on. Its dispatcher does not expect an answer without a plan.
+        """
+        late = any(
+            report.itinerary and max(time, report.first_ends) - report.itinerary[0].time >= 1.0
+            for report in fleet
+        )
+        if "late_feedback_unsat" in self._defects and late:
+            state.gave_up = state.gave_up or "unsatisfiable since a robot was late"
+        if "no_plan_when_infeasible" in self._defects and answer.status != "plan":
+            state.gave_up = state.gave_up or "no plan since a deadline cannot be met"
+        return state.gave_up
 
     def _cost(self, answer: Allocation) -> float:
         drops = [s for plan in answer.itineraries for s in plan if s.action == "dropoff"]
@@ -216,10 +271,11 @@ class Dispatcher:
             elif report.itinerary and report.itinerary[0].action == "dropoff":
                 gone.add(report.itinerary[0].task)
         return AllocationProblem(
-            now=time,
+            now=_up(time),
             robots=tuple(self._plan(i, time, fleet[i], keep_plans) for i in robots),
             tasks=tuple(self._open_task(number) for number in state.open if number not in gone),
             travel_times=self._times,
+            points=self._points,
         )
 
     def _plan(self, robot: int, time: float, report: Report, keep_plans: bool) -> RobotPlan:
@@ -236,7 +292,7 @@ class Dispatcher:
         return RobotPlan(
             robot=robot,
             room=room,
-            free_at=free_at,
+            free_at=_up(free_at),
             onboard=tuple(onboard),
             capacity=self._capacity[robot],
             planned=planned,
@@ -248,10 +304,10 @@ class Dispatcher:
             number=number,
             start=task.start,
             end=task.end,
-            arrival=task.arrival,
-            deadline=task.deadline,
-            pickup_time=task.pickup_time,
-            dropoff_time=task.dropoff_time,
+            arrival=_up(task.arrival),
+            deadline=math.floor(task.deadline + ROUNDING),
+            pickup_time=_up(task.pickup_time),
+            dropoff_time=_up(task.dropoff_time),
         )
 
     @staticmethod
@@ -265,6 +321,11 @@ class Dispatcher:
             timed = tuple(dataclasses.replace(stop, time=plan.free_at) for stop in first)
             new[plan.robot] = (*timed, *rest)
         return new
+
+
+def _up(seconds: float) -> float:
+    """The next whole second."""
+    return float(math.ceil(seconds - ROUNDING))
 
 
 def _runs_late(time: float, report: Report) -> bool:
@@ -301,54 +362,9 @@ def _notes(
 def fault_of(problem: AllocationProblem, answer: Allocation) -> str:
     """What is wrong with an allocator's answer, in words; empty if it can be carried out.
 
-    Late or unserved tasks are no fault. A fault is what would lose a task or ask for the
-    impossible: a load that is never dropped, a drop-off before its pick-up, a task that two
-    robots have, a robot that carries too much.
+    Late or unserved tasks are no fault, and predicted times are not judged: the dispatcher
+    works them out itself. A fault is what would lose a task or ask for the impossible.
     """
-    if len(answer.itineraries) != len(problem.robots):
-        return f"{len(answer.itineraries)} itineraries for {len(problem.robots)} robots"
-    tasks = {task.number: task for task in problem.tasks}
-    owner: dict[int, int] = {}
-    for plan, itinerary in zip(problem.robots, answer.itineraries, strict=True):
-        fault = _itinerary_fault(plan, itinerary, tasks)
-        if fault:
-            return f"robot {plan.robot}: {fault}"
-        for stop in itinerary:
-            if owner.setdefault(stop.task, plan.robot) != plan.robot:
-                return f"task {stop.task} is given to robots {owner[stop.task]} and {plan.robot}"
-    return ""
-
-
-def _itinerary_fault(plan: RobotPlan, itinerary: Sequence[Stop], tasks: dict[int, OpenTask]) -> str:
-    load, done = set(plan.onboard), set[int]()
-    for stop in itinerary:
-        if stop.task not in tasks:
-            return f"task {stop.task} is not open"
-        task = tasks[stop.task]
-        place = task.start if stop.action == "pickup" else task.end
-        if stop.room != place:
-            return f"{stop.action} of task {stop.task} in room {stop.room}; it is in room {place}"
-        if stop.action == "pickup":
-            if stop.task in load or stop.task in done:
-                return f"task {stop.task} is picked up twice"
-            load.add(stop.task)
-            if len(load) > plan.capacity:
-                return f"carries {len(load)} at task {stop.task}; at most {plan.capacity}"
-        elif stop.task not in load:
-            return f"task {stop.task} is dropped without having been picked up"
-        else:
-            load.remove(stop.task)
-            done.add(stop.task)
-    return _names("never drops task", load)
-
-
-def _names(prefix: str, numbers: Collection[int]) -> str:
-    return f"{prefix} {', '.join(map(str, sorted(numbers)))}" if numbers else ""
-
-
-def closed_travel_times(times: Array) -> Array:
-    """Travel times ``(R, R)`` [s] closed under shortest paths (Floyd-Warshall)."""
-    closed = np.array(times, dtype=np.float64)
-    for k in range(len(closed)):
-        closed = np.minimum(closed, closed[:, k : k + 1] + closed[k : k + 1, :])
-    return closed
+    if not isinstance(answer, Allocation):  # a user's allocator may say nothing
+        return f"the allocator gave {type(answer).__name__}, no plan"
+    return "; ".join(str(fault) for fault in verify(answer, problem) if not fault.promise)

@@ -129,7 +129,7 @@ class Stack:
         allocator = registry.build("allocator", config.allocator, defects=defects)
         policy = registry.build("queue_policy", config.queue_policy, defects=defects)
         planner = registry.build("planner", config.planner, defects=defects)
-        self._dispatcher = Dispatcher(world, allocator)
+        self._dispatcher = Dispatcher(world, allocator, defects)
         self._queues = [Queue(resource, policy, defects) for resource in world.resources]
         self._queue_of_room = {
             queue.resource.room: i

@@ -1,41 +1,69 @@
-"""Shipped layouts and fixed worlds, read from package data.
+"""Layouts by name or file: shipped floors, generated ones, and a user's own.
 
-A file holds either a whole :class:`~mrta_falsify.core.world.World`, or a *change*:
+A shipped file holds either a whole :class:`~mrta_falsify.core.world.World`, or a *change*:
 ``{"layout": name, "replace": {field: value}}``, the world fields that differ from a layout.
+Generators (:func:`hospital`, :func:`warehouse`, :func:`department_store`) are pure functions
+from lengths to a layout.
 """
 
 from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Callable
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import World
+from scenic_worlds.layouts.hospital import hospital
+from scenic_worlds.layouts.store import department_store
+from scenic_worlds.layouts.warehouse import warehouse
 
-_LAYOUTS = ("aws_hospital", "aws_hospital_as_published")
+_SHIPPED = ("aws_hospital", "aws_hospital_as_published")
+#: generators, callable without arguments
+GENERATORS: dict[str, Callable[[], World]] = {
+    "department_store": department_store,
+    "hospital": hospital,
+    "warehouse": warehouse,
+}
 _WORLDS = ("aws_hospital_day",)
+#: endings of files that :func:`load_layout` reads
+FILE_ENDINGS = (".json", ".yaml", ".yml", ".sdf", ".world")
 
 
 def layout_names() -> tuple[str, ...]:
     """Names that :func:`load_layout` knows."""
-    return _LAYOUTS
+    return (*_SHIPPED, *GENERATORS)
 
 
-def load_layout(name: str) -> World:
-    """A shipped layout: a world without robots, humans, tasks and events.
+def load_layout(name_or_path: str | Path) -> World:
+    """A layout: a world without robots, humans, tasks and events.
 
     Args:
-        name: ``aws_hospital`` (repaired roadways) or ``aws_hospital_as_published``.
+        name_or_path: ``aws_hospital`` (repaired roadways), ``aws_hospital_as_published``,
+            the name of a generator (with its default lengths), or a user's floor: a world
+            file (``.json``), a floor file or a Nav2 map with rooms beside it (``.yaml``),
+            or an SDF world with rooms beside it (``.sdf``, ``.world``); see
+            ``docs/layouts.md``.
 
     Raises:
-        UnknownNameError: no such layout.
+        UnknownNameError: neither a name nor a file of these kinds.
+        InputError: the file is broken, or one of its rooms cannot be reached.
     """
-    if name not in _LAYOUTS:
-        raise UnknownNameError("layout", name, _LAYOUTS)
-    return _load(name)
+    name = str(name_or_path)
+    if name in _SHIPPED:
+        return _load(name)
+    if name in GENERATORS:
+        return _generate(name)
+    path = Path(name_or_path)
+    if path.suffix.lower() in FILE_ENDINGS:
+        from scenic_worlds.layouts.files import load_floor  # noqa: PLC0415 - costs an import
+
+        return load_floor(path)
+    raise UnknownNameError("layout", name, layout_names())
 
 
 def world_names() -> tuple[str, ...]:
@@ -55,6 +83,11 @@ def load_world(name: str) -> World:
     if name not in _WORLDS:
         raise UnknownNameError("world", name, _WORLDS)
     return _load(name)
+
+
+@functools.cache
+def _generate(name: str) -> World:
+    return GENERATORS[name]()
 
 
 @functools.cache

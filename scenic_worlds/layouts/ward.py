@@ -150,7 +150,7 @@ class _Door:
             kind="room",
             room=self.number,
             spots=frozen_array([self.spot(k) for k in range(spots)]),
-            entry=frozen_array([[self.x, self.at(-SPOT_INSET)], self.point]),
+            entry=frozen_array(np.array([[self.x, self.at(-SPOT_INSET)], [*self.point]])),
             request_area=_corners(near),
             release_area=_corners(unary_union([self.room_box, apron])),
         )
@@ -169,7 +169,7 @@ def _walls(outside: Polygon, free: Polygon) -> tuple[Wall, ...]:
     x_min, y_min, x_max, y_max = outside.bounds
     edges = np.array(free.exterior.coords)
     xs = sorted({x_min, x_max, *(round(float(x), 6) for x in edges[:, 0])})
-    walls = []
+    walls: list[Wall] = []
     for left, right in itertools.pairwise(xs):
         # A hair narrower, so that rounded edges leave no slivers between pieces.
         column = box(left + 1e-5, y_min, right - 1e-5, y_max).difference(free)
@@ -190,8 +190,8 @@ def _lane(start: _Door, end: _Door, corridor_width: float, spots: int) -> Lane:
     return Lane(
         start=start.number,
         end=end.number,
-        to_queue=frozen_array([[start.x, tail_y], [tail[0], tail_y], tail]),
-        to_room=frozen_array([*way, [end.x, end.at(-SPOT_INSET)], end.point]),
+        to_queue=frozen_array(np.array([[start.x, tail_y], [tail[0], tail_y], [*tail]])),
+        to_room=frozen_array(np.array([*way, [end.x, end.at(-SPOT_INSET)], [*end.point]])),
     )
 
 
@@ -214,6 +214,6 @@ def _travel_times(doors: list[_Door]) -> Array:
     steps = np.abs(points[:, None, :] - points[None, :, :])
     depth = np.array([abs(door.point[1] - door.middle) for door in doors])
     lengths = steps[:, :, 0] + depth[:, None] + depth[None, :]
-    times = np.ceil(lengths / APPROACH_SPEED + TURN_ALLOWANCE)
+    times: Array = np.ceil(lengths / APPROACH_SPEED + TURN_ALLOWANCE)
     np.fill_diagonal(times, 0.0)
     return times

@@ -22,6 +22,8 @@ from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.world import Wall
+from simulator_interface.formats.outlines import mask_outlines
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -30,6 +32,8 @@ FREE_THRESH = 0.25
 GREY_FREE, GREY_OCCUPIED = 254, 0  # what Nav2's map saver writes
 GREY_UNKNOWN = 128  # the saver's 205 would be read as free under a free_thresh of 0.25
 MAX_CELLS = 400_000_000  # more is a broken header
+MAX_FLOOR_CELLS = 16_000_000  # 200 m x 200 m at 0.05 m; traffic is planned on every cell
+SMALLEST_POCKET = 0.15  # m^2, the disc of a robot with a radius of 0.22 m
 
 _PGM_HEADER = re.compile(rb"P5\s(?:\s*#[^\n]*\n)*\s*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
 
@@ -182,6 +186,27 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
     )
 
 
+def walls_of_map(grid: OccupancyGrid, *, unknown_is_solid: bool = True) -> tuple[Wall, ...]:
+    """Outlines of the occupied cells of a map, as walls.
+
+    Args:
+        grid: the map; a value above ``OCCUPIED_THRESH`` is occupied.
+        unknown_is_solid: whether robots keep out of what the map does not know.
+
+    Returns:
+        Walls marked ``traced``; on a costmap with the map's cells exactly the occupied cells
+        are lethal, apart from staircases (straightened by half a cell) and closed pockets
+        that no robot fits into (filled).
+    """
+    solid = grid.data > 100.0 * OCCUPIED_THRESH
+    if unknown_is_solid:
+        solid = solid | (grid.data < 0)
+    rings = mask_outlines(
+        solid, resolution=grid.resolution, origin=grid.origin, smallest_hole=SMALLEST_POCKET
+    )
+    return tuple(Wall(name=f"map_{i}", polygon=ring, traced=True) for i, ring in enumerate(rings))
+
+
 def _occupancy_levels(described: _Description) -> NDArray[np.int8]:
     """Occupancy ``(256,)`` of every grey level."""
     grey = np.arange(256)
@@ -233,6 +258,7 @@ __all__ = [
     "OccupancyGrid",
     "occupancy_of",
     "read_nav2_map",
+    "walls_of_map",
     "write_costs",
     "write_nav2_map",
     "write_occupancy",

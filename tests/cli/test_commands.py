@@ -38,7 +38,9 @@ def test_help_lists_every_command_with_what_it_does(cli):
     listing = result.stdout.partition("Commands:")[2]
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
-        "bench", "demo", "doctor", "export", "plugins", "run", "travel-times",
+        "allocate", "bench", "campaign", "check", "compare", "corpus", "demo", "doctor",
+        "explain", "export", "list", "minimize", "plugins", "replay", "report", "run",
+        "sample", "show", "travel-times",
     ]  # fmt: skip
 
 
@@ -220,7 +222,7 @@ def test_the_demo_ends_with_the_path_of_its_page(cli, tmp_path):
     assert result.exit_code == 0, result.stderr
     page = result.stdout.splitlines()[-1]
     assert page == str(tmp_path / "demo-run" / "report.html")
-    assert (tmp_path / "demo-run" / "picture.png").stat().st_size > 50_000
+    assert (tmp_path / "demo-run" / "day" / "picture.png").stat().st_size > 50_000
     assert "seed 0" in result.stdout
 
 

@@ -19,7 +19,7 @@ from mrta_falsify.core.world import (
     Task,
     World,
 )
-from reports import contact_sheet
+from reports import contact_sheet, world_marks
 from reports.figures import robot_colour
 from scenic_worlds.layouts.ward import ward_layout
 
@@ -80,7 +80,7 @@ def test_events_are_drawn_in_their_time(tmp_path):
     path = tmp_path / "world.svg"
     contact_sheet.write_world_picture(world, path, title="a $title$")
     assert path.stat().st_size > 1000
-    assert contact_sheet._last_time(world) == 100.0
+    assert world_marks.last_time(world) == 100.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8, 24])
@@ -106,4 +106,4 @@ def test_a_world_without_anything_in_it_is_drawn_too(tmp_path):
 )
 def test_a_person_begins_at_its_share_of_the_route(share, repeat, expected):
     route = np.array([[0.0, 0.0], [4.0, 0.0]])
-    assert contact_sheet._start_of(route, share, repeat=repeat) == pytest.approx(expected)
+    assert world_marks.start_of(route, share, repeat=repeat) == pytest.approx(expected)

@@ -41,11 +41,11 @@ def queue_cycle(count: int = 3) -> Script:
     )
 
 
-def test_head_on_swap_in_a_corridor_is_found_within_five_seconds():
+def test_head_on_swap_in_a_corridor_is_found_when_neither_has_backed_off_for_a_while():
     verdict = judge(oracle(), head_on())
     assert verdict.violated
     assert verdict.who == ("robot1", "robot2")
-    assert verdict.violated_at - 3.0 < 5.0
+    assert 14.0 < verdict.violated_at - 3.0 < 17.0
     assert verdict.evidence["onset"] == pytest.approx(3.0, abs=0.3)
     assert verdict.evidence["hard"]
 
@@ -161,16 +161,71 @@ def test_time_without_a_goal_is_not_held_against_a_robot():
         robots=[Robot((0, 0), goal=late), Robot((0.62, 0))],
         walls=corridor(),
         bounds=(-6.0, -0.7, 6.0, 0.7),
+        seconds=40.0,
     )
     verdict = judge(oracle(), script)
     assert verdict.evidence["onset"] == pytest.approx(20.0, abs=0.1)
-    assert 3.9 < verdict.violated_at - 20.0 < 5.0
+    assert 11.9 < verdict.violated_at - 20.0 < 13.0
+
+
+def test_robots_that_could_move_away_get_time_to_do_so_with_a_goal_or_without():
+    def behind(other: Robot) -> Script:
+        return Script(
+            robots=[Robot((-0.31, 0), goal=(4, 0)), other],
+            walls=corridor(),
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+            seconds=20.0,
+        )
+
+    busy = judge(oracle(), behind(Robot((0.31, 0), goal=(-4, 0))))
+    idle = judge(oracle(), behind(Robot((0.31, 0))))
+    assert 11.0 < idle.violated_at < busy.violated_at < 18.0
+
+
+def test_a_robot_that_another_keeps_off_its_room_is_not_being_served():
+    def script(distance: float) -> Script:
+        return Script(
+            robots=[Robot((-distance, 0), goal=(0, 0)), Robot((0.6 - distance, 0))],
+            rooms=[(0.0, 0.0)],
+            tasks=[TASK],
+            walls=corridor(),
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+            seconds=18.0,
+        )
+
+    assert judge(oracle(), script(0.5)).who == ("robot1",)
+    assert not judge(oracle(), script(0.2)).violated
+
+
+def test_an_unexplained_halt_may_end_with_what_holds_up_others():
+    def script(end: float) -> Script:
+        return Script(
+            robots=[Robot((0, 0), goal=(4, 0), no_path=True)],
+            events=[
+                Blockage(name="cart", polygon=rectangle(1.0, 1.0, (8.0, 8.0)), start=0.0, end=end)
+            ],
+        )
+
+    assert judge(oracle(), script(1e6)).violated
+    assert not judge(oracle(), script(60.0)).violated
+
+
+def test_turning_to_and_fro_on_one_spot_does_not_hide_a_deadlock():
+    def swinging(t):
+        return (-0.31, 0.0, 1.2 * np.sin(t))
+
+    script = Script(
+        robots=[Robot(swinging, goal=(4, 0)), Robot((0.31, 0), goal=(-4, 0))],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+    )
+    assert judge(oracle(), script).who == ("robot1", "robot2")
 
 
 def test_goals_that_alternate_do_not_hide_a_deadlock():
     script = head_on()
     script.robots[0].goal = lambda t: (5.0, 0.0) if t % 2.0 < 1.0 else (4.0, 0.0)
-    assert judge(oracle(), script).violated_at < 9.0
+    assert judge(oracle(), script).violated_at < 20.0
 
 
 def test_a_robot_blocked_by_furniture_is_found():
@@ -308,13 +363,13 @@ def test_followers_wait_while_their_leader_drives():
 
 
 def test_longer_standstill_is_less_robust():
-    margins = [judge(oracle(), head_on(seconds=s)).robustness for s in (2.0, 4.5, 5.5, 9.0, 15.0)]
+    margins = [judge(oracle(), head_on(seconds=s)).robustness for s in (2.0, 6.0, 12.0, 19.0, 30.0)]
     assert all(a >= b for a, b in itertools.pairwise(margins))
-    assert margins[-1] < -5.0
+    assert margins[-1] < -2.0
 
 
 def test_a_deadlock_is_reported_once_with_the_first_time():
-    short, long = judge(oracle(), head_on(seconds=10.0)), judge(oracle(), head_on(seconds=20.0))
+    short, long = judge(oracle(), head_on(seconds=22.0)), judge(oracle(), head_on(seconds=30.0))
     assert short.violated_at == long.violated_at
     assert long.evidence["others"] == []
 

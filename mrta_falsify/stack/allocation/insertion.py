@@ -1,181 +1,101 @@
 """Regret insertion: a task that would suffer most from waiting is placed first.
 
-Greedy construction of the dynamic pickup-and-delivery problem after Potvin & Rousseau, "A
-parallel route building algorithm for the vehicle routing and scheduling problem with time
-windows", EJOR 1993; the objective is the sum of completion times plus weighted lateness.
+Places are tried in constant time each; tasks that fit nowhere start a ruin-and-recreate
+search; what fits nowhere even then is served late where it spoils no other deadline. The
+methods work on a :class:`RouteTable`, which may live on from batch to batch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrta_falsify.core.allocation import (
-    Action,
-    Allocation,
-    AllocationProblem,
-    OpenTask,
-    RobotPlan,
-    Stop,
-)
+from mrta_falsify.core.allocation import Allocation, AllocationProblem
+from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.stack.allocation.kernels import construct
+from mrta_falsify.stack.allocation.objective import Objective, late_weights_of, weights_of
+from mrta_falsify.stack.allocation.repair import place_late, ruin_and_recreate
+from mrta_falsify.stack.allocation.table import RouteTable
+from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
+
+WORK = 2_000_000  # places that one rescue may try; a step tries about open tasks x robots
+NO_TASKS = np.empty(0, np.int64)
 
 
-@dataclass(frozen=True, slots=True)
-class _Visit:
-    """A stop without its time."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InsertionOptions:
+    """What is minimised, and how long is searched."""
 
-    task: OpenTask
-    is_pickup: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Placement:
-    """The cheapest way to add a task to one robot's route."""
-
-    increase: float
-    robot: int
-    route: tuple[_Visit, ...]
+    objective: Objective = "completion"
+    improvement_steps: int = quantity(low=0, high=1_000_000, default=0)  #: ruins after a success
+    rescue_steps: int = quantity(low=0, high=1_000_000, default=1000)  #: ruins if tasks are left
+    seed: int = quantity(low=0, default=0)  #: of the ruins
 
 
 class Insertion:
-    """Greedy regret insertion; keeps what earlier calls promised and adds the new tasks."""
+    """Regret insertion with ruin and recreate; keeps what earlier calls promised."""
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """What the objective weighs."""
+    Options = InsertionOptions
 
-        lateness_weight: float = quantity(low=0.0, default=20.0)  #: per second of lateness
-
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: InsertionOptions) -> None:
         self._options = options
+        self._weights = weights_of(options.objective)
 
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
-        tasks = {task.number: task for task in problem.tasks}
-        routes = [self._kept_route(problem, plan, tasks) for plan in problem.robots]
-        taken = {visit.task.number for route in routes for visit in route}
-        pending = [task for task in problem.tasks if task.number not in taken]
-        while pending and problem.robots:
-            choices = [self._choices(problem, routes, task) for task in pending]
-            regrets = [_regret(choice) for choice in choices]
-            worst = max(range(len(pending)), key=lambda i: (regrets[i], -pending[i].number))
-            best = choices[worst][0]
-            routes[best.robot] = list(best.route)
-            del pending[worst]
-        itineraries = tuple(
-            _timed(problem, plan, route) for plan, route in zip(problem.robots, routes, strict=True)
+        if not problem.robots:
+            return assemble(problem, [], reason="there is no robot that can be reached")
+        if problem.commitment == "keep":
+            return with_kept_plans(problem, self.allocate(append_only(problem)))
+        table = RouteTable.of(problem)
+        self.settle(table)
+        return assemble(problem, [table.stops(r) for r in range(table.n)])
+
+    def settle(self, table: RouteTable, *, rescue: bool = True) -> None:
+        """Give every pending task of the table a place, in time or late."""
+        self.serve_late(table, self.insert(table, rescue=rescue))
+        self.polish(table)
+
+    def polish(self, table: RouteTable) -> None:
+        """Improve by as many steps as the options say."""
+        if self._options.improvement_steps:
+            self.improve(table, self._options.improvement_steps)
+
+    @property
+    def incremental(self) -> Insertion:
+        """Itself: its routes may live on from batch to batch."""
+        return self
+
+    def insert(self, table: RouteTable, *, rescue: bool = True) -> IntArray:
+        """Give pending tasks places in time; gives those for which none was found."""
+        table.relieve(range(table.n), self._weights)
+        left = construct(table.w, table.pending(), self._weights, False, 0.0, self._seed())
+        if len(left) == 0 or not rescue:
+            return left
+        size = len(table.tasks) + 10 * table.n
+        steps = min(self._options.rescue_steps, WORK // (10 * size))
+        return self._search(table, left, steps, only_until_served=True)
+
+    def serve_late(self, table: RouteTable, left: IntArray) -> None:
+        """Give tasks that cannot be in time the places that cost the others least."""
+        weights = late_weights_of(self._options.objective)
+        for k in sorted(left.tolist(), key=lambda k: (table.tasks[k].deadline, k)):
+            place_late(table.w, k, weights)
+
+    def improve(self, table: RouteTable, steps: int) -> None:
+        """Ruin and recreate for the objective; loses no deadline that is kept."""
+        self._search(table, NO_TASKS, steps, only_until_served=False)
+
+    def _search(
+        self, table: RouteTable, left: IntArray, steps: int, *, only_until_served: bool
+    ) -> IntArray:
+        spare, best = table.copy_of_routes(), table.copy_of_routes()
+        return ruin_and_recreate(
+            table.w, spare, best, left, self._weights, steps, only_until_served, self._seed()
         )
-        late = tuple(
-            sorted(
-                stop.task
-                for itinerary in itineraries
-                for stop in itinerary
-                if stop.action == "dropoff" and stop.time > tasks[stop.task].deadline
-            )
-        )
-        unserved = tuple(sorted(task.number for task in pending))
-        return Allocation(
-            itineraries=itineraries, late=late, unserved=unserved, reason=_reason(late, unserved)
-        )
 
-    def _kept_route(
-        self, problem: AllocationProblem, plan: RobotPlan, tasks: dict[int, OpenTask]
-    ) -> list[_Visit]:
-        """The earlier plan, and drop-offs for whatever is on board without one."""
-        route = [
-            _Visit(tasks[stop.task], stop.action == "pickup")
-            for stop in plan.planned
-            if stop.task in tasks
-        ]
-        planned = {visit.task.number for visit in route}
-        for number in plan.onboard:
-            if number in tasks and number not in planned:
-                drop = _Visit(tasks[number], False)
-                options = [[*route[:i], drop, *route[i:]] for i in range(len(route) + 1)]
-                route = min(options, key=lambda option: self._cost(problem, plan, option))
-        return route
-
-    def _choices(
-        self, problem: AllocationProblem, routes: Sequence[Sequence[_Visit]], task: OpenTask
-    ) -> list[_Placement]:
-        placements = [
-            self._cheapest(problem, robot, plan, routes[robot], task)
-            for robot, plan in enumerate(problem.robots)
-        ]
-        return sorted(placements, key=lambda placement: (placement.increase, placement.robot))
-
-    def _cheapest(
-        self,
-        problem: AllocationProblem,
-        robot: int,
-        plan: RobotPlan,
-        route: Sequence[_Visit],
-        task: OpenTask,
-    ) -> _Placement:
-        before = self._cost(problem, plan, route)
-        pick, drop = _Visit(task, True), _Visit(task, False)
-        best = _Placement(np.inf, robot, (*route, pick, drop))
-        for i in range(len(route) + 1):
-            for j in range(i, len(route) + 1):
-                candidate = (*route[:i], pick, *route[i:j], drop, *route[j:])
-                increase = self._cost(problem, plan, candidate) - before
-                if increase < best.increase:
-                    best = _Placement(increase, robot, candidate)
-        return best
-
-    def _cost(self, problem: AllocationProblem, plan: RobotPlan, route: Sequence[_Visit]) -> float:
-        """Sum of completion times [s] plus weighted lateness; inf if the load is too much."""
-        time, room, load = max(plan.free_at, problem.now), plan.room, len(plan.onboard)
-        cost = 0.0
-        for visit in route:
-            task = visit.task
-            place = task.start if visit.is_pickup else task.end
-            time += problem.travel_times[room, place]
-            room = place
-            if visit.is_pickup:
-                time = max(time, task.arrival) + task.pickup_time
-                load += 1
-                if load > plan.capacity:
-                    return np.inf
-            else:
-                time += task.dropoff_time
-                load -= 1
-                cost += time + self._options.lateness_weight * max(0.0, time - task.deadline)
-        return cost
-
-
-def _regret(choices: Sequence[_Placement]) -> float:
-    return choices[1].increase - choices[0].increase if len(choices) > 1 else 0.0
-
-
-def _timed(
-    problem: AllocationProblem, plan: RobotPlan, route: Sequence[_Visit]
-) -> tuple[Stop, ...]:
-    time, room = max(plan.free_at, problem.now), plan.room
-    stops = []
-    for visit in route:
-        task = visit.task
-        place = task.start if visit.is_pickup else task.end
-        time += float(problem.travel_times[room, place])
-        room = place
-        if visit.is_pickup:
-            time = max(time, task.arrival) + task.pickup_time
-        else:
-            time += task.dropoff_time
-        action: Action = "pickup" if visit.is_pickup else "dropoff"
-        stops.append(Stop(task=task.number, action=action, room=place, time=time))
-    return tuple(stops)
-
-
-def _reason(late: Sequence[int], unserved: Sequence[int]) -> str:
-    parts = []
-    if late:
-        names = ", ".join(map(str, late))
-        parts.append(f"tasks {names} miss their deadlines in the cheapest plan found")
-    if unserved:
-        names = ", ".join(map(str, unserved))
-        parts.append(f"tasks {names} wait because no robot can be reached")
-    return "; ".join(parts)
+    def _seed(self) -> NDArray[np.uint64]:
+        return np.array([(self._options.seed << 8) + 0x9E3779B97F4A7C15 & (2**64 - 1)], np.uint64)

@@ -1,0 +1,167 @@
+"""The complete allocator: a plan that keeps all deadlines, or a proof that there is none."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.allocation import (
+    Allocation,
+    AllocationProblem,
+    Infeasible,
+    Stop,
+)
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
+from mrta_falsify.stack.allocation.objective import Objective
+from mrta_falsify.stack.allocation.proving import LimitReachedError, Proof, Prover
+from mrta_falsify.stack.allocation.table import RouteTable
+from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExactOptions:
+    """How long is searched, and what is minimised among the plans that keep all deadlines."""
+
+    node_limit: int = quantity(low=1, default=200_000_000)  #: route nodes and master conflicts
+    objective: Objective = "completion"
+    improvement_steps: int = quantity(low=0, high=1_000_000, default=200)  #: ruins after a success
+    fewest_lost: bool = True  #: search for the largest set of tasks that can be in time
+
+
+class Exact:
+    """Plan, or proof of infeasibility with a minimal core; never a wrong "impossible"."""
+
+    Options = ExactOptions
+
+    def __init__(self, options: ExactOptions) -> None:
+        self._options = options
+        self._insertion = Insertion(InsertionOptions(objective=options.objective))
+
+    def allocate(self, problem: AllocationProblem) -> Allocation:
+        """See :class:`~mrta_falsify.core.protocols.Allocator`."""
+        if problem.commitment == "keep":
+            return with_kept_plans(problem, self.allocate(append_only(problem)))
+        if not problem.tasks:
+            return assemble(problem, [()] * len(problem.robots))
+        if not problem.robots:
+            return without_robots(problem)
+        try:
+            with contextlib.closing(Prover(problem, self._options.node_limit)) as prover:
+                prover.suggest(self._first_guess(problem))
+                return self._decide(problem, prover)
+        except LimitReachedError:
+            answer = self._insertion.allocate(problem)
+            if answer.status == "plan":
+                return answer
+            limit = self._options.node_limit
+            undecided = f"within {limit} nodes neither a plan nor a proof was found"
+            return dataclasses.replace(answer, reason=f"{undecided}; {answer.reason}")
+
+    def _first_guess(self, problem: AllocationProblem) -> dict[int, int]:
+        """Robots by task, both as positions, where insertion has the task in time."""
+        guess = self._insertion.allocate(problem)
+        position = {task.number: k for k, task in enumerate(problem.tasks)}
+        return {
+            position[stop.task]: r
+            for r, stops in enumerate(guess.itineraries)
+            for stop in stops
+            if stop.task not in guess.late
+        }
+
+    def _decide(self, problem: AllocationProblem, prover: Prover) -> Allocation:
+        found = prover.prove()
+        if not isinstance(found, Proof):
+            return self._serve(problem, prover, found)
+        proof = Infeasible(
+            core=tuple(sorted(problem.tasks[k].number for k in found.core)),
+            reason=core_in_words(problem, found),
+            minimal=found.minimal,
+        )
+        sets, least = None, 1
+        if self._options.fewest_lost:
+            sets, least = prover.fewest_lost()
+        if sets is None:
+            answer = self._insertion.allocate(problem)
+        else:
+            answer = self._serve(problem, prover, sets)
+        return dataclasses.replace(
+            answer,
+            reason=f"{answer.reason}: {proof.reason}",
+            infeasible=proof,
+            least_lost=least,
+        )
+
+    def _serve(self, problem: AllocationProblem, prover: Prover, sets: Sequence[int]) -> Allocation:
+        """Plan of the prover's sets, improved; the other tasks are late."""
+        served = 0
+        for tasks in sets:
+            served |= tasks
+        table = RouteTable.of(without_plans(problem))
+        for k in range(len(problem.tasks)):
+            if not served >> k & 1:
+                table.w.due[table.n + 2 * k + 1] = np.inf
+        plans: list[tuple[Stop, ...]] = [prover.itinerary(r, sets[r]) for r in range(prover.n)]
+        table.reload(plans)
+        self._insertion.serve_late(table, table.pending())
+        if self._options.improvement_steps:
+            self._insertion.improve(table, self._options.improvement_steps)
+        return assemble(problem, [table.stops(r) for r in range(table.n)])
+
+
+def without_plans(problem: AllocationProblem) -> AllocationProblem:
+    """The problem without the old plans."""
+    robots = tuple(dataclasses.replace(plan, planned=()) for plan in problem.robots)
+    return dataclasses.replace(problem, robots=robots)
+
+
+def without_robots(problem: AllocationProblem) -> Allocation:
+    """Answer where nobody can serve anything."""
+    reason = "there is no robot that can be reached"
+    core = (problem.tasks[0].number,)
+    return Allocation(
+        itineraries=(),
+        unserved=tuple(sorted(task.number for task in problem.tasks)),
+        reason=reason,
+        infeasible=Infeasible(core=core, reason=reason),
+        least_lost=len(problem.tasks),
+    )
+
+
+def core_in_words(problem: AllocationProblem, proof: Proof) -> str:
+    """Why the tasks of a core cannot all be in time."""
+    tasks = [problem.tasks[k] for k in proof.core]
+    if len(tasks) > 1:
+        names = ", ".join(str(task.number) for task in tasks)
+        last = max(task.deadline for task in tasks)
+        least = " of them" if proof.minimal else " (there may be a smaller such set)"
+        return (
+            f"no plan of {len(problem.robots)} robots has tasks {names} in time (last deadline "
+            f"{last:g} s); all but any one{least} can be"
+            if proof.minimal
+            else f"no plan of {len(problem.robots)} robots has tasks {names} in time{least}"
+        )
+    task, travel = tasks[0], problem.travel_times
+    carriers = [plan for plan in problem.robots if task.number in plan.onboard]
+    ends = []
+    for plan in carriers or problem.robots:
+        time, room = max(plan.free_at, problem.now), plan.room
+        if not carriers:
+            time = max(time, task.arrival) + float(travel[room, task.start]) + task.pickup_time
+            room = task.start
+        ends.append((time + float(travel[room, task.end]) + task.dropoff_time, plan.robot))
+    end, robot = min(ends)
+    if end <= task.deadline:  # the load on board is in the way
+        return (
+            f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s, since every "
+            "robot must first make room for it"
+        )
+    who = "its robot" if carriers else "the robot that could be first"
+    return (
+        f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s: "
+        f"{who}, {robot}, is there at {end:g} s"
+    )

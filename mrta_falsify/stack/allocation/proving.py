@@ -1,0 +1,422 @@
+"""Plan or proof: a SAT master assigns tasks, exact single-robot routes refuse.
+
+Logic-based Benders decomposition: the master chooses a robot for every task; for each robot
+:func:`search_route` finds an order or proves that there is none. Then a smallest set of its
+tasks that is refused becomes a clause, for all robots that refuse it. When the master has no
+choice left, that is a proof, and its failed assumptions are a core, made minimal by leaving
+tasks out.
+
+Reference: Hooker & Ottosson, "Logic-based Benders decomposition", Math. Programming 2003.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pysat.card import ITotalizer  # type: ignore[import-untyped]
+from pysat.solvers import Solver  # type: ignore[import-untyped]
+
+from mrta_falsify.core.allocation import AllocationProblem, Stop
+from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.stack.allocation.covering import Covering
+from mrta_falsify.stack.allocation.route_search import (
+    CUT_OFF,
+    FEASIBLE,
+    INFEASIBLE,
+    MOST_TASKS,
+    Jobs,
+    Starts,
+    clashing_pairs,
+    feasible_sets,
+    search_route,
+)
+
+Bits = int  # a set of tasks, one bit each
+
+
+PATIENCE = 400  # conflicts of the master before the covering problem is tried
+MOST_SETS = 400_000  # sets looked at for the covering problem
+MOST_BITS = 62  # tasks of the covering problem
+
+
+class _MasterIsSlowError(Exception):
+    """The master needs more conflicts than it was given."""
+
+
+class LimitReachedError(Exception):
+    """The node limit ended the search without an answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """Why there is no plan: positions of tasks that cannot all be in time."""
+
+    core: tuple[int, ...]
+    minimal: bool
+
+
+class Prover:
+    """Searches for a plan that keeps all, or as many as possible, of the deadlines.
+
+    Tasks are named by their position in ``problem.tasks``, robots by theirs.
+    """
+
+    def __init__(self, problem: AllocationProblem, node_limit: int) -> None:
+        """Take in a ``free`` problem; old plans do not matter.
+
+        Args:
+            problem: what is to be decided.
+            node_limit: nodes of route searches and conflicts of the master, together.
+        """
+        self._problem = problem
+        self.nodes_left = node_limit
+        tasks, robots = problem.tasks, problem.robots
+        self.m, self.n = len(tasks), len(robots)
+        position = {task.number: k for k, task in enumerate(tasks)}
+        self._jobs = Jobs(
+            start=np.array([task.start for task in tasks], np.int64),
+            end=np.array([task.end for task in tasks], np.int64),
+            load=np.array([task.pickup_time for task in tasks], np.float64),
+            unload=np.array([task.dropoff_time for task in tasks], np.float64),
+            release=np.array([task.arrival for task in tasks], np.float64),
+            due=np.array([task.deadline for task in tasks], np.float64),
+        )
+        self._starts = Starts(
+            room=np.array([plan.room for plan in robots], np.int64),
+            time=np.array([max(plan.free_at, problem.now) for plan in robots], np.float64),
+            capacity=np.array([plan.capacity for plan in robots], np.int64),
+        )
+        self._travel = np.ascontiguousarray(problem.travel_times, dtype=np.float64)
+        self._onboard = [tuple(sorted(position[k] for k in plan.onboard)) for plan in robots]
+        self._carrier = {k: r for r, carried in enumerate(self._onboard) for k in carried}
+        self._kind = self._kinds()
+        self._by_due = sorted(range(self.m), key=lambda k: (tasks[k].deadline, k))
+        self._rounds = 0
+        self._covering_tried = False
+        self._cover: Covering | None = None
+        self._known: dict[tuple[int, Bits], bool] = {}
+        farthest_first = np.argsort(
+            -self._travel[np.ix_(self._starts.room, self._jobs.start)].T, axis=1, kind="stable"
+        )
+        self._rank = np.argsort(farthest_first, axis=1)
+        self._solver = Solver(name="glucose4")
+        self._build()
+
+    def _kinds(self) -> list[int]:
+        """Robots that cannot be told apart share a number: their first one's."""
+        seen: dict[object, int] = {}
+        s = self._starts
+        return [
+            seen.setdefault(
+                (
+                    s.room[r],
+                    s.time[r],
+                    s.capacity[r],
+                    self._onboard[r],
+                    r if self._onboard[r] else -1,
+                ),
+                r,
+            )
+            for r in range(self.n)
+        ]
+
+    # --- the master -------------------------------------------------------------------------
+
+    def _has(self, k: int, r: int) -> int:
+        """Variable: robot r serves task k in time.
+
+        The master sets variables to false in their order, so the nearest robot comes last.
+        """
+        return 1 + k * self.n + int(self._rank[k, r])
+
+    def _lost(self, k: int) -> int:
+        """Variable: the deadline of task k is given up."""
+        return 1 + self.m * self.n + k
+
+    def _build(self) -> None:
+        alone = np.zeros((self.n, self.m), np.bool_)
+        for k in range(self.m):
+            carrier = self._carrier.get(k)
+            for r in range(self.n):
+                alone[r, k] = carrier in (None, r) and self._accepts(r, 1 << k)
+            able = [self._has(k, r) for r in range(self.n) if alone[r, k]]
+            self._solver.add_clause([self._lost(k), *able])
+            for r in range(self.n):
+                if not alone[r, k]:
+                    self._solver.add_clause([-self._has(k, r)])
+        free = alone.copy()
+        for r in range(self.n):
+            if self._onboard[r] or self._kind[r] != r:
+                free[r] = False
+        free[:, list(self._carrier)] = False
+        clash = clashing_pairs(self._travel, self._jobs, self._starts, free)
+        for r, k, j in zip(*np.nonzero(np.tril(clash)), strict=True):
+            for twin in range(self.n):
+                if self._kind[twin] == r:
+                    self._solver.add_clause([-self._has(int(k), twin), -self._has(int(j), twin)])
+
+    def _routes_of_master(self, assumptions: Sequence[int], budget: int) -> list[Bits] | None:
+        """Sets of tasks per robot that no clause forbids; None if there is no choice left."""
+        if self.nodes_left <= 0:
+            raise LimitReachedError
+        before = self._solver.accum_stats()["conflicts"]
+        self._solver.conf_budget(min(self.nodes_left, budget))
+        found = self._solver.solve_limited(assumptions=list(assumptions))
+        self.nodes_left -= 1 + self._solver.accum_stats()["conflicts"] - before
+        if found is None and self.nodes_left > 0:
+            raise _MasterIsSlowError
+        if found is None:
+            raise LimitReachedError
+        if not found:
+            return None
+        model = self._solver.get_model()
+        sets = [0] * self.n
+        for k in range(self.m):
+            if model[self._lost(k) - 1] > 0:
+                continue
+            for r in range(self.n):
+                if model[self._has(k, r) - 1] > 0:
+                    sets[r] |= 1 << k
+                    break
+        return sets
+
+    def _solve(self, assumptions: Sequence[int], patience: int | None) -> list[Bits] | None:
+        """Sets of tasks that the robots can serve; None if there are none.
+
+        Raises:
+            _MasterIsSlowError: it took more than ``patience`` conflicts and rounds.
+        """
+        stop_at = -1 if patience is None else self._effort() + patience
+        while True:
+            left = stop_at - self._effort() if patience is not None else self.nodes_left
+            if patience is not None and left <= 0:
+                raise _MasterIsSlowError
+            sets = self._routes_of_master(assumptions, left)
+            self._rounds += 1
+            if sets is None:
+                return None
+            clauses = 0
+            for r in range(self.n):
+                refused = self._first_refused(r, sets[r])
+                if refused:
+                    self._forbid(r, self._smallest_refused(r, refused))
+                    clauses += 1
+            if clauses == 0:
+                return sets
+
+    def _effort(self) -> int:
+        return int(self._solver.accum_stats()["conflicts"]) + 5 * self._rounds
+
+    def _forbid(self, r: int, tasks: Bits) -> None:
+        """Clauses: these tasks are not served together, for every robot that refuses them."""
+        members = _members(tasks)
+        verdict: dict[int, bool] = {self._kind[r]: False}
+        for other in range(self.n):
+            kind = self._kind[other]
+            if kind not in verdict:
+                alien = any(self._carrier.get(k, other) != other for k in members)
+                verdict[kind] = alien or self._accepts(other, tasks)
+            if not verdict[kind]:
+                self._solver.add_clause([-self._has(k, other) for k in members])
+
+    def _first_refused(self, r: int, tasks: Bits) -> Bits:
+        """A part of ``tasks`` that the robot refuses, 0 if it accepts them all.
+
+        Grown task by task, since small sets are decided quickly.
+        """
+        part = 0
+        for k in self._by_due:
+            if tasks >> k & 1:
+                part |= 1 << k
+                if not self._accepts(r, part):
+                    return part
+        return 0
+
+    def _smallest_refused(self, r: int, tasks: Bits) -> Bits:
+        for k in sorted(_members(tasks), key=lambda k: (-self._jobs.due[k], k)):
+            less = tasks & ~(1 << k)
+            if not self._accepts(r, less):
+                tasks = less
+        return tasks
+
+    # --- single robots ------------------------------------------------------------------------
+
+    def _accepts(self, r: int, tasks: Bits) -> bool:
+        """Whether robot ``r`` can serve all ``tasks`` in time, and deliver its load some time."""
+        key = (self._kind[r], tasks)
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = self._search(r, tasks)[0] == FEASIBLE
+        return known
+
+    def _search(self, r: int, tasks: Bits) -> tuple[int, IntArray, IntArray]:
+        carried = self._onboard[r]
+        fresh = [k for k in _members(tasks) if k not in carried]
+        chosen = np.array([*fresh, *carried], np.int64)
+        state = np.array([0] * len(fresh) + [1] * len(carried), np.int64)
+        soft = np.array([not tasks >> int(k) & 1 for k in chosen], np.bool_)
+        if len(chosen) > MOST_TASKS:
+            raise LimitReachedError
+        answer, nodes, order = search_route(
+            self._travel, self._jobs, self._starts, r, chosen, state, soft, self.nodes_left
+        )
+        self.nodes_left -= nodes
+        if answer == CUT_OFF:
+            raise LimitReachedError
+        return answer, chosen, order
+
+    def itinerary(self, r: int, tasks: Bits) -> tuple[Stop, ...]:
+        """Stops with which robot ``r`` serves ``tasks`` in time; without times."""
+        answer, chosen, order = self._search(r, tasks)
+        assert answer != INFEASIBLE
+        stops = []
+        for x in order:
+            task = self._problem.tasks[chosen[x >> 1]]
+            if x & 1:
+                stops.append(Stop(task=task.number, action="dropoff", room=task.end, time=0.0))
+            else:
+                stops.append(Stop(task=task.number, action="pickup", room=task.start, time=0.0))
+        return tuple(stops)
+
+    def suggest(self, owner: dict[int, int]) -> None:
+        """Let the master try robot ``owner[k]`` for task ``k`` first."""
+        self._solver.set_phases([self._has(k, r) for k, r in sorted(owner.items())])
+
+    # --- the covering problem -----------------------------------------------------------------
+
+    def _covering(self) -> Covering | None:
+        """Covering problem over all largest sets; None if there are too many of them."""
+        if not self._covering_tried:
+            self._covering_tried = True
+            self._cover = self._build_covering()
+        return self._cover
+
+    def _build_covering(self) -> Covering | None:
+        if self.m > MOST_BITS:
+            return None
+        sets, groups = [], []
+        looks = MOST_SETS
+        for kind in sorted(set(self._kind)):
+            allowed = [
+                k
+                for k in range(self.m)
+                if self._carrier.get(k, kind) == kind and self._accepts(kind, 1 << k)
+            ]
+            complete, found, nodes = feasible_sets(
+                self._travel,
+                self._jobs,
+                self._starts,
+                kind,
+                np.array(self._onboard[kind], np.int64),
+                np.array(allowed, np.int64),
+                looks,
+            )
+            self.nodes_left -= nodes
+            looks -= len(found)
+            if not complete or self.nodes_left <= 0:
+                return None
+            sets.append([int(tasks) for tasks in found])
+            groups.append([r for r in range(self.n) if self._kind[r] == kind])
+        return Covering(sets, groups, self.m)
+
+    def _decide(self, hard: Sequence[int]) -> list[Bits] | list[int]:
+        """Sets of tasks per robot with all of ``hard`` in time, or a part of it that cannot be.
+
+        The two are told apart by :class:`_Core`.
+        """
+        assumptions = [-self._lost(k) for k in hard]
+        try:
+            sets = self._solve(assumptions, PATIENCE)
+        except _MasterIsSlowError:
+            cover = self._covering()
+            if cover is not None:
+                core = cover.relaxed_core(hard)
+                if core:
+                    return _Core(core)
+                found, lost = cover.best(hard)
+                if lost:
+                    return _Core(hard)
+                if found is not None:
+                    return found
+            sets = self._solve(assumptions, None)
+        return _Core(self._failed()) if sets is None else sets
+
+    # --- answers ------------------------------------------------------------------------------
+
+    def prove(self) -> list[Bits] | Proof:
+        """Sets of tasks per robot with which all deadlines are kept, or a minimal core.
+
+        Raises:
+            LimitReachedError: neither was found within the limit.
+        """
+        found = self._decide(range(self.m))
+        if not isinstance(found, _Core):
+            return found
+        try:
+            return Proof(core=self._minimised(found), minimal=True)
+        except LimitReachedError:
+            return Proof(core=tuple(found), minimal=False)
+
+    def _failed(self) -> list[int]:
+        """Tasks of the assumptions that failed."""
+        first = self._lost(0)
+        return sorted(-literal - first for literal in self._solver.get_core() or ())
+
+    def _minimised(self, core: Sequence[int]) -> tuple[int, ...]:
+        needed: list[int] = []
+        rest = list(core)
+        while rest:
+            k = rest.pop()
+            found = self._decide(sorted((*needed, *rest)))
+            if isinstance(found, _Core):
+                failed = set(found)
+                rest = [j for j in rest if j in failed]
+            else:
+                needed.append(k)
+        return tuple(sorted(needed))
+
+    def fewest_lost(self, at_least: int = 1) -> tuple[list[Bits] | None, int]:
+        """Sets of tasks with as few lost deadlines as possible.
+
+        Args:
+            at_least: a number of lost deadlines that is known to be needed.
+
+        Returns:
+            The sets, or None if the limit was reached; and how many lost deadlines are proved
+            to be needed.
+        """
+        lost = [self._lost(k) for k in range(self.m)]
+        bound = at_least
+        with ITotalizer(lits=lost, ubound=self.m, top_id=lost[-1]) as count:
+            self._solver.append_formula(count.cnf.clauses)
+            try:
+                while bound < self.m:
+                    sets = self._solve([-count.rhs[bound]], PATIENCE)
+                    if sets is not None:
+                        return sets, bound
+                    bound += 1
+            except _MasterIsSlowError:
+                pass
+            except LimitReachedError:
+                return None, bound
+        if bound == self.m:
+            return [0] * self.n, bound
+        cover = self._covering() if self.nodes_left > 0 else None
+        if cover is None:
+            return None, bound
+        found, least = cover.best(range(self.m))
+        return found, max(bound, least)
+
+    def close(self) -> None:
+        """Free the solver."""
+        self._solver.delete()
+
+
+class _Core(list[int]):
+    """Tasks that cannot all be in time."""
+
+
+def _members(tasks: Bits) -> list[int]:
+    return [k for k in range(tasks.bit_length()) if tasks >> k & 1]

@@ -1,0 +1,80 @@
+"""Behaviours of people and scripted robots.
+
+A *place* is a room by number or name, a point `(x, y)`, or an object. A speed of 0 is the
+person's own. Times are in seconds of the episode.
+
+    new Human at (4, 2), with behavior FollowRoute([(4, 11), (4, 2)], repeat=True)
+    new Human at (4, 2), with behavior InTurn(WaitFor(5), Push(bed, (4, -3)), Leave())
+
+A person whose behaviour is one of these gets it written into the world, which then runs
+without this program. Behaviours of your own use them with `do`, `do ... until` and
+`try: do ... interrupt when`; who takes no action stands.
+"""
+
+from simulator_interface.scenic_actions import CarryOn, errand
+
+
+behavior WalkTo(place, speed=0):
+    """Walk to a place, around whatever the map shows."""
+    todo = errand('WalkTo', place, speed=speed)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior FollowRoute(route, repeat=False, speed=0):
+    """Walk from place to place; with `repeat` for ever."""
+    todo = errand('FollowRoute', route, repeat=repeat, speed=speed)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior WaitFor(seconds):
+    """Stand for a time."""
+    todo = errand('WaitFor', seconds)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior WaitUntil(time):
+    """Stand until a moment of the episode."""
+    todo = errand('WaitUntil', time)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior StandStill():
+    """Stand for good."""
+    todo = errand('StandStill')
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior Push(thing, place, speed=0):
+    """Walk behind a piece of furniture and push it until its centre is at a place.
+
+    The piece needs `with movable True` if the behaviour that pushes it is your own.
+    """
+    todo = errand('Push', thing, place, speed=speed)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior Appear(place):
+    """Enter the building at a place; who has this as a first step is not there before."""
+    todo = errand('Appear', place)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior Leave():
+    """Leave the building, here and now."""
+    todo = errand('Leave')
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior InTurn(*steps):
+    """Behaviours of this library one after the other, as one."""
+    todo = errand('InTurn', *steps)
+    while not todo.done:
+        take CarryOn(todo)

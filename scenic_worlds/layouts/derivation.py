@@ -1,0 +1,281 @@
+"""From a user's floor to a layout: what the user left out is derived.
+
+Lanes follow the middle of what is free, moved to the right; robots wait along walls near
+the doors, where lanes still pass; parking keeps away from all of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.world import Lane, Resource, Room, World
+from scenic_worlds.layouts.assembly import travel_times
+from scenic_worlds.layouts.entrances import Entrance, find_entrance
+from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
+from scenic_worlds.layouts.routes import (
+    STEP,
+    MiddleWays,
+    RouteMap,
+    evenly,
+    right_of,
+)
+from scenic_worlds.layouts.stops import ASK_AROUND, corners
+from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
+
+ROBOT_RADIUS = 0.22  # m
+SPOT_DISC = 0.30  # m around a waiting robot that lanes keep away from as from a wall
+LEAST_TO_LANE = 0.62  # m; a spot nearer to traffic is given up
+MOST_PARKING = 12
+
+
+def derive_layout(floor: Floor) -> World:
+    """Layout of a user's floor.
+
+    Args:
+        floor: walls, rooms, and any traffic that the user gave; that is kept as it is.
+
+    Returns:
+        A world without robots, humans, tasks and events.
+
+    Raises:
+        WorldError: a room point stands in an obstacle, or cannot be reached.
+    """
+    solid = World(
+        name=floor.name, bounds=floor.bounds, walls=floor.walls, furniture=floor.furniture
+    )
+    routes = RouteMap(solid)
+    part = _check_reachable(routes, floor)
+    points = [np.asarray(room.point) for room in floor.rooms]
+    entrances, middles = _entrances(routes, floor, points)
+    queues, sites = _queues(routes, floor, entrances, middles, part)
+    given = {(lane.start, lane.end): lane for lane in floor.lanes}
+    lanes = _Lanes(routes, floor, entrances, queues)
+    for _ in range(2):  # a spot that stands in somebody's way is given up, once
+        derived = lanes.build(given)
+        shorter = [
+            _kept(queue, derived, i, given=bool(len(floor.rooms[i].queue)))
+            for i, queue in enumerate(queues)
+        ]
+        if all(len(a) == len(b) for a, b in zip(shorter, queues, strict=True)):
+            break
+        queues = shorter
+        lanes = _Lanes(routes, floor, entrances, queues)
+    parking = floor.parking
+    if not len(parking):
+        legs = [evenly(np.vstack([points[lane.start], lane.to_room])) for lane in derived]
+        legs += [evenly(lane.to_queue) for lane in derived if len(lane.to_queue) > 1]
+        driven = np.vstack([*legs, *points, *(e.front[None] for e in entrances)])
+        taken = np.vstack([*queues, *(e.front[None] for e in entrances)])
+        gap = routes.gap(sites.points, routes.distance_to(driven))
+        wanted = min(MOST_PARKING, len(points) + 2)
+        parking = choose_parking(sites, gap, taken, wanted)
+    times = floor.travel_times if floor.travel_times.size else travel_times(derived, points)
+    return World(
+        name=floor.name,
+        bounds=floor.bounds,
+        walls=floor.walls,
+        furniture=floor.furniture,
+        rooms=tuple(
+            Room(name=room.name, point=room.point, door=entrance.door, area=entrance.area)
+            for room, entrance in zip(floor.rooms, entrances, strict=True)
+        ),
+        lanes=tuple(derived),
+        resources=tuple(
+            _resource(floor, i, entrance, queues[i]) for i, entrance in enumerate(entrances)
+        ),
+        parking=frozen_array(parking.reshape(-1, 2)),
+        travel_times=frozen_array(times),
+    )
+
+
+def _check_reachable(routes: RouteMap, floor: Floor) -> int:
+    """The part of the floor that all room points are on.
+
+    Raises:
+        WorldError: names the rooms that are not.
+    """
+    parts = []
+    for i, room in enumerate(floor.rooms):
+        cell = routes.cell(room.point)
+        if not routes.free[cell]:
+            gap = max(float(routes.clearance[cell]), 0.0)
+            raise WorldError(
+                f"{floor.name}: rooms[{i}].point of {room.name!r} is {room.point.tolist()} m, "
+                f"{gap:.2f} m from an obstacle; a robot needs {ROBOT_RADIUS} m (move the point)"
+            )
+        parts.append(int(routes.part[cell]))
+    main = max(sorted(set(parts)), key=parts.count)
+    cut_off = [room.name for room, part in zip(floor.rooms, parts, strict=True) if part != main]
+    if cut_off:
+        home = floor.rooms[parts.index(main)].name
+        raise WorldError(
+            f"{floor.name}: rooms {', '.join(map(repr, cut_off))} cannot be reached from "
+            f"{home!r} by a robot of {ROBOT_RADIUS} m radius; every doorway must be at least "
+            "0.6 m wide"
+        )
+    return main
+
+
+def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
+    """Entrance of every room, and all points of the middle ways between rooms."""
+    ways = MiddleWays(routes, routes.clearance)
+    out: list[Array] = [np.zeros((0, 2)) for _ in points]
+    seen: list[Array] = [np.zeros((0, 2))]
+    for goal, point in enumerate(points):
+        others = [i for i in range(len(points)) if i != goal]
+        found = ways.to(point, [points[i] for i in others])
+        seen += [way[2:-2] for way in found]
+        for i, way in zip(others, found, strict=True):
+            # The way to the nearest other room shows the door.
+            if not len(out[i]) or len(way) < len(out[i]):
+                out[i] = way
+    entrances = [
+        find_entrance(routes, room, out[i], [p for k, p in enumerate(points) if k != i])
+        for i, room in enumerate(floor.rooms)
+    ]
+    return entrances, np.vstack(seen)
+
+
+def _queues(
+    routes: RouteMap, floor: Floor, entrances: list[Entrance], middles: Array, part: int
+) -> tuple[list[Array], Sites]:
+    sites = standing_places(routes, entrances, middles, part)
+    queues = [room.queue.reshape(-1, 2) for room in floor.rooms]
+    for i, entrance in enumerate(entrances):
+        if len(queues[i]) or not floor.spots:
+            continue
+        fronts = [e.front[None] for e in entrances]
+        taken = np.vstack([*queues, *fronts])
+        queues[i] = choose_queue(routes, sites, entrance, taken, floor.spots)
+    return queues, sites
+
+
+class _Lanes:
+    """Right-hand ways between all rooms, for one choice of waiting spots."""
+
+    def __init__(
+        self, routes: RouteMap, floor: Floor, entrances: list[Entrance], queues: list[Array]
+    ) -> None:
+        self._routes = routes
+        self._floor = floor
+        self._entrances = entrances
+        self._queues = queues
+
+    def build(self, given: dict[tuple[str, str], FloorLane]) -> list[Lane]:
+        """Lanes of all ordered pairs; given ones as they are."""
+        names = [room.name for room in self._floor.rooms]
+        to_room = self._ways_between_fronts()
+        to_queue = self._ways_to_tails()
+        lanes = []
+        for start in range(len(names)):
+            for end in range(len(names)):
+                if start == end:
+                    continue
+                known = given.get((names[start], names[end]))
+                room_way = to_room[start, end] if known is None else np.asarray(known.to_room)
+                queue_way = to_queue[start, end]
+                if known is not None and len(known.to_queue):
+                    queue_way = np.asarray(known.to_queue)
+                lanes.append(
+                    Lane(
+                        start=start,
+                        end=end,
+                        to_queue=frozen_array(queue_way),
+                        to_room=frozen_array(room_way),
+                    )
+                )
+        return lanes
+
+    def _clearance(self, without: int = -1) -> Array:
+        """Distance to walls and waiting robots; without the last spot of one room."""
+        spots = [q[:-1] if i == without else q for i, q in enumerate(self._queues)]
+        waiting = np.vstack([np.zeros((0, 2)), *spots])
+        clear = self._routes.clearance
+        if not len(waiting):
+            return clear
+        return np.minimum(clear, self._routes.distance_to(waiting) - SPOT_DISC)
+
+    def _ways_between_fronts(self) -> dict[tuple[int, int], Array]:
+        clear = self._clearance()
+        middle = MiddleWays(self._routes, clear)
+        fronts = [entrance.front for entrance in self._entrances]
+        found = {}
+        for end, front in enumerate(fronts):
+            # One middle for both directions, so that their lanes lie on its two sides.
+            ways = middle.to(front, fronts[:end])
+            for start, found_way in enumerate(ways):
+                way = found_way if len(found_way) else np.vstack([fronts[start], front])
+                found[start, end] = self._from_door_to_door(start, end, way, clear)
+                found[end, start] = self._from_door_to_door(end, start, way[::-1], clear)
+        return found
+
+    def _from_door_to_door(self, start: int, end: int, way: Array, clear: Array) -> Array:
+        lane = right_of(self._routes, way, clear, before=0.6, after=0.6)
+        return _joined(
+            [self._entrances[start].entry[::-1][1:], lane[1:-1], self._entrances[end].entry]
+        )
+
+    def _ways_to_tails(self) -> dict[tuple[int, int], Array]:
+        fronts = [entrance.front for entrance in self._entrances]
+        found = {}
+        for end, queue in enumerate(self._queues):
+            goal = queue[-1] if len(queue) else fronts[end]
+            clear = self._clearance(without=end)
+            starts = [i for i in range(len(fronts)) if i != end]
+            ways = MiddleWays(self._routes, clear).to(goal, [fronts[i] for i in starts])
+            for start, found_way in zip(starts, ways, strict=True):
+                way = found_way if len(found_way) else np.vstack([fronts[start], goal])
+                lane = right_of(self._routes, way, clear, before=0.6, after=1.0)
+                found[start, end] = _joined(
+                    [self._entrances[start].entry[::-1][1:], lane[1:-1], goal[None]]
+                )
+        return found
+
+
+def _joined(pieces: list[Array]) -> Array:
+    """One polyline of several; corners nearer than 0.1 m to the one before are dropped."""
+    points = np.vstack(pieces)
+    kept = [points[-1]]
+    for point in points[-2::-1]:
+        if np.hypot(*(point - kept[-1])) >= 0.1:
+            kept.append(point)
+    return np.array(kept[::-1])
+
+
+def _kept(queue: Array, lanes: list[Lane], room: int, *, given: bool) -> Array:
+    """The first spots of a queue that no traffic passes too near."""
+    if given or not len(queue) or not lanes:
+        return queue
+    driven = []
+    for lane in lanes:
+        way = np.vstack([lane.to_queue])
+        if lane.end == room:
+            way = evenly(way)[: -round(1.3 / STEP)] if len(way) > 1 else way[:0]
+        elif len(way) > 1:
+            way = evenly(way)
+        driven += [evenly(np.asarray(lane.to_room)), way]
+    ways = np.vstack(driven)
+    for place, spot in enumerate(queue):
+        if np.hypot(*(ways - spot).T).min() < LEAST_TO_LANE:
+            return queue[:place]
+    return queue
+
+
+def _resource(floor: Floor, number: int, entrance: Entrance, queue: Array) -> Resource:
+    room: FloorRoom = floor.rooms[number]
+    near = np.vstack([queue.reshape(-1, 2), entrance.front[None], room.point[None]])
+    x1, y1 = (near.min(axis=0) - ASK_AROUND).tolist()
+    x2, y2 = (near.max(axis=0) + ASK_AROUND).tolist()
+    return Resource(
+        name=room.name,
+        kind="room",
+        room=number,
+        capacity=room.capacity,
+        spots=frozen_array(queue.reshape(-1, 2)),
+        entry=entrance.entry,
+        request_area=corners((x1, y1, x2, y2)),
+        release_area=entrance.release_area,
+        service_time=room.service_time,
+    )

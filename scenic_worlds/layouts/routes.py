@@ -1,0 +1,208 @@
+"""Ways over any floor: in the middle of what is free, then to the right of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from scipy import ndimage
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.costmap import INSCRIBED, LETHAL, Costmap
+from mrta_falsify.core.world import World
+from mrta_falsify.stack.planning import kernels
+from simulator_interface.costmap_layers import CostmapOptions, build_costmap
+
+MAX_CELLS = 2_000_000  # finer than this takes coarser cells
+WIDE = 1.5  # m; farther from everything is no better
+KEEP_MIDDLE = 6.0  # a cell beside a wall is this many times dearer, and once more
+RIGHT = 0.40  # m, lane to the middle: 0.8 between lanes, as AWS
+WALL_GAP = 0.42  # m, lane to anything solid, where there is room
+LEAST_GAP = 0.30  # m, the default stack's barrier
+SMOOTH = 0.4  # m, half the window that evens out the steps of grid paths
+TOLERANCE = 0.06  # m, how far a lane may cut its own corners
+STEP = 0.05  # m between samples of a way
+
+
+class RouteMap:
+    """The floor of one layout as ways see it."""
+
+    def __init__(self, world: World) -> None:
+        self.costmap = _costmap(world)
+        self.resolution = self.costmap.resolution
+        lethal = self.costmap.cost == LETHAL
+        self.lethal: BoolArray = lethal
+        padded = np.pad(~lethal, 1)
+        #: (rows, cols) from cell centre to what is solid [m]
+        self.clearance: Array = (
+            ndimage.distance_transform_edt(padded)[1:-1, 1:-1] - 0.5
+        ) * self.resolution
+        self.free: BoolArray = self.costmap.cost < INSCRIBED
+        steps = ndimage.generate_binary_structure(2, 1)
+        #: (rows, cols) number of the connected part of the floor, 0: not free
+        self.part: IntArray = ndimage.label(self.free, structure=steps)[0].astype(np.int64)
+
+    def cell(self, point: Array) -> tuple[int, int]:
+        """Row and column of a map point [m], clipped to the map."""
+        row, col = self.costmap.cells(point).tolist()
+        rows, cols = self.free.shape
+        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+
+    def gap(self, points: Array, clearance: Array | None = None) -> Array:
+        """Distance ``(K,)`` [m] of points ``(K, 2)`` to what is solid, 0 outside."""
+        field = self.clearance if clearance is None else clearance
+        cells = self.costmap.cells(points)
+        rows, cols = self.free.shape
+        row, col = cells[:, 0], cells[:, 1]
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        values = field[np.clip(row, 0, rows - 1), np.clip(col, 0, cols - 1)]
+        return np.where(inside, values, 0.0)
+
+    def is_clear(self, start: Array, end: Array, least: float = LEAST_GAP) -> bool:
+        """Whether a straight leg keeps ``least`` [m] from everything."""
+        return bool(self.gap(_samples(np.vstack([start, end]), STEP)).min() >= least)
+
+    def distance_to(self, points: Array) -> Array:
+        """Distance ``(rows, cols)`` [m] of every cell to the nearest of ``(K, 2)`` points."""
+        marks = np.ones(self.free.shape, dtype=np.bool_)
+        cells = self.costmap.cells(points)
+        rows, cols = self.free.shape
+        keep = ((cells >= 0) & (cells < [rows, cols])).all(axis=1)
+        marks[cells[keep, 0], cells[keep, 1]] = False
+        if marks.all():
+            return np.full(self.free.shape, np.inf)
+        far: Array = ndimage.distance_transform_edt(marks) * self.resolution
+        return far
+
+
+def _costmap(world: World) -> Costmap:
+    extent = world.bounds[2:] - world.bounds[:2]
+    resolution = 0.05
+    while extent.prod() / resolution**2 > MAX_CELLS and resolution < 0.1:
+        resolution = 0.1
+    return build_costmap(world, options=CostmapOptions(resolution=resolution))
+
+
+class MiddleWays:
+    """Shortest ways that like the middle of corridors, by goal.
+
+    Args:
+        routes: the floor.
+        clearance: ``(rows, cols)`` distance to what ways keep away from [m].
+    """
+
+    def __init__(self, routes: RouteMap, clearance: Array) -> None:
+        self._routes = routes
+        near = 1.0 - np.minimum(np.maximum(clearance, 0.0), WIDE) / WIDE
+        prices = np.rint(kernels.PRICE * (1.0 + KEEP_MIDDLE * near * (1.0 + near)))
+        rows, cols = routes.free.shape
+        self._prices = np.zeros((rows + 2, cols + 2), dtype=np.uint16)
+        self._prices[1:-1, 1:-1] = np.where(routes.free, prices, 0)
+        self._width = cols + 2
+
+    def to(self, goal: Array, starts: list[Array]) -> list[Array]:
+        """Ways ``(K, 2)`` [m] from every start to one goal, empty where there is none."""
+        size = self._prices.size
+        cost = np.full(size, kernels.FAR, dtype=np.int32)
+        closed = np.zeros(size, dtype=np.uint8)
+        last = self._flat(goal)
+        cost[last] = 0
+        frontier = np.array([last], dtype=np.int32)
+        ways = []
+        for start in starts:
+            first = self._flat(start)
+            if len(frontier):
+                frontier = kernels.expand(self._prices, cost, closed, frontier, first)
+            if not closed[first]:
+                ways.append(np.zeros((0, 2)))
+                continue
+            cells = kernels.descend(self._prices, cost, closed, first)
+            row, col = np.divmod(cells, self._width)
+            inner = self._routes.costmap.centers(np.stack([row - 1, col - 1], axis=-1))
+            ways.append(np.vstack([start, inner[1:-1], goal]))
+        return ways
+
+    def _flat(self, point: Array) -> int:
+        """The nearest free cell to a point, as the search numbers it."""
+        row, col = self._routes.cell(point)
+        if not self._routes.free[row, col]:
+            rows, cols = np.nonzero(self._routes.free)
+            nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))
+            row, col = int(rows[nearest]), int(cols[nearest])
+        return int((row + 1) * self._width + col + 1)
+
+
+def _samples(points: Array, step: float) -> Array:
+    """Points ``(K, 2)`` at most ``step`` [m] apart along a polyline, its corners included."""
+    return np.asarray(
+        shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), step))
+    )
+
+
+def evenly(points: Array, step: float = STEP) -> Array:
+    """Points ``(K, 2)`` at even distances of about ``step`` [m] along a polyline."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    count = max(2, int(np.ceil(arc[-1] / step)) + 1)
+    at = np.linspace(0.0, arc[-1], count)
+    return np.stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])], axis=1)
+
+
+def smoothed(values: Array, half: int) -> Array:
+    """Moving mean along axis 0 over ``2 half + 1`` samples; the ends stay."""
+    if half < 1 or len(values) < 3:
+        return values
+    size = 2 * half + 1
+    mean: Array = ndimage.uniform_filter1d(values, size, axis=0, mode="nearest")
+    blend = np.minimum(np.minimum(np.arange(len(values)), np.arange(len(values))[::-1]) / half, 1.0)
+    blend = blend.reshape(-1, *([1] * (values.ndim - 1)))
+    return np.asarray(values + blend * (mean - values))
+
+
+def right_of(
+    routes: RouteMap, way: Array, clearance: Array, *, before: float, after: float
+) -> Array:
+    """A way moved to the right as far as ``RIGHT`` and the walls allow.
+
+    Args:
+        routes: the floor.
+        way: ``(K, 2)`` in the middle [m].
+        clearance: ``(rows, cols)`` [m] to what lanes keep away from.
+        before: metres at the start over which the lane leaves the middle.
+        after: metres at the end over which it comes back.
+
+    Returns:
+        Corners ``(L, 2)`` [m], the ends of ``way`` included.
+    """
+    half = round(SMOOTH / STEP)
+    points = smoothed(evenly(way), half)
+    if len(points) < 4:
+        return points[[0, -1]]
+    heading = smoothed(np.gradient(points, axis=0), half)
+    heading /= np.maximum(np.hypot(*heading.T), 1e-9)[:, None]
+    right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
+    shares = np.linspace(0.0, RIGHT, 9)
+    room = np.zeros(len(points))
+    going = np.ones(len(points), dtype=np.bool_)
+    base = np.minimum(routes.gap(points, clearance), WALL_GAP)
+    for share in shares[1:]:
+        gap = routes.gap(points + share * right, clearance)
+        going &= gap >= np.maximum(base - 0.02, LEAST_GAP)
+        room = np.where(going, share, room)
+    arc = np.arange(len(points)) * STEP
+    ends = np.minimum(arc / max(before, 1e-6), arc[::-1] / max(after, 1e-6))
+    room = np.minimum(room, RIGHT * np.minimum(ends, 1.0))
+    shift = smoothed(ndimage.minimum_filter1d(room, 2 * half + 1, mode="nearest"), half)
+    lane = points + shift[:, None] * right
+    lane[0], lane[-1] = way[0], way[-1]
+    return straightened(routes, lane, clearance)
+
+
+def straightened(routes: RouteMap, lane: Array, clearance: Array) -> Array:
+    """The corners of a lane, as few as keep its distance from what is solid."""
+    line = shapely.linestrings(lane)
+    least = min(LEAST_GAP, float(routes.gap(lane, clearance).min()))
+    for tolerance in (TOLERANCE, TOLERANCE / 2.0, TOLERANCE / 6.0):
+        corners = shapely.get_coordinates(shapely.simplify(line, tolerance))
+        if routes.gap(_samples(corners, STEP), clearance).min() >= least - 0.02:
+            return np.asarray(corners)
+    return np.asarray(lane[:: max(1, round(0.5 / STEP))])

@@ -1,0 +1,230 @@
+"""Finds every random primitive of a compiled program, in a fixed order, and names it.
+
+Scenic keeps the values that only requirements use in a set, whose order differs from process
+to process; here they come in the order in which the program's requirements mention them.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
+from typing import Any
+
+from scenic.core.distributions import (
+    FunctionDistribution,
+    MethodDistribution,
+    MultiplexerDistribution,
+    Samplable,
+    TupleDistribution,
+    UniformDistribution,
+    needsSampling,
+    toDistribution,
+)
+from scenic.core.object_types import Constructible
+from scenic.core.scenarios import Scenario
+from scenic.core.vectors import Vector
+
+from scenic_worlds.checking import object_names
+from scenic_worlds.primitives.leaves import is_primitive
+
+
+@dataclass(frozen=True, slots=True)
+class Root:
+    """A value of the program that scenes contain, or that a requirement uses."""
+
+    name: str
+    value: Samplable
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A random primitive."""
+
+    name: str  #: object and property, for example "bed_3.position"
+    value: Samplable
+    is_choice: bool  #: picks one of a list of options
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """A value on the way to its primitives."""
+
+    name: str
+    value: Samplable
+    is_choice: bool
+
+
+#: properties that Scenic computes from others; what they are made of is named after the others
+DERIVED = frozenset(
+    f".{name}"
+    for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
+)
+DERIVED_DEPTH = 100
+
+
+def roots_of(scenario: Scenario) -> tuple[Root, ...]:
+    """Everything that has to be sampled, in the order of the program.
+
+    Objects come first, then points that only specifiers use, global parameters, what
+    requirements use, and values that behaviours refer to.
+    """
+    names = object_names(scenario.objects)
+    objects = [Root(name, item) for item, name in names.items()]
+    others = [item for item in scenario._instances if item not in names]
+    roots = objects + [Root(f"point_{i + 1}", item) for i, item in enumerate(others)]
+    for name, value in scenario.params.items():
+        if isinstance(value, Samplable):
+            roots.append(Root("tasks" if name == "tasks" else f"param {name}", value))
+    for name, value in _requirement_values(scenario):
+        roots.append(Root(name, value))
+    for module, namespace in scenario.behaviorNamespaces.items():
+        for name, value in namespace.items():
+            if isinstance(value, Samplable):
+                roots.append(Root(f"{module}.{name}", value))
+    unique: dict[int, Root] = {}
+    for root in roots:
+        if needsSampling(root.value):
+            unique.setdefault(id(root.value), root)
+    return tuple(unique.values())
+
+
+def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
+    """Random primitives that the roots are made of, sorted by root.
+
+    A primitive that several roots share belongs to the one that mentions it most directly, and
+    to the first of those.
+    """
+    seen: set[int] = set()
+    queue = [(0, i, i, _Place(root.name, root.value, False)) for i, root in enumerate(roots)]
+    order = count(len(roots))
+    found: list[tuple[int, int, Found]] = []
+    while queue:
+        depth, _, root, place = heappop(queue)
+        name, value, is_choice = place.name, place.value, place.is_choice
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        proxy = value._conditioned
+        if is_primitive(proxy):
+            found.append((root, len(found), Found(name, value, is_choice)))
+        chooses = isinstance(proxy, (MultiplexerDistribution, UniformDistribution))
+        for suffix, part in _parts(proxy):
+            if needsSampling(part):
+                deeper = depth + (DERIVED_DEPTH if suffix in DERIVED else 1)
+                part_place = _Place(name + suffix, part, chooses and suffix == "")
+                heappush(queue, (deeper, next(order), root, part_place))
+    found.sort(key=lambda entry: entry[:2])
+    return _with_unique_names([entry[2] for entry in found])
+
+
+def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
+    counts: dict[str, int] = {}
+    unique = []
+    for entry in found:
+        counts[entry.name] = times = counts.get(entry.name, 0) + 1
+        name = entry.name if times == 1 else f"{entry.name}#{times}"
+        unique.append(Found(name, entry.value, entry.is_choice))
+    return tuple(unique)
+
+
+# --- what values are made of -----------------------------------------------------------------
+
+
+def _parts(value: Any) -> Iterator[tuple[str, Any]]:
+    """Suffix and value of each part; the same part may come twice."""
+    yield from _named_parts(value)
+    for part in value._dependencies:
+        yield "", part
+
+
+def _named_parts(value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Constructible):
+        for name in value.properties:
+            yield f".{name}", getattr(value, name)
+    elif isinstance(value, TupleDistribution):
+        for i, part in enumerate(value.coordinates):
+            yield f"[{i}]", part
+    elif isinstance(value, Vector):
+        yield from zip((".x", ".y", ".z"), value.coordinates, strict=True)
+    elif isinstance(value, MultiplexerDistribution):
+        yield "", value.index
+        for i, part in enumerate(value.options):
+            yield f"[{i}]", part
+    elif isinstance(value, UniformDistribution):
+        yield "", value.selector
+    elif isinstance(value, (FunctionDistribution, MethodDistribution)):
+        yield from _argument_parts(value)
+    elif is_primitive(value):
+        for name in ("low", "high", "mean", "stddev", "region"):
+            if name in value.__dict__:
+                yield f".{name}", value.__dict__[name]
+
+
+def _argument_parts(value: Any) -> Iterator[tuple[str, Any]]:
+    """Arguments of a call; a single random argument given by position goes without a name."""
+    for name, part in value.kwargs.items():
+        yield f".{name}", part
+    lazy = [part for part in value.arguments if needsSampling(part)]
+    names: list[str] = []
+    if len(lazy) > 1 and isinstance(value, FunctionDistribution):
+        names = _parameter_names(value.function)
+    for i, part in enumerate(value.arguments):
+        yield (f".{names[i]}" if i < len(names) else ""), part
+
+
+def _parameter_names(function: Any) -> list[str]:
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return []
+    by_position = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return [parameter.name for parameter in parameters if parameter.kind in by_position]
+
+
+# --- what requirements use -------------------------------------------------------------------
+
+
+def _requirement_values(scenario: Scenario) -> list[tuple[str, Samplable]]:
+    """Random values that requirements, monitors and records refer to, by name."""
+    dynamic = scenario.dynamicScenario
+    groups = (
+        scenario.requirements,
+        scenario.monitors,
+        scenario.terminationConditions,
+        scenario.terminateSimulationConditions,
+        scenario.recordedExprs,
+        scenario.recordedInitialExprs,
+        scenario.recordedFinalExprs,
+    )
+    values: dict[int, tuple[str, Samplable]] = {}
+    for requirement in (entry for group in groups for entry in group):
+        for name, value in _bindings(requirement.closure):
+            if isinstance(value, Samplable) and needsSampling(value):
+                values.setdefault(id(value), (name, value))
+    left = [v for v in getattr(dynamic, "_requirementDeps", ()) if id(v) not in values]
+    for value in sorted(left, key=_description):
+        values[id(value)] = (f"require {type(value).__name__}", value)
+    return list(values.values())
+
+
+def _bindings(closure: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values that a requirement was compiled with, in the order of its code."""
+    free = closure.__code__.co_freevars
+    held = {
+        name: cell.cell_contents for name, cell in zip(free, closure.__closure__ or (), strict=True)
+    }
+    for name, value in held.get("globalBindings", {}).items():
+        yield name, toDistribution(value)
+    for _, value in held.get("cells", ()):
+        yield "local", value
+    if held.get("ego") is not None:
+        yield "ego", held["ego"]
+
+
+def _description(value: Any) -> str:
+    """Text of a value without its address in memory."""
+    return f"{type(value).__name__} {re.sub(r' at 0x[0-9a-f]+', '', repr(value))}"

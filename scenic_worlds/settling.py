@@ -1,0 +1,332 @@
+"""Finds places for objects that stand outside their region or in each other.
+
+A rejected scene mostly needs a few objects to stand elsewhere. Asking Scenic for a whole new
+sample for each try is what makes dense scenes slow; here only the numbers that place one object
+are drawn again and only its outline is tested, against its region and the outlines of the
+others. The outlines are flat boxes; whatever is not is left to whole-scene checks, which have
+the last word in any case.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scenic.core.distributions import (
+    FunctionDistribution,
+    OperatorDistribution,
+    needsSampling,
+    underlyingFunction,
+)
+from scenic.core.geometry import normalizeAngle
+from scenic.core.regions import PolygonalFootprintRegion
+from scenic.core.requirements import ContainmentRequirement, IntersectionRequirement
+from scenic.core.shapes import BoxShape
+from scenic.core.type_support import TypecheckedDistribution
+from scenic.core.vectors import Orientation, globalOrientation
+
+from mrta_falsify.core.arrays import Array
+from scenic_worlds.checking import FastChecker
+from scenic_worlds.primitives.driver import Driver, Sample
+from scenic_worlds.primitives.plan import NodeRejected
+
+_CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+TRIES = 60  # places drawn for one object until others make way for it
+EJECTIONS = 2  # times the number of objects: how often others make way
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """An object that is a flat box, and what places it."""
+
+    thing: Any  #: of the program
+    name: str
+    container: Any  #: region of the program that must contain it, None: none
+    units: int  #: that only it depends on
+    places: list[int]  #: coordinates of these units
+    steps: tuple[int, ...]  #: numbers of the values to compute for a new outline
+    position: Any  #: values of the program
+    heading: Any  #: an angle [rad] or an orientation
+    width: Any
+    length: Any
+    collides: bool  #: whether it may collide with others at all
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """What :meth:`Settling.settle` did."""
+
+    units: int  #: that were drawn again, as a bit set
+    is_stuck: bool  #: an object found no place
+
+
+@dataclass(slots=True, eq=False)
+class _Floor:
+    """Where everything stands at the moment; rows are pieces."""
+
+    outlines: NDArray[np.object_]
+    low: Array  #: (n,) z of the bottom [m]
+    high: Array  #: (n,) z of the top [m]
+    solid: NDArray[np.bool_]  #: (n,) can be collided with
+    changed: set[int] = field(default_factory=set)
+
+    def hits(self, row: int, outline: Any, low: float, high: float) -> NDArray[np.intp]:
+        """Rows that a new outline of ``row`` would collide with."""
+        near = self.solid & (self.low <= high) & (self.high >= low)
+        near[row] = False
+        rows = np.flatnonzero(near)
+        found: NDArray[np.intp] = rows[shapely.intersects(self.outlines[rows], outline)]
+        return found
+
+
+class Settling:
+    """Draws again where objects stand until their outlines fit.
+
+    Args:
+        driver: of the program.
+        checker: that knows the scenario's requirements.
+        own: units that only one object depends on and that place it, by ``id`` of the object.
+    """
+
+    def __init__(self, driver: Driver, checker: FastChecker, own: Mapping[int, int]) -> None:
+        self._driver = driver
+        containers = {
+            id(r.obj): r.container
+            for r in checker.requirements
+            if type(r) is ContainmentRequirement
+        }
+        colliding: set[int] = set()
+        for requirement in checker.requirements:
+            if type(requirement) is IntersectionRequirement:
+                colliding |= {id(requirement.objA), id(requirement.objB)}
+        self._pieces = tuple(
+            _piece(driver, thing, name, containers.get(id(thing)), own[id(thing)], colliding)
+            for thing, name in driver.names.items()
+            if _is_flat_box(thing)
+        )
+
+    def settle(
+        self, sample: Sample, u: Array, draws: np.random.Generator, rejections: Counter[str]
+    ) -> Settled:
+        """Draw new places for everything that stands wrong.
+
+        Args:
+            sample: complete; its values are out of date for the units returned.
+            u: ``(k,)``, changed in place.
+            draws: to draw with.
+            rejections: counts every place that was no good.
+
+        Returns:
+            What was drawn again; no units if nothing stands wrong, or nothing can move.
+        """
+        floor = self._floor(sample)
+        wrong = self._standing_wrong(sample, floor, draws, rejections)
+        floor.solid[wrong] = False
+        left = EJECTIONS * len(self._pieces)
+        is_stuck = False
+        while wrong:
+            row = wrong.pop(0)
+            ejected = self._place(row, floor, sample, u, draws, rejections)
+            if ejected is None:
+                is_stuck = True
+                continue
+            floor.solid[row] = self._pieces[row].collides
+            left -= len(ejected)
+            if left < 0:
+                is_stuck = True
+                break
+            floor.solid[ejected] = False
+            wrong += ejected
+        units = 0
+        for row in floor.changed:
+            units |= self._pieces[row].units
+        return Settled(units, is_stuck)
+
+    def _floor(self, sample: Sample) -> _Floor:
+        count = len(self._pieces)
+        floor = _Floor(
+            outlines=np.full(count, None, dtype=object),
+            low=np.zeros(count),
+            high=np.zeros(count),
+            solid=np.zeros(count, dtype=np.bool_),
+        )
+        for row, piece in enumerate(self._pieces):
+            thing = sample.values[piece.thing]
+            floor.outlines[row] = thing._boundingPolygon
+            middle, reach = thing.position.z, thing.height / 2.0
+            floor.low[row], floor.high[row] = middle - reach, middle + reach
+            floor.solid[row] = piece.collides and not thing.allowCollisions
+        return floor
+
+    def _standing_wrong(
+        self, sample: Sample, floor: _Floor, draws: np.random.Generator, rejections: Counter[str]
+    ) -> list[int]:
+        """Rows that must move: outside their region, or one of each pair that collides."""
+        wrong: set[int] = set()
+        for row, piece in enumerate(self._pieces):
+            if piece.units and not _is_inside(sample.values[piece.container], floor.outlines[row]):
+                rejections[f"{piece.name} is not inside its region"] += 1
+                wrong.add(row)
+        rows = np.array([row for row in np.flatnonzero(floor.solid) if row not in wrong], dtype=int)
+        if len(rows) < 2:
+            return sorted(wrong)
+        outlines = floor.outlines[rows]
+        pairs = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+        for a, b in sorted(zip(*rows[pairs].tolist(), strict=True)):
+            apart = floor.low[a] > floor.high[b] or floor.low[b] > floor.high[a]
+            movable = [row for row in (a, b) if self._pieces[row].units]
+            if a < b and not apart and movable and not {a, b} & wrong:
+                rejections[self._collision(a, b)] += 1
+                wrong.add(movable[int(draws.integers(len(movable)))])
+        return sorted(wrong)
+
+    def _collision(self, row: int, other: int) -> str:
+        first, second = sorted((row, other))
+        return f"{self._pieces[first].name} collides with {self._pieces[second].name}"
+
+    def _place(
+        self,
+        row: int,
+        floor: _Floor,
+        sample: Sample,
+        u: Array,
+        draws: np.random.Generator,
+        rejections: Counter[str],
+    ) -> list[int] | None:
+        """Draw a place for one piece; the rows that make way for it, None if it found none."""
+        piece = self._pieces[row]
+        count = len(piece.places)
+        floor.changed.add(row)
+        draw: list[float] = []
+        best: tuple[int, list[float], Any, list[int]] | None = None
+        for _ in range(TRIES):
+            draw = draws.random(count).tolist()
+            outline = self._outline(piece, sample, draw)
+            if outline is None or not _is_inside(sample.values[piece.container], outline):
+                rejections[f"{piece.name} is not inside its region"] += 1
+                continue
+            hits: list[int] = []
+            if piece.collides:
+                hits = floor.hits(row, outline, floor.low[row], floor.high[row]).tolist()
+            for other in hits:
+                rejections[self._collision(row, other)] += 1
+            if not hits:
+                best = (0, draw, outline, hits)
+                break
+            if all(self._pieces[other].units for other in hits) and (
+                best is None or len(hits) < best[0]
+            ):
+                best = (len(hits), draw, outline, hits)
+        if best is None:
+            u[piece.places] = draw
+            return None
+        _, u[piece.places], floor.outlines[row], hits = best
+        return hits
+
+    def _outline(self, piece: _Piece, sample: Sample, draw: list[float]) -> Any:
+        """Footprint of a piece where its own coordinates are ``draw``; None if it has none."""
+        try:
+            sample.nudge(piece.places, draw, piece.steps)
+        except NodeRejected:
+            return None
+        values = sample.values
+        turn = values[piece.heading]
+        yaw = turn if isinstance(turn, (float, int)) else turn.yaw
+        x, y, _ = values[piece.position].coordinates
+        width, length = values[piece.width] / 2.0, values[piece.length] / 2.0
+        across = (width * math.cos(yaw), width * math.sin(yaw))
+        along = (-length * math.sin(yaw), length * math.cos(yaw))
+        corners = [
+            (x + a * across[0] + b * along[0], y + a * across[1] + b * along[1])
+            for a, b in _CORNERS
+        ]
+        return shapely.Polygon(corners)
+
+
+def _is_inside(container: Any, outline: Any) -> bool:
+    if not isinstance(container, PolygonalFootprintRegion):
+        return True  # not for us to say
+    return bool(shapely.contains(container.polygons, outline))
+
+
+def _is_flat_box(thing: Any) -> bool:
+    return (
+        isinstance(thing.shape, BoxShape)
+        and not needsSampling(thing.mutationScale)
+        and thing.mutationScale == 0
+        and not needsSampling(thing.height)
+    )
+
+
+def _piece(
+    driver: Driver, thing: Any, name: str, container: Any, units: int, colliding: set[int]
+) -> _Piece:
+    heading = _heading(thing.orientation)
+    needed = (thing.position, heading, thing.width, thing.length, container)
+    return _Piece(
+        thing=thing,
+        name=name,
+        container=container,
+        units=units,
+        places=np.flatnonzero(driver.coordinates(units)).tolist(),
+        steps=driver.steps(needed, units),
+        position=thing.position,
+        heading=heading,
+        width=thing.width,
+        length=thing.length,
+        collides=id(thing) in colliding,
+    )
+
+
+def _heading(orientation: Any) -> Any:
+    """The value of the program that says which way something faces: an angle if there is one.
+
+    `facing X deg` makes Scenic turn the angle into a rotation, that into three angles, and
+    those into a rotation again.
+    """
+    if not _calls(orientation, Orientation.fromEuler):
+        return orientation
+    _, yaw, pitch, roll = orientation.arguments
+    if not needsSampling(pitch) and not needsSampling(roll):
+        return yaw if pitch == roll == 0 else orientation
+    angles = [_part_of_local_angles(value) for value in (yaw, pitch, roll)]
+    local = angles[0]
+    if local is None or any(other is not local for other in angles):
+        return orientation
+    parent, target = local.arguments
+    if needsSampling(parent) or parent != globalOrientation:
+        return orientation
+    if isinstance(target, TypecheckedDistribution) and _is_number(target._dist):
+        return target._dist
+    return orientation
+
+
+def _part_of_local_angles(angle: Any) -> Any:
+    """The call of ``localAnglesFor`` that an angle is a part of, or None."""
+    if not _calls(angle, normalizeAngle):
+        return None
+    part = angle.arguments[0]
+    if isinstance(part, OperatorDistribution) and part.operator == "__getitem__":
+        return part.object if _calls(part.object, Orientation.localAnglesFor) else None
+    return None
+
+
+def _calls(value: Any, function: Any) -> bool:
+    return (
+        isinstance(value, FunctionDistribution)
+        and value._conditioned is value
+        and value.function is underlyingFunction(function)
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(getattr(value, "_valueType", None), type) and issubclass(
+        value._valueType, numbers.Real
+    )

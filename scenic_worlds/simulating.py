@@ -1,0 +1,15 @@
+"""The simulator of the model, loaded only when a program is simulated."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+
+def pybullet_simulator() -> Any:
+    """A :class:`simulator_interface.scenic_simulator.PyBulletSimulator`.
+
+    Sampling a program needs neither the physics engine nor the stack, so they are imported
+    here and not with the model.
+    """
+    return importlib.import_module("simulator_interface.scenic_simulator").PyBulletSimulator()

@@ -1,0 +1,177 @@
+"""Finding one's way on foot: planned ways between the points of a route, and where on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.protocols import CostmapSource, Planner
+
+LOOK_AHEAD = 0.8  # m along the way to the point that a person walks towards
+ARRIVAL = 0.3  # m, goal switch distance of MRTA-Sim's people
+LOST = 1.5  # m off the way: look for a new one
+FREE_REACH = 2.0  # m, how far a route point inside an obstacle may be moved
+PATIENCE = 8.0  # s without progress before a person turns to the next point of the route
+WINDOW = 40  # points of the way that are looked at; they are about 0.1 m apart
+NO_ROBOTS = np.zeros((0, 2))
+NO_WAY = np.zeros((0, 2))
+
+
+@dataclass(slots=True)
+class Walker:
+    """Where one person stands on a route."""
+
+    route: Array  #: (K, 2) [m]
+    repeat: bool
+    speed: float  #: desired [m/s]
+    next_point: int  #: index into the route
+    way: Array  #: (L, 2) planned points to the next route point, empty: stands
+    passed: int = 0  #: points of the way already passed
+    closest: float = np.inf  #: least distance to the end of the way so far [m]
+    closest_at: float = 0.0  #: when that was [s]
+
+
+@dataclass(slots=True)
+class Walking:
+    """Ways on the costmap of the moment."""
+
+    planner: Planner
+    source: CostmapSource
+    map: Costmap | None = field(default=None)
+
+    def look(self, time: float) -> bool:
+        """Take up the costmap of the moment; says whether solids changed."""
+        costmap = self.source.costmap(time, NO_ROBOTS)
+        if costmap is self.map:
+            return False
+        self.map = costmap
+        self.planner.use(costmap)
+        return True
+
+    def free_point(self, point: Array) -> Array:
+        """``point``, or the nearest place beside the obstacle it lies in."""
+        assert self.map is not None
+        if self.map.cost_at(point) < INSCRIBED:
+            return np.asarray(point)
+        reach = int(FREE_REACH / self.map.resolution)
+        offsets = np.arange(-reach, reach + 1)
+        grid = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
+        grid = grid[np.argsort((grid**2).sum(axis=1), kind="stable")]
+        centers = self.map.centers(self.map.cells(point) + grid)
+        free = self.map.cost_at(centers) < INSCRIBED
+        return centers[int(np.argmax(free))] if free.any() else np.asarray(point)
+
+    def way(self, start: Array, goal: Array) -> Array:
+        """Planned points ``(L, 2)`` [m], none if there is no way."""
+        plan = self.planner.plan(np.asarray(start), np.asarray(goal))
+        return plan.path if plan.found else NO_WAY
+
+    def set_out(self, route: Array, *, repeat: bool, speed: float, start: Array) -> Walker:
+        """A walker at ``start`` ``(2,)`` [m] on the way to the first point of ``route``."""
+        walker = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
+        walker.way = self.way(start, self.free_point(route[0]))
+        return walker
+
+    def begin(
+        self, route: Array, *, repeat: bool, speed: float, share: float
+    ) -> tuple[Array, Walker]:
+        """Place ``(2,)`` [m] and walker ``share`` of the way along a route."""
+        points = [self.free_point(point) for point in route]
+        standing = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
+        if len(points) < 2:
+            return points[0], standing
+        last = len(points) if repeat else len(points) - 1
+        legs = [self.way(points[i], points[(i + 1) % len(points)]) for i in range(last)]
+        lengths = [_length(leg) for leg in legs]
+        walked = share * sum(lengths)
+        for i, (leg, length) in enumerate(zip(legs, lengths, strict=True)):
+            if len(leg) and (walked <= length or i == len(legs) - 1):
+                point, rest = _cut(leg, min(walked, length))
+                standing.next_point, standing.way = (i + 1) % len(points), rest
+                return point, standing
+            walked -= length
+        return points[0], standing
+
+    def target(self, walker: Walker, position: Array, time: float) -> Array:
+        """Point ``(2,)`` [m] to walk towards; the own ``position`` if there is nowhere to go."""
+        if not len(walker.way):
+            return position
+        end = float(np.hypot(*(walker.way[-1] - position)))
+        if end < walker.closest - 0.2:
+            walker.closest, walker.closest_at = end, time
+        if end < ARRIVAL or time - walker.closest_at > PATIENCE:
+            self._turn_to_next_point(walker, position, time)
+        elif _off_way(walker.way, walker.passed, position) > LOST:
+            self._find_way(walker, position, time)
+        if not len(walker.way):
+            return position
+        walker.passed, ahead = ahead_on(walker.way, walker.passed, position)
+        target: Array = walker.way[ahead]
+        return target
+
+    def _turn_to_next_point(self, walker: Walker, position: Array, time: float) -> None:
+        points = len(walker.route)
+        is_last = walker.next_point == (0 if walker.repeat else points - 1)
+        if is_last and not walker.repeat:
+            walker.way = NO_WAY
+            return
+        walker.next_point = (walker.next_point + 1) % points
+        self._find_way(walker, position, time)
+
+    def _find_way(self, walker: Walker, position: Array, time: float) -> None:
+        """A way to the next route point, or to the first after it that can be reached."""
+        points = len(walker.route)
+        way = NO_WAY
+        for _ in range(points):
+            way = self.way(position, self.free_point(walker.route[walker.next_point]))
+            if len(way) or not walker.repeat:
+                break
+            walker.next_point = (walker.next_point + 1) % points
+        if not len(way):  # shut in for now: keep the old way and ask again later
+            way = walker.way[walker.passed :]
+        walker.way, walker.passed = way, 0
+        walker.closest, walker.closest_at = np.inf, time
+
+
+@njit(cache=True)
+def _off_way(way: Array, passed: int, position: Array) -> float:
+    """Distance [m] from ``position`` to the next stretch of ``way``."""
+    best = np.inf
+    for i in range(passed, min(passed + WINDOW, len(way))):
+        best = min(best, np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]))
+    return best
+
+
+@njit(cache=True)
+def ahead_on(way: Array, passed: int, position: Array) -> tuple[int, int]:
+    """Index of the closest point not yet passed, and of the point to walk towards."""
+    closest, best, stop = passed, np.inf, min(passed + WINDOW, len(way))
+    for i in range(passed, stop):
+        distance = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1])
+        if distance < best:
+            closest, best = i, distance
+    for i in range(closest, stop):
+        if np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) >= LOOK_AHEAD:
+            return closest, i
+    return closest, stop - 1
+
+
+def _length(points: Array) -> float:
+    if len(points) < 2:
+        return 0.0
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def _cut(points: Array, distance: float) -> tuple[Array, Array]:
+    """Point ``distance`` [m] along ``points`` and what follows it."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    reached = np.concatenate([[0.0], np.cumsum(steps)])
+    i = int(np.searchsorted(reached, distance, side="right")) - 1
+    i = min(max(i, 0), len(points) - 2)
+    share = (distance - reached[i]) / steps[i] if steps[i] > 0.0 else 0.0
+    point = points[i] + min(share, 1.0) * (points[i + 1] - points[i])
+    return point, np.vstack([point, points[i + 1 :]])

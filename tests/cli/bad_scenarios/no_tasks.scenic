@@ -1,0 +1,2 @@
+model scenic_worlds.model
+new Robot with start_room 0
