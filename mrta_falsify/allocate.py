@@ -22,7 +22,7 @@ from simulator_interface.formats.smrta import (
 )
 
 #: the default; :mod:`mrta_falsify.stack.allocation.chain`
-DEFAULT_ALLOCATOR = "mrta_falsify.stack.allocation.chain:Chain"
+DEFAULT_ALLOCATOR = "chain"
 MOST_CAPACITY = 1000
 
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrta_falsify import app
 from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
@@ -31,10 +31,14 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.world import World, read_world
+from mrta_falsify.scenarios import check_params
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Judged, campaign_specifications, open_program, rerun
 
-DEFAULT_SAMPLER = "random"
+if TYPE_CHECKING:
+    from scenic_worlds.program import Program
+
+DEFAULT_SAMPLER = "auto"
 
 
 def new_settings(
@@ -84,6 +88,8 @@ def new_settings(
     )
     build_specifications(trials.specifications)
     program = open_program(trials)
+    check_params(program, scenario)
+    _check_first_scene(program, trials)
     settings = CampaignSettings(
         trials=dataclasses.replace(trials, sources_digest=program.sources_digest),
         sampler=sampler or Choice(DEFAULT_SAMPLER),
@@ -93,6 +99,21 @@ def new_settings(
     )
     build_sampler(settings)
     return settings
+
+
+def _check_first_scene(program: Program, trials: TrialSettings) -> None:
+    """Refuse a program whose first uniform candidate has a value that no world can have.
+
+    A scene like that later in the campaign, where only some values are to blame, is a rejected
+    trial with the same words; so is a candidate without a valid scene.
+
+    Raises:
+        InputError: names the program, the field and the value.
+    """
+    from scenic_worlds.program import RejectedScene  # noqa: PLC0415 - Scenic loads slowly
+
+    with contextlib.suppress(RejectedScene), app.located(str(program.path)):
+        program.realise(program.candidate(trials.seed), trials.mode)
 
 
 def open_store(directory: Path, settings: CampaignSettings) -> Store:

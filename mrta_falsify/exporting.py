@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from mrta_falsify import app
 from mrta_falsify.campaigns import open_campaign, stored_world
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
@@ -70,12 +70,14 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
         The files written.
 
     Raises:
-        InputError: unknown kind, a missing extra, a place that cannot be written.
+        InputError: unknown kind, a missing extra, a place that cannot be written, or a world
+            that is nothing without its Scenic program.
     """
     from simulator_interface.formats import mcap, mrta_sim_files, sdf_world  # noqa: PLC0415
 
     if kind not in KINDS:
         raise ConfigError(f"--format is {kind!r}; it must be one of {', '.join(KINDS)}")
+    _check_scripted(subject, kind)
     world, config = subject.world, subject.config
     if kind == "nav2":
         return app.export_nav2(world, path, config)
@@ -101,6 +103,28 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
         )
         animation.write_gif(view, path)
     return (path,)
+
+
+def _check_scripted(subject: Subject, kind: str) -> None:
+    """Refuse what a world that is ``scripted`` cannot give: inputs of a run, or a run.
+
+    Raises:
+        WorldError: says why, and what can be exported instead.
+    """
+    world = subject.world
+    if not world.scripted:
+        return
+    reason = f"because of {world.scripted}"
+    if kind == "mrta-sim":
+        raise WorldError(
+            f"{world.name}: cannot be written for MRTA-Sim, {reason}, which its files cannot "
+            "hold; choose nav2, sdf, or the run of a trial as mcap or gif"
+        )
+    if kind in OF_RUNS and subject.trace is None:
+        raise WorldError(
+            f"{world.name}: cannot be run for --format {kind} without its Scenic program, "
+            f"{reason}; export a trial of a campaign on the program instead"
+        )
 
 
 def with_trace(subject: Subject) -> Subject:

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from mrta_falsify.campaign.signature import leading, signature
 from mrta_falsify.campaign.store import Campaign, write_atomically
 from mrta_falsify.campaigns import stored_world
@@ -114,7 +116,8 @@ def minimise(
         on_run: called after each with the number so far and a line about it.
 
     Returns:
-        The result, written as ``world.min.json``, ``trace.min.zip`` and ``minimize.json``.
+        The result, written as ``world.min.json``, ``world.min.scenic``, ``trace.min.zip`` and
+        ``minimize.json``, with the stack that it fails on as ``stack.yaml``.
 
     Raises:
         InputError: the trial did not fail, or its world is missing.
@@ -136,8 +139,44 @@ def minimise(
     found = minimise_job(job, max_runs=max_runs, cache=folder / CACHE, on_run=on_run)
     write_world(found.world, folder / "world.min.json")
     write_trace(found.judged.outcome.trace, folder / "trace.min.zip")
-    write_atomically(folder / "minimize.json", (json.dumps(summary(found)) + "\n").encode())
+    stack = yaml.safe_dump(codec.encode(config), sort_keys=False)
+    write_atomically(folder / "stack.yaml", stack.encode())
+    data = {**summary(found), "program": write_as_program(found, job, folder)}
+    write_atomically(folder / "minimize.json", (json.dumps(data) + "\n").encode())
     return found
+
+
+def write_as_program(found: Minimised, job: Job, folder: Path) -> str:
+    """Write a minimised world as ``world.min.scenic`` and run what the program gives.
+
+    Args:
+        found: the result.
+        job: that was minimised; its stack and specifications are used.
+        folder: for the program, and its layout ``world.min.layout.json`` if no shipped one.
+
+    Returns:
+        ``identical`` if the program's run has the same trace, ``same failure`` if it has the
+        same signature, else why there is no program; then none is left in ``folder``.
+    """
+    from scenic_worlds.program import compile_program  # noqa: PLC0415 - Scenic takes seconds
+    from scenic_worlds.writing import write_program  # noqa: PLC0415
+
+    path = folder / "world.min.scenic"
+    why = f"The smallest world that fails with {found.signature}."
+    files: tuple[Path, ...] = (path, path.with_suffix(".layout.json"))
+    try:
+        write_program(found.world, path, comment=why)
+        judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
+        if judged.outcome.trace.digest == found.judged.outcome.trace.digest:
+            return "identical"
+        if signature(judged.verdicts) == found.signature:
+            return "same failure"
+        reason = f"the program's world gives {signature(judged.verdicts) or 'no failure'}"
+    except InputError as error:
+        reason = str(error)
+    for file in files:
+        file.unlink(missing_ok=True)
+    return reason
 
 
 def summary(found: Minimised) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shlex
 import xml.etree.ElementTree as ET
@@ -17,6 +18,7 @@ from mrta_falsify.campaign.signature import PRECEDENCE, leading
 from mrta_falsify.campaign.store import Campaign
 from mrta_falsify.campaigns import modes, probability_of, screening_agreement
 from mrta_falsify.core import codec
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
@@ -53,7 +55,7 @@ def report_of(campaign: Campaign, *, against: Campaign | None = None) -> Report:
     errors = [record for record in campaign.records if record.status in ("crashed", "timeout")]
     failed = [record for record in judged if record.failed]
     found = modes(campaign)
-    chosen = chosen_cases(campaign)
+    cases, lost = _readable_cases(campaign)
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
     return Report(
@@ -64,11 +66,7 @@ def report_of(campaign: Campaign, *, against: Campaign | None = None) -> Report:
             Mode(
                 signature=mode["signature"],
                 ids=tuple(mode["ids"]),
-                cases=tuple(
-                    case_of(campaign, record)
-                    for record in chosen
-                    if record.signature == mode["signature"]
-                ),
+                cases=tuple(case for case in cases if case.signature == mode["signature"]),
             )
             for mode in found
         ),
@@ -77,7 +75,7 @@ def report_of(campaign: Campaign, *, against: Campaign | None = None) -> Report:
         floor=floor,
         stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
         versions=tuple(sorted(versions.items())),
-        notes=_notes(campaign),
+        notes=(*_notes(campaign), *lost),
         tables=(comparison_table(campaign, against),) if against is not None else (),
     )
 
@@ -150,7 +148,8 @@ def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | Non
     for record in judged:
         path = campaign.folder(record) / "world.json"
         if path.is_file():
-            return read_world(path)
+            with contextlib.suppress(InputError):  # the case says what is wrong with it
+                return read_world(path)
     return None
 
 
@@ -169,6 +168,22 @@ def _trials(judged: Sequence[TrialRecord], floor: World | None) -> Trials:
 
 
 # --- cases ---------------------------------------------------------------------------------
+
+
+def _readable_cases(campaign: Campaign) -> tuple[list[Case], list[str]]:
+    """Cases to show, and a sentence for each whose files are missing or damaged."""
+    cases, lost = [], []
+    for record in chosen_cases(campaign):
+        try:
+            cases.append(case_of(campaign, record))
+        except InputError as error:
+            lost.append(f"Trial {record.id} is not shown in full: {error}.")
+        except (AttributeError, KeyError, TypeError) as error:
+            folder = campaign.folder(record)
+            lost.append(
+                f"Trial {record.id} is not shown in full: a file in {folder} is damaged ({error})."
+            )
+    return cases, lost
 
 
 def case_of(campaign: Campaign, record: TrialRecord) -> Case:
@@ -191,7 +206,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
         costmap=costmap_of(world, config),
         facts=_case_facts(campaign, record),
         commands=commands_of(campaign, record),
-        layer=record.layer or _stored(folder / "explain.json").get("layer", ""),
+        layer=_stored(folder / "explain.json").get("layer", "") or record.layer,
         removed=minimised[0],
         minimised=minimised[1],
         **_evidence(folder),
@@ -201,6 +216,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
 def _evidence(folder: Path) -> dict[str, Any]:
     """What `replay --verify` and `explain` have stored about a trial."""
     verified, explained = _stored(folder / "verify.json"), _stored(folder / "explain.json")
+    family = _stored(folder / "family.json")
     found: dict[str, Any] = {
         "counterfactuals": tuple(
             Counterfactual(
@@ -210,6 +226,9 @@ def _evidence(folder: Path) -> dict[str, Any]:
         ),
         "neighbours": tuple(explained.get("neighbours", [])),
     }
+    if family:
+        found["family"] = tuple(row["text"] for row in family["conditions"])
+        found["family_precision"] = family["sentence"]
     if verified:
         found["identical"] = (verified["identical"], verified["runs"])
     if explained.get("jittered"):
@@ -239,9 +258,21 @@ def _minimised(
         verdicts=in_order(verdicts.verdicts),
         costmap=costmap_of(world, config),
         facts=(("world digest", world.digest()[:16]), ("runs used", str(found["runs"]))),
-        commands=(("Run it", shlex.join(["mrta-falsify", "run", str(folder / "world.min.json")])),),
+        commands=_minimised_commands(folder),
     )
     return tuple(found["removed"]), case
+
+
+def _minimised_commands(folder: Path) -> tuple[tuple[str, str], ...]:
+    """How to run a minimised world on the stack that it fails on, from either of its files."""
+    stack = folder / "stack.yaml"
+    given = ["--stack", str(stack)] if stack.is_file() else []
+    files = [("Run it", "world.min.json"), ("Run it from its Scenic program", "world.min.scenic")]
+    return tuple(
+        (what, shlex.join(["mrta-falsify", "run", str(folder / name), *given]))
+        for what, name in files
+        if (folder / name).is_file()
+    )
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,6 +316,10 @@ def commands_of(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str
         (
             "Find the smallest world that fails in the same way",
             shlex.join(["mrta-falsify", "minimize", *where]),
+        ),
+        (
+            "Find the rule behind it: which dimensions matter, and how far they may move",
+            shlex.join(["mrta-falsify", "family", *where]),
         ),
         (
             "Run its world on its own, with your stack",

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from mrta_falsify import app
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import FormatError, InputError, UnknownNameError
+from mrta_falsify.core.errors import InputError, UnknownNameError
 from mrta_falsify.core.world import World, write_world
-from simulator_interface import starts
 from simulator_interface.formats import nav2
 
 if TYPE_CHECKING:
@@ -47,19 +46,12 @@ def open_scenario(name: str, params: dict[str, Any] | None = None) -> Program:
     # Scenic takes a second to import; --help need not.
     from scenic_worlds import program as programs  # noqa: PLC0415
 
-    if name.endswith(".scenic") and not Path(name).is_file():
-        reason = "it is a directory" if Path(name).is_dir() else "no such file"
-        raise FormatError(f"{name}: cannot be read: {reason}")
-    path = programs.scenario_path(name)
-    try:
-        program = programs.compile_program(path, params)
-    except SystemExit:
-        raise FormatError(f"{path}: the program ends Python by sys.exit") from None
-    _check_params(program, name)
+    program = programs.compile_program(programs.scenario_path(name), params)
+    check_params(program, name)
     return program
 
 
-def _check_params(program: Program, name: str) -> None:
+def check_params(program: Program, name: str) -> None:
     """Refuse overrides that the program cannot notice: most are misspelt.
 
     Raises:
@@ -110,8 +102,8 @@ def draw(
 
     Raises:
         RejectedScene: the first candidate has no valid scene.
-        InputError: a sampled value is one that no world can have, or the first world cannot
-            be run.
+        InputError: the first candidate has a value that no world can have, or cannot be run;
+            later ones like that are drawn without a world.
     """
     from scenic_worlds.program import RejectedScene  # noqa: PLC0415
 
@@ -125,55 +117,21 @@ def draw(
                 raise
             yield _rejected(number, time.perf_counter() - began, error)
             continue
-        except InputError:
-            with app.located(str(program.path)):
-                raise
-        seconds = time.perf_counter() - began
-        try:
-            _check_world(found.world, str(program.path))
         except InputError as error:
             if number == 0:
-                raise
-            yield Drawn(
-                number=number,
-                seconds=seconds,
-                attempts=found.attempts,
-                rejections=found.rejections,
-                error=str(error),
-            )
+                with app.located(str(program.path)):
+                    raise
+            seconds = time.perf_counter() - began
+            yield Drawn(number=number, seconds=seconds, attempts=1, rejections={}, error=str(error))
             continue
         yield Drawn(
             number=number,
-            seconds=seconds,
+            seconds=time.perf_counter() - began,
             attempts=found.attempts,
             rejections=found.rejections,
             world=found.world,
             candidate=found.candidate,
         )
-
-
-def _check_world(world: World, where: str) -> None:
-    """Refuse a sampled world that could not be read from a file, or not be run.
-
-    Raises:
-        InputError: the first value that is not allowed, and whose it is.
-    """
-    try:
-        codec.decode(World, codec.encode(world), where=where)
-    except InputError as error:
-        error.args = (_with_name(str(error), world),)
-        raise
-    with app.located(where):
-        starts.check_starts(world)
-
-
-def _with_name(text: str, world: World) -> str:
-    """``text`` with the name of the object that it calls by its place in the world."""
-    match = re.search(r"\b(robots|humans|furniture|events)\[(\d+)\]", text)
-    if match is None:
-        return text
-    name = getattr(world, match[1])[int(match[2])].name
-    return f"{text[: match.end()]} ({name}){text[match.end() :]}"
 
 
 def _rejected(number: int, seconds: float, error: RejectedScene) -> Drawn:

@@ -19,6 +19,8 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from reports.figures import (
+    FURNITURE,
+    FURNITURE_EDGE,
     HUMAN,
     HUMAN_BLIND,
     INK,
@@ -29,6 +31,7 @@ from reports.figures import (
     robot_colour,
     robot_outline,
 )
+from reports.furnishing import fixed_outlines, movable_outlines
 
 HEIGHT = 900  # pixels of the taller side
 FRAMES_PER_SECOND = 12
@@ -107,7 +110,17 @@ def _palette(view: RunView) -> Image.Image:
     floor = _draw_canvas(view).image.quantize(colors=160, dither=Image.Dither.NONE)
     colours = (floor.getpalette() or [])[: 3 * 160]
     robots = {robot_colour(number) for number in range(len(view.world.robots))}
-    for name in (*sorted(robots), HUMAN, HUMAN_BLIND, INK, UNSAFE, QUEUEING, "#ffffff"):
+    for name in (
+        *sorted(robots),
+        HUMAN,
+        HUMAN_BLIND,
+        INK,
+        UNSAFE,
+        QUEUEING,
+        FURNITURE,
+        FURNITURE_EDGE,
+        "#ffffff",
+    ):
         colours += ImageColor.getrgb(name)[:3]
     image = Image.new("P", (1, 1))
     image.putpalette(colours)
@@ -139,7 +152,8 @@ def _draw_canvas(view: RunView) -> _Canvas:
     figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100)
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    draw_floor(axes, view.world, view.costmap, label_size=6.5)
+    furniture = fixed_outlines(view.world)
+    draw_floor(axes, view.world, view.costmap, label_size=6.5, furniture=furniture)
     axes.set_anchor("NW")
     axes.axis("off")
     canvas.draw()  # type: ignore[no-untyped-call]
@@ -153,6 +167,8 @@ def _draw_frame(canvas: _Canvas, view: RunView, tick: int, speed: float) -> np.n
     trace = view.trace
     image = canvas.image.copy()
     draw = ImageDraw.Draw(image)
+    for outline in movable_outlines(view.world, trace, tick):
+        draw.polygon(canvas.pixels(outline), fill=FURNITURE, outline=FURNITURE_EDGE)
     _draw_people(draw, canvas, view, tick)
     first = max(0, tick - round(TAIL / trace.dt))
     for number, robot in enumerate(view.world.robots):

@@ -51,6 +51,8 @@ class Case:
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     minimised: Case | None = None
     neighbours: tuple[str, ...] = ()  #: that pass, in words
+    family: tuple[str, ...] = ()  #: conditions under which runs fail like this, in words
+    family_precision: str = ""  #: how often they do, empty: nobody asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, World
 from reports.figures import extent_of, robot_colour
+from reports.furnishing import fixed_outlines, movable_outlines
 from reports.svg import Drawing, Floor, ticks
 
 PHASE_COLOURS = {
@@ -90,7 +91,8 @@ def moment(
     floor = Floor(bounds, width)
     who = ", ".join(members) or "the whole floor"
     drawing = Drawing(width, floor.height, label=f"floor plan at {time:.1f} s: {who}")
-    _draw_solids(drawing, floor, world, time)
+    furniture = fixed_outlines(world) + movable_outlines(world, trace, tick)
+    _draw_solids(drawing, floor, world, furniture, time)
     first = max(0, tick - round(TRAIL / trace.dt))
     for i in range(len(trace.robots)):
         trail = trace.columns["pose"][first : tick + 1 : 4, i, :2]
@@ -130,9 +132,11 @@ def _around(points: Array) -> Array:
     return np.concatenate([low, high])
 
 
-def _draw_solids(drawing: Drawing, floor: Floor, world: World, time: float | None) -> None:
-    for item in world.furniture:
-        drawing.polygon(floor(item.polygon), fill="var(--furniture)", stroke="var(--edge)",
+def _draw_solids(
+    drawing: Drawing, floor: Floor, world: World, furniture: Sequence[Array], time: float | None
+) -> None:
+    for outline in furniture:
+        drawing.polygon(floor(outline), fill="var(--furniture)", stroke="var(--edge)",
                         stroke_width=0.5)  # fmt: skip
     for wall in world.walls:
         drawing.polygon(floor(wall.polygon), fill="var(--wall)")
@@ -326,7 +330,7 @@ def coverage(world: World, places: Array, failed: Sequence[bool]) -> Markup:
     """
     floor = Floor(extent_of(world), 420.0)
     drawing = Drawing(420.0, floor.height, label="where trials came closest to trouble")
-    _draw_solids(drawing, floor, world, None)
+    _draw_solids(drawing, floor, world, [item.polygon for item in world.furniture], None)
     order = np.argsort(np.asarray(failed, dtype=bool), kind="stable")  # failures on top
     for i in order:
         x, y = floor(places[i])

@@ -23,6 +23,7 @@ from mrta_falsify.core.fleet import Phase, StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, World
+from reports.furnishing import fixed_outlines, movable_outlines
 
 #: one colour per robot, told apart by colour-blind readers too (Okabe and Ito, extended)
 ROBOT_COLOURS = (
@@ -95,7 +96,8 @@ def draw_run(view: RunView) -> Figure:
     axes = figure.add_axes(
         (MARGIN / width, bottom / height, map_width / width, map_height / height)
     )
-    draw_floor(axes, view.world, view.costmap)
+    furniture = fixed_outlines(view.world) + movable_outlines(view.world, view.trace, -1)
+    draw_floor(axes, view.world, view.costmap, furniture=furniture)
     _draw_humans(axes, view)
     _draw_robots(axes, view)
     _draw_contacts(axes, view.trace)
@@ -125,9 +127,22 @@ def extent_of(world: World) -> tuple[float, float, float, float]:
 
 
 def draw_floor(
-    axes: Axes, world: World, costmap: Costmap | None = None, *, label_size: float = 9.0
+    axes: Axes,
+    world: World,
+    costmap: Costmap | None = None,
+    *,
+    label_size: float = 9.0,
+    furniture: Sequence[Array] | None = None,
 ) -> None:
-    """Everything that stands still: costmap, walls, furniture, rooms, queues, parking, lanes."""
+    """Everything that stands still: costmap, walls, furniture, rooms, queues, parking, lanes.
+
+    Args:
+        axes: to draw in.
+        world: what to draw.
+        costmap: under it.
+        label_size: of the rooms' names [pt].
+        furniture: outlines ``(V, 2)`` [m]; None: all of the world's, at its first places.
+    """
     x_min, y_min, x_max, y_max = extent_of(world)
     axes.set_xlim(x_min, x_max)
     axes.set_ylim(y_min, y_max)
@@ -139,7 +154,8 @@ def draw_floor(
     if costmap is not None:
         _draw_costmap(axes, costmap)
     _draw_lanes(axes, world)
-    furniture = [item.polygon for item in world.furniture]
+    if furniture is None:
+        furniture = [item.polygon for item in world.furniture]
     axes.add_collection(
         PolyCollection(
             furniture, facecolor=FURNITURE, edgecolor=FURNITURE_EDGE, linewidth=0.5, zorder=3

@@ -19,6 +19,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, World
 from reports.figures import robot_colour
+from reports.furnishing import furniture_poses
 
 FRAME_RATE = 5.0  # Hz kept for the replay
 RAY_RATE = 1.0  # Hz kept of obstacle points
@@ -36,7 +37,7 @@ def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
     ticks = np.arange(0, len(trace), stride)
     if len(trace) and ticks[-1] != len(trace) - 1:
         ticks = np.append(ticks, len(trace) - 1)
-    arrays = _arrays(trace, ticks)
+    arrays = _arrays(world, trace, ticks)
     header = {
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays],
         "time": [round(float(t), 2) for t in trace.columns["time"][ticks]],
@@ -65,22 +66,29 @@ def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
     return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
 
 
-def _arrays(trace: Trace, ticks: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def _arrays(world: World, trace: Trace, ticks: np.ndarray) -> list[tuple[str, np.ndarray]]:
     columns = trace.columns
+    pieces = furniture_poses(world, trace)[ticks]
     pose = columns["pose"][ticks]
     people = columns["human_position"][ticks]
-    heading = np.round(pose[:, :, 2] / (2.0 * np.pi) * 256.0) % 256.0
     packed = [
         ("xy", _steps(_centimetres(pose[:, :, :2]))),
-        ("yaw", heading.astype("<u1")),
+        ("yaw", _turns(pose[:, :, 2])),
         ("people", _steps(_centimetres(people))),
         ("phase", columns["phase"][ticks].astype("<u1")),
         ("cluster", columns["cluster"][ticks].astype("<i1")),
         ("leader", columns["leader"][ticks].astype("<i1")),
         ("goal", _steps(_centimetres(columns["goal"][ticks]))),
+        ("pieces", _steps(_centimetres(pieces[:, :, :2]))),
+        ("pieces_turn", _turns(pieces[:, :, 2])),
     ]
     rays, when = _rays(trace)
     return [*packed, ("rays", rays), ("rays_time", when)]
+
+
+def _turns(angles: Array) -> np.ndarray:
+    """Angles [rad] in steps of 2 pi / 256."""
+    return (np.round(angles / (2.0 * np.pi) * 256.0) % 256.0).astype("<u1")
 
 
 def _centimetres(points: Array) -> np.ndarray:
@@ -128,7 +136,13 @@ def _world(world: World) -> dict[str, Any]:
         "bounds": [float(value) for value in world.bounds],
         "walls": [_points_all(wall.polygon) for wall in world.walls],
         "furniture": [
-            [item.name, item.kind, _points_all(item.polygon)] for item in world.furniture
+            [item.name, item.kind, _points_all(item.polygon)]
+            for item in world.furniture
+            if not item.movable
+        ],
+        "pieces": [  # movable; outlines around their centres
+            [item.name, item.kind, _points_all(item.polygon - item.center)]
+            for item in world.movable_furniture()
         ],
         "rooms": [[room.name, *_points_all(room.point[None])] for room in world.rooms],
         "queues": [

@@ -94,4 +94,5 @@ def ticks(low: float, high: float, count: int = 5) -> list[float]:
             step *= factor
             break
     first = np.ceil(low / step) * step
-    return [float(value) for value in np.arange(first, high + 1e-9 * span, step)]
+    # adding 0 turns -0 into 0
+    return [float(value) + 0.0 for value in np.arange(first, high + 1e-9 * span, step)]

@@ -38,6 +38,8 @@ def compile_scenario(path: Path, params: dict[str, Any]) -> Scenario:
     try:
         with randomness.seeded(0, "scenic/compile"):
             scenario = scenic.scenarioFromFile(str(path), params=dict(params))
+    except SystemExit:
+        raise FormatError(f"{path}: the program ends Python by sys.exit") from None
     except Exception as error:
         raise FormatError(f"{_where(error, path)}: {_reason(error)}") from error
     _check_parts(scenario, path)

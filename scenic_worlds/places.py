@@ -8,6 +8,7 @@ argument they return a region that Scenic computes anew for each scene.
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -339,8 +340,14 @@ class Places:
 
 
 @functools.cache
-def _places_of_name(name_or_path: str) -> Places:
+def _places_of_name(name_or_path: str, content: str) -> Places:
     return Places(load_layout(name_or_path))
+
+
+def _content(name_or_path: str) -> str:
+    """sha256 of a floor's file, so that one that was written anew is read anew."""
+    path = Path(name_or_path)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
 @lifted
@@ -359,7 +366,7 @@ def places_of(layout: Any) -> Places:
             f"param layout is {layout!r}; it must be the name of a layout, the path of a floor, "
             "or what a function such as hospital(...) returns"
         )
-    return _places_of_name(layout)
+    return _places_of_name(layout, _content(layout))
 
 
 def _stop_point(stop: Any, places: Places) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -10,13 +11,21 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scenic.core.scenarios import Scenario, Scene
 
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Candidate, SearchSpace, candidate_of
-from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError, WorldError
+from mrta_falsify.core.errors import (
+    ConfigError,
+    FormatError,
+    InputError,
+    UnknownNameError,
+    WorldError,
+)
 from mrta_falsify.core.world import World
 from scenic_worlds.checking import FastChecker
 from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
+from scenic_worlds.sampled import check_sampled
 from scenic_worlds.sources import sources_digest
 from simulator_interface.world_from_scene import world_from_scene
 
@@ -45,13 +54,17 @@ def scenario_path(name_or_path: str) -> Path:
     """File of a shipped program's name, or of a path the user gave.
 
     Raises:
-        UnknownNameError: neither a shipped program nor a file.
+        FormatError: a path without a file.
+        UnknownNameError: neither a shipped program nor a path.
     """
     path = Path(name_or_path)
     if path.suffix == ".scenic" and path.is_file():
         return path
     if name_or_path in scenario_names():
         return SCENARIO_DIR / f"{name_or_path}.scenic"
+    if path.suffix == ".scenic":
+        reason = "it is a directory" if path.is_dir() else "no such file"
+        raise FormatError(f"{path}: cannot be read: {reason}")
     raise UnknownNameError("scenario", name_or_path, scenario_names())
 
 
@@ -95,8 +108,10 @@ class Program:
 
         Raises:
             RejectedScene: no scene was accepted; says who rejected how often.
-            InputError: the candidate does not belong to this program, or a sampled value is
-                one that no world can have.
+            InputError: the candidate does not belong to this program, or the accepted scene
+                has a value that no world can have: a fault of the program, so the scene is
+                not replaced by another one. Commands refuse a program whose first candidate
+                is such, and count later ones as rejected.
         """
         self._check(candidate, mode)
 
@@ -115,6 +130,7 @@ class Program:
                 f"{where}: a scene cannot be computed: {type(error).__name__}: {error}"
             ) from error
         scene, world = found.value
+        check_sampled(world, str(self.path))
         return Realised(
             world=world,
             scene=scene,
@@ -127,6 +143,32 @@ class Program:
         """Candidate ``number`` of a random campaign with ``seed`` on this program."""
         candidate = candidate_of(seed, number, len(self.space))
         return dataclasses.replace(candidate, params=self.params)
+
+    def restrict(self, intervals: Mapping[int, tuple[float, float]]) -> None:
+        """Let some coordinates move within an interval of [0, 1] only.
+
+        From then on u is a point of the box of these intervals: 0 is their lower end, 1 their
+        upper end. What the program says itself by ``param restrict`` is replaced.
+
+        Args:
+            intervals: lower and upper end by number of the coordinate.
+        """
+        self.search.driver.restrict(intervals)
+
+    def values_at(self, u: Array, places: Sequence[int]) -> list[float | None]:
+        """Values, in the program's units, that coordinates have at a point of the unit cube.
+
+        Args:
+            u: ``(k,)``, of a scene that can be computed.
+            places: numbers of the coordinates.
+
+        Returns:
+            A number each; None for what is none, such as a direction or an opaque choice.
+        """
+        driver = self.search.driver
+        sample = driver.begin()
+        sample.move(u, driver.all_units)
+        return [driver.value_of(sample, place) for place in places]
 
     def sample(self, seed: int, mode: Mode = "repair") -> World:
         """World of candidate 0 of a campaign with ``seed``.
@@ -176,6 +218,7 @@ def compile_program(
     driver = Driver(scenario)
     checker = FastChecker()
     scenario.setSampleChecker(checker)
+    driver.restrict(_restriction(scenario, driver.space, path))
     return Program(
         name=path.stem,
         path=path,
@@ -185,3 +228,34 @@ def compile_program(
         sources_digest=sources_digest(path, getattr(scenario.params["_places"], "layout", None)),
         search=SceneSearch(driver, checker, path.stem),
     )
+
+
+def _restriction(
+    scenario: Scenario, space: SearchSpace, path: Path
+) -> dict[int, tuple[float, float]]:
+    """Intervals of ``param restrict = {'bed1.position.0': (0.2, 0.4)}``, by coordinate.
+
+    The names are those of the search dimensions (see ``check``), the numbers shares of each
+    one's range. Programs that :mod:`mrta_falsify.family` writes say by it what they stand for.
+
+    Raises:
+        FormatError: it is not of that form, or names what the program does not have.
+    """
+    given = scenario.params.get("restrict", {})
+    form = "it must read {'DIMENSION': (low, high)} with 0 <= low <= high <= 1"
+    if not isinstance(given, dict):
+        raise FormatError(f"{path}: param restrict is {given!r}; {form}")
+    numbers = {dimension.name: i for i, dimension in enumerate(space.dimensions)}
+    found = {}
+    for name, pair in given.items():
+        if name not in numbers:
+            error = UnknownNameError("dimension", str(name), tuple(numbers))
+            raise FormatError(f"{path}: param restrict: {error}")
+        try:
+            low, high = (float(value) for value in pair)
+        except (TypeError, ValueError):
+            low, high = 1.0, 0.0
+        if not 0.0 <= low <= high <= 1.0:
+            raise FormatError(f"{path}: param restrict has {name!r}: {pair!r}; {form}")
+        found[numbers[name]] = (low, high)
+    return found

@@ -25,7 +25,7 @@ from simulator_interface import gaps
 from simulator_interface.actuation import Actuation
 from simulator_interface.bodies import RobotModel, check_starts, gather_fleet
 from simulator_interface.kinematic import count_substeps
-from simulator_interface.rays import next_corners, polygon_edges, ray_directions
+from simulator_interface.rays import next_corners, ray_directions
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.staging import Stage
 
@@ -77,12 +77,11 @@ class _Body(NamedTuple):
 
 
 class _Overlap(NamedTuple):
-    """Two bodies that do not collide until they have come apart."""
+    """A robot and a person who do not collide until they have come apart."""
 
-    body: int
+    body: int  #: the person's
     robot: int
-    human: int  #: human number, -1: a blockage
-    blockage: int  #: blockage number, -1: a human
+    human: int
 
 
 class BulletEngine:
@@ -137,6 +136,7 @@ class BulletEngine:
         self._blocks: dict[int, int] = {}  # blockage number -> body
         self._overlaps: list[_Overlap] = []
         self._pose = self._read_pose()
+        self._around.update(0.0, self._is_taken)
         self._observer.begin_tick()
         self._observer.observe(self._pose, self._human)
         self._note_changes()
@@ -343,7 +343,7 @@ class BulletEngine:
         """See :class:`simulator_interface.staging.StagedEngine`."""
         moved = np.isfinite(stage.placed[:, 0])
         self._human[moved] = stage.placed[moved]
-        self._around.arrange(stage, self._tick * self._dt)
+        self._around.arrange(stage, self._tick * self._dt, self._is_taken)
         self._place_pieces()
         self._note_changes()
 
@@ -356,7 +356,7 @@ class BulletEngine:
         touched = np.zeros(len(self._pose), dtype=np.bool_)
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
-            if around.update(time):
+            if around.update(time, self._is_taken):
                 self._note_changes()
             self._drive(self._actuation.advance(command.twist, time))
             gaps.move_people(
@@ -382,7 +382,7 @@ class BulletEngine:
                 self._read_contacts()
         observer.contact[:, gaps.HUMAN] |= touched
         self._tick += 1
-        if around.update(self._tick * self._dt):
+        if around.update(self._tick * self._dt, self._is_taken):
             self._note_changes()
         return self._sense((self._human - walked_from) / self._dt)
 
@@ -464,7 +464,7 @@ class BulletEngine:
         """People who appear on top of a robot."""
         present = self._around.present
         for h in np.flatnonzero(present & ~self._was_present):
-            self._note_overlaps(self._people[h], human=int(h))
+            self._note_overlaps(int(h))
         self._was_present = present
 
     def _note_changes(self) -> None:
@@ -477,29 +477,26 @@ class BulletEngine:
             body = self._blocks.pop(number)
             del self._column[body]
             pybullet.removeBody(body, **self._call)
-            self._overlaps = [pair for pair in self._overlaps if pair.body != body]
         for number in sorted(set(standing) - set(self._blocks)):
             event = self._around.blockages[number]
             body = self._add_solid([event.polygon], [event.height])
             self._blocks[number] = body
             self._column[body] = gaps.STATIC
-            self._note_overlaps(body, blockage=number)
 
     def _gap(self, pair: _Overlap) -> float:
         i = pair.robot
         placed, corners = self._observer.placed[i], int(self._fleet.corners[i])
-        if pair.human >= 0:
-            x, y = self._human[pair.human]
-            radius = self._around.human_radius[pair.human]
-            return float(gaps.polygon_point_gap(placed, corners, x, y) - radius)
-        polygon = self._around.blockages[pair.blockage].polygon
-        edges = polygon_edges([polygon])
-        return float(gaps.blocks_gap(edges, placed, corners, self._pose[i, 0], self._pose[i, 1]))
+        x, y = self._human[pair.human]
+        radius = self._around.human_radius[pair.human]
+        return float(gaps.polygon_point_gap(placed, corners, x, y) - radius)
 
-    def _note_overlaps(self, body: int, *, human: int = -1, blockage: int = -1) -> None:
-        """What appears on top of a robot must not throw it: no collision until it has left."""
+    def _is_taken(self, polygon: Array) -> bool:
+        return self._observer.is_taken(polygon, self._pose, self._human)
+
+    def _note_overlaps(self, human: int) -> None:
+        """Who appears on top of a robot must not throw it: no collision until it has left."""
         for i in range(len(self._bodies)):
-            pair = _Overlap(body, i, human, blockage)
+            pair = _Overlap(self._people[human], i, human)
             if self._gap(pair) < 0.0:
                 self._overlaps.append(pair)
                 self._collide(pair, enable=False)
@@ -510,8 +507,7 @@ class BulletEngine:
                 self._collide(pair, enable=True)
         self._overlaps = [pair for pair in self._overlaps if self._gap(pair) < 0.0]
         for pair in self._overlaps:
-            column = gaps.HUMAN if pair.human >= 0 else gaps.STATIC
-            self._observer.contact[pair.robot, column] = True
+            self._observer.contact[pair.robot, gaps.HUMAN] = True
 
     def _collide(self, pair: _Overlap, *, enable: bool) -> None:
         robot = self._bodies[pair.robot].number

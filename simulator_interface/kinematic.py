@@ -77,6 +77,7 @@ class KinematicEngine:
         self._velocity = np.zeros((n, 3))
         self._human = np.array(human_position, dtype=np.float64).reshape(len(world.humans), 2)
         self._tick = 0
+        self._around.update(0.0, self._is_taken)
         self._observer.begin_tick()
         self._observer.observe(self._pose, self._human)
         return self._sense(np.zeros_like(self._human))
@@ -90,7 +91,7 @@ class KinematicEngine:
         touched = np.zeros(len(self._pose), dtype=np.bool_)
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
-            around.update(time)
+            around.update(time, self._is_taken)
             set_point = self._actuation.advance(command.twist, time)
             gaps.move_people(
                 self._human,
@@ -129,14 +130,17 @@ class KinematicEngine:
             observer.observe(self._pose, self._human)
         observer.contact[:, gaps.HUMAN] |= touched
         self._tick += 1
-        around.update(self._tick * self._dt)
+        around.update(self._tick * self._dt, self._is_taken)
         return self._sense((self._human - walked_from) / self._dt)
 
     def arrange(self, stage: Stage) -> None:
         """See :class:`simulator_interface.staging.StagedEngine`."""
         moved = np.isfinite(stage.placed[:, 0])
         self._human[moved] = stage.placed[moved]
-        self._around.arrange(stage, self._tick * self._dt)
+        self._around.arrange(stage, self._tick * self._dt, self._is_taken)
+
+    def _is_taken(self, polygon: Array) -> bool:
+        return self._observer.is_taken(polygon, self._pose, self._human)
 
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,12 @@ from simulator_interface.staging import Stage, first_inside, first_poses, pieces
 PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
 SWEEP = 3  # ticks until the rays point the same way again
 MOVED = 0.05  # m; a robot that stays within this of its place is at rest
+PUT_DOWN = 0.02  # m clear of everybody, before a blockage is put down
+
+_ANGLES = np.arange(12) * (2.0 * np.pi / 12)
+DISC = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)  # outline of a body of radius 1
+
+IsTaken = Callable[[Array], bool]  #: whether a robot or person is at a polygon ``(V, 2)`` [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +35,11 @@ class RayOptions:
 
 
 class Surroundings:
-    """Solids and people of a world as they are at one time."""
+    """Solids and people of a world as they are at one time.
+
+    A blockage is put down at its start, or once nobody is there any more: nobody puts a bed
+    on top of a robot. Until then it is no body; rays and gaps do not meet it.
+    """
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -42,25 +53,27 @@ class Surroundings:
         self._plan_changes()
         self._begun = False
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
+        self._awaited: tuple[int, ...] = ()  #: of those to be put down once nobody is there
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
         self.owner = np.zeros(0, dtype=np.int64)  #: (E,) -1: they belong to no robot
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
-        self.update(0.0)
 
-    def update(self, time: float) -> bool:
+    def update(self, time: float, is_taken: IsTaken) -> bool:
         """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
         # A sub-step's time is a product of floats: what begins within a nanosecond begins now.
         now = time + 1e-9
         is_due = self._next < len(self._changes) and self._changes[self._next] <= now
         if self._begun and not is_due:
-            return False
+            polygons = (self.blockages[k].polygon for k in self._awaited)
+            if all(is_taken(polygon) for polygon in polygons):
+                return False
         self._begun = True
         while self._next < len(self._changes) and self._changes[self._next] <= now:
             self._next += 1
-        self._bring_to(now)
+        self._bring_to(now, is_taken)
         return True
 
-    def arrange(self, stage: Stage, time: float) -> None:
+    def arrange(self, stage: Stage, time: float, is_taken: IsTaken) -> None:
         """Take up what people did before the tick that begins at ``time`` [s]."""
         self.inside = stage.inside
         self.furniture_pose = stage.furniture_pose
@@ -68,7 +81,7 @@ class Surroundings:
             self.blockages += stage.added
             self._plan_changes()
         self._begun = False
-        self.update(time)
+        self.update(time, is_taken)
 
     def _plan_changes(self) -> None:
         times = {event.start for event in self.blockages} | {e.end for e in self.blockages}
@@ -77,18 +90,20 @@ class Surroundings:
         self._changes = sorted(times)
         self._next = 0
 
-    def _bring_to(self, now: float) -> None:
-        self.standing = tuple(
-            k for k, event in enumerate(self.blockages) if event.start <= now < event.end
+    def _bring_to(self, now: float, is_taken: IsTaken) -> None:
+        humans = self.world.humans
+        self.present = np.array([h.appears_at <= now < h.leaves_at for h in humans], dtype=np.bool_)
+        self.present &= self.inside
+        due = [k for k, event in enumerate(self.blockages) if event.start <= now < event.end]
+        self._awaited = tuple(
+            k for k in due if k not in self.standing and is_taken(self.blockages[k].polygon)
         )
+        self.standing = tuple(k for k in due if k not in self._awaited)
         outlines = [self.blockages[k].polygon for k in self.standing]
         poses = zip(self.pieces, self.furniture_pose, strict=True)
         outlines += [piece.at(pose) for piece, pose in poses]
         self.edges = rays.polygon_edges(outlines)
         self.owner = np.full(len(self.edges), -1, dtype=np.int64)
-        humans = self.world.humans
-        self.present = np.array([h.appears_at <= now < h.leaves_at for h in humans], dtype=np.bool_)
-        self.present &= self.inside
 
 
 class Observer:
@@ -137,6 +152,28 @@ class Observer:
             self.nearest,
         )
         return least
+
+    def is_taken(self, polygon: Array, pose: Array, human_position: Array) -> bool:
+        """Whether a robot or a person is within 2 cm of ``polygon``.
+
+        Args:
+            polygon: ``(V, 2)`` [m].
+            pose: ``(N, 3)`` of the robots.
+            human_position: ``(H, 2)`` [m]; only people who are present count.
+        """
+        fleet, around = self._fleet, self._surroundings
+        edges = rays.polygon_edges([polygon])
+        placed = np.empty_like(fleet.outline[0]) if len(pose) else np.empty((0, 2))
+        for i, (x, y, _) in enumerate(pose):
+            gaps.place_outline(fleet.outline[i], fleet.corners[i], pose[i], placed)
+            if gaps.blocks_gap(edges, placed, fleet.corners[i], x, y) < PUT_DOWN:
+                return True
+        for h in np.flatnonzero(around.present):
+            x, y = human_position[h]
+            body = around.human_radius[h] * DISC + human_position[h]
+            if gaps.blocks_gap(edges, body, len(body), x, y) < PUT_DOWN:
+                return True
+        return False
 
     def parked(self, pose: Array, time: float) -> BoolArray:
         """Which robots ``(N,)`` have been at rest for over 5 s; call once per tick."""

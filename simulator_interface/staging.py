@@ -78,8 +78,7 @@ def pieces_of(world: World) -> tuple[Piece, ...]:
     """The movable furniture of a world."""
     pieces = []
     for item in world.movable_furniture():
-        polygon = np.asarray(item.polygon)
-        center = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
+        polygon, center = np.asarray(item.polygon), item.center
         sides = np.roll(polygon, -1, axis=0) - polygon
         longest = sides[int(np.argmax(np.hypot(*sides.T)))]
         axis = float(np.arctan2(longest[1], longest[0]))

@@ -50,7 +50,7 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
     Args:
         scene: what ``Scenario.generate`` returned.
         name: of the world, usually the program's.
-        seed: of all noise inside the episode.
+        seed: of all noise inside the episode, unless the program gives ``param noise_seed``.
 
     Returns:
         The world; generated furniture follows the layout's own. Objects and tasks whose
@@ -113,7 +113,7 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
         events=tuple(events),
         horizon=_number(scene.params["horizon"], "param horizon"),
         ray_noise=_number(scene.params.get("ray_noise", 0.0), "param ray_noise"),
-        seed=seed,
+        seed=_seed(scene.params.get("noise_seed"), seed),
     )
     _check_blocked_starts(world)
     late = scene.params.get("late_people", LATE_PEOPLE if is_composed(scene) else 0)
@@ -168,6 +168,20 @@ def _number(value: Any, what: str) -> float:
         number = math.nan
     if not math.isfinite(number):
         raise WorldError(f"{what} is {value!r}; it must be a finite number")
+    return number
+
+
+def _seed(given: Any, otherwise: int) -> int:
+    """Seed of the noise that a program fixes, ``otherwise`` if it does not.
+
+    Raises:
+        WorldError: it is no whole number >= 0.
+    """
+    if given is None:
+        return otherwise
+    number = int(given) if isinstance(given, int) else int(_number(given, "param noise_seed"))
+    if number < 0 or number != given:
+        raise WorldError(f"param noise_seed is {given!r}; it must be a whole number >= 0")
     return number
 
 

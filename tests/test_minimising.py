@@ -12,8 +12,9 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
-from mrta_falsify.minimising import minimise_job, share_removed
+from mrta_falsify.minimising import minimise_job, share_removed, write_as_program
 from mrta_falsify.trial import Job, judge, quick_stack
+from scenic_worlds.program import compile_program
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +89,21 @@ def test_values_move_to_nominal_where_the_failure_does_not_need_them(cluttered):
     found = minimise_job(job, max_runs=60)
     assert np.all([robot.position_noise == 0.0 for robot in found.world.robots])
     assert "noise and delays of robots" in found.removed
+
+
+@pytest.mark.slow
+def test_the_smallest_world_is_written_as_a_program_that_fails_in_the_same_way(cluttered, tmp_path):
+    found = minimise_job(cluttered, max_runs=2)
+    said = write_as_program(found, cluttered, tmp_path)
+    assert said in ("identical", "same failure")
+    again = compile_program(tmp_path / "world.min.scenic").sample(0)
+    judged = judge(dataclasses.replace(cluttered, world=again), keep_trace=False)
+    assert signature(judged.verdicts) == found.signature
+
+
+@pytest.mark.slow
+def test_no_program_is_left_that_does_not_fail(cluttered, tmp_path):
+    found = minimise_job(cluttered, max_runs=2)
+    healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
+    assert "no failure" in write_as_program(found, healthy, tmp_path)
+    assert not list(tmp_path.iterdir())

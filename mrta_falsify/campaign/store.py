@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 SETTINGS, RECORDS, LOCK, TRIALS = "campaign.json", "records.jsonl", "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
+MOST_DIGITS = 18  # of a trial's id
 
 
 class StoreError(InputError):
@@ -55,7 +56,8 @@ class Campaign:
         Raises:
             StoreError: no such trial.
         """
-        wanted = int(name) if name.isascii() and name.isdigit() else -1
+        is_number = name.isascii() and name.isdigit() and len(name) <= MOST_DIGITS
+        wanted = int(name) if is_number else -1
         for record in self.records:
             if record.number == wanted:
                 return record

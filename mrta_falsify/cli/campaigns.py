@@ -20,6 +20,7 @@ from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
+    FiniteRange,
     format_option,
     param_option,
     spec_option,
@@ -28,6 +29,7 @@ from mrta_falsify.cli.options import (
 
 if TYPE_CHECKING:
     from mrta_falsify.campaign.runner import Progress as Counts
+    from mrta_falsify.campaign.settings import CampaignSettings
     from mrta_falsify.campaigns import Replay, Result
     from mrta_falsify.core.record import TrialRecord
 
@@ -67,12 +69,13 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--time-limit",
-    type=click.FloatRange(min=1.0),
+    type=FiniteRange(min=1.0),
     default=300.0,
     show_default=True,
     metavar="SECONDS",
     help="Wall clock of one trial, after which it is killed.",
 )
+@click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
 @format_option
 def campaign(
     scenario: str | None,
@@ -91,6 +94,7 @@ def campaign(
     screen: bool,
     mode: str,
     time_limit: float,
+    dry_run: bool,
     style: str,
 ) -> int:
     """Search a Scenic program for worlds in which the stack violates a specification.
@@ -125,6 +129,8 @@ def campaign(
             screen=screen,
             time_limit=time_limit,
         )
+        if dry_run:
+            return _dry_run(chosen, budget, workers, style)
         store = Store.create(directory, chosen)
     with store, live(store.directory, budget) as (on_record, on_told):
         result = campaigns.run(store, limits, where, on_record=on_record, on_told=on_told)
@@ -134,6 +140,39 @@ def campaign(
     else:
         print_summary(data)
     return _exit_code(result)
+
+
+def _dry_run(chosen: CampaignSettings, budget: int, workers: int | None, style: str) -> int:
+    from mrta_falsify import beginning  # noqa: PLC0415
+    from mrta_falsify.core import codec  # noqa: PLC0415
+
+    found = beginning.estimate(chosen, budget, workers=workers)
+    if style == "json":
+        output.print_json({"budget": budget, **codec.encode(found)})
+        return ExitCode.DONE
+    click.echo(
+        f"{budget} trials over {found.dimensions} dimensions: about {found.hours:.2f} h "
+        f"({found.trial_s:.1f} s each) and {found.megabytes:.0f} MB; nothing was stored"
+    )
+    return ExitCode.DONE
+
+
+@main.command()
+@click.argument("directory", type=FILE, default=Path())
+def init(directory: Path) -> int:
+    """Write a scenario and a stack file to begin with into DIRECTORY (default: here)."""
+    from mrta_falsify import beginning  # noqa: PLC0415
+
+    for path in beginning.write_start(directory):
+        click.echo(str(path))
+    scenario = directory / "my_scenario.scenic"
+    stack = directory / "stack.yaml"
+    output.say(f"try: mrta-falsify check {shlex.quote(str(scenario))}")
+    output.say(
+        f"then: mrta-falsify campaign {shlex.quote(str(scenario))} --stack "
+        f"{shlex.quote(str(stack))} -o runs/first"
+    )
+    return ExitCode.DONE
 
 
 def _check_usage(scenario: str | None, directory: Path | None, resume: Path | None) -> None:
@@ -514,7 +553,9 @@ def compare(
         registry.load("sampler", name, where="--samplers")
     if not names:
         raise click.UsageError("--samplers names nobody")
-    if directory.exists() and any(directory.iterdir()) and not resume:
+    if len(set(names)) < len(names):
+        raise click.UsageError(f"--samplers {samplers}: each may be named once")
+    if not resume and any(app.make_directory(directory).iterdir()):
         raise click.UsageError(f"-o {directory}: is not empty; go on with it by --resume")
     chosen = campaigns.new_settings(
         scenario,
@@ -674,8 +715,9 @@ def minimize(directory: Path, name: str, max_runs: int, style: str) -> int:
     """Find the smallest world that fails in the same way.
 
     Removes people, furniture, events, robots and tasks, shortens the run and moves values to
-    nominal, as long as the failure keeps its signature. Writes world.min.json and
-    trace.min.zip beside the trial; `report` shows them beside the original.
+    nominal, as long as the failure keeps its signature. Writes world.min.json, the same as a
+    Scenic program world.min.scenic, and trace.min.zip beside the trial; `report` shows them
+    beside the original.
     """
     from mrta_falsify import campaigns, minimising  # noqa: PLC0415
 
@@ -696,5 +738,11 @@ def minimize(directory: Path, name: str, max_runs: int, style: str) -> int:
             out.print(f"{group:10} {before} -> {after}")
     state = "1-minimal: nothing single can go" if found.one_minimal else "stopped by --max-runs"
     out.print(f"runs       {found.runs}; {state}")
-    out.print(f"world      {opened.folder(record) / 'world.min.json'}")
+    world, stack = opened.folder(record) / "world.min.json", opened.folder(record) / "stack.yaml"
+    out.print(f"world      {world}")
+    program = world.with_suffix(".scenic")
+    if program.is_file():
+        out.print(f"program    {program}")
+    again = shlex.join(["mrta-falsify", "run", str(world), "--stack", str(stack)])
+    out.print(f"run it     {again}")
     return ExitCode.DONE

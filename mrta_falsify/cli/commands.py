@@ -8,7 +8,13 @@ import click
 
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import Door, ExitCode
-from mrta_falsify.cli.options import FILE, format_option, spec_option, stack_options
+from mrta_falsify.cli.options import (
+    FILE,
+    FiniteRange,
+    format_option,
+    spec_option,
+    stack_options,
+)
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
 
@@ -171,7 +177,7 @@ def travel_times(
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=10.0),
+    type=FiniteRange(min=10.0),
     default=60.0,
     show_default=True,
     help="Simulated seconds per fleet size.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import errno
 import os
 import sys
 import tempfile
@@ -16,6 +17,20 @@ import click
 from mrta_falsify.core.errors import InputError
 
 STDOUT, STDERR = 1, 2  # file descriptors
+
+#: what a place given by the user may answer; no fault of the toolkit
+PLACE_ERRORS = frozenset(
+    (
+        errno.EACCES,
+        errno.EPERM,
+        errno.EISDIR,
+        errno.ENOTDIR,
+        errno.ENOSPC,
+        errno.EDQUOT,
+        errno.EROFS,
+        errno.ENAMETOOLONG,
+    )
+)
 
 
 class ExitCode(enum.IntEnum):
@@ -72,6 +87,9 @@ class Door(click.Group):
             return ExitCode.DONE
         except Exception as error:
             _abandon_stdout()
+            if isinstance(error, OSError) and error.filename and error.errno in PLACE_ERRORS:
+                _say(f"{os.fsdecode(error.filename)}: cannot be used: {error.strerror}")
+                return ExitCode.BAD_INPUT
             _say(
                 f"the toolkit itself failed: {type(error).__name__}: {error}; "
                 f"this is no verdict about the stack. Traceback: {save_traceback(error)}"

@@ -321,8 +321,12 @@ def read_json(path: Path) -> Any:
     """JSON of a file; NaN and infinity are refused by :func:`decode`, not here."""
     try:
         return json.loads(read_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
-        detail = str(error) if isinstance(error, json.JSONDecodeError) else "it is nested too deep"
+    except json.JSONDecodeError as error:
+        raise FormatError(f"{path}: is not valid JSON: {error}") from None
+    except RecursionError:
+        raise FormatError(f"{path}: is not valid JSON: it is nested too deep") from None
+    except ValueError:  # Python converts no number of thousands of digits
+        detail = "a number in it has too many digits"
         raise FormatError(f"{path}: is not valid JSON: {detail}") from None
 
 
@@ -330,6 +334,6 @@ def read_yaml(path: Path) -> Any:
     """YAML of a file, by the safe loader only."""
     try:
         return yaml.safe_load(read_text(path))
-    except (yaml.YAMLError, RecursionError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
         detail = " ".join(str(error).split())
         raise FormatError(f"{path}: is not valid YAML: {detail}") from None

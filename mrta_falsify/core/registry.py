@@ -54,18 +54,21 @@ def load(point: str, name: str, *, where: str = "") -> Any:
 
     Raises:
         UnknownNameError: nobody registered the name.
-        ConfigError: ``module:Class`` cannot be imported.
+        ConfigError: ``module:Class`` cannot be imported, or is no component.
     """
     known = _entry_points(point)
     if name not in known and ":" not in name:
         raise UnknownNameError(point, name, known, where=where)
     target = known.get(name, name)
     module_name, _, attribute = target.partition(":")
+    prefix = f"{where}: " if where else ""
     try:
-        return getattr(importlib.import_module(module_name), attribute)
+        component = getattr(importlib.import_module(module_name), attribute)
     except (ImportError, AttributeError) as error:
-        prefix = f"{where}: " if where else ""
         raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from None
+    if not hasattr(component, "Options"):
+        raise ConfigError(f"{prefix}{name!r} is no {point}: it has no `Options`")
+    return component
 
 
 def build(

@@ -20,6 +20,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.directives import Directive, Push
 from mrta_falsify.core.errors import FormatError, UnknownNameError, WorldError
+from mrta_falsify.core.geometry import transform
 
 SCHEMA_VERSION = 1
 
@@ -49,6 +50,15 @@ class Furniture:
     mesh: str = ""  #: name of a mesh to draw, empty for the extruded footprint
     traced: bool = False  #: outlined from the occupancy map itself, so left out of map scores
     movable: bool = later(False)  #: has wheels, so that a person can push it; convex
+
+    @property
+    def center(self) -> Array:
+        """Middle ``(2,)`` of the bounding box [m], map frame."""
+        return np.asarray(0.5 * (self.polygon.min(axis=0) + self.polygon.max(axis=0)))
+
+    def outline_at(self, pose: Array) -> Array:
+        """Footprint ``(V, 2)`` [m] at ``pose`` ``(3,)``: centre, and turn since the start."""
+        return transform(self.polygon - self.center, pose)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -26,7 +26,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import BlockedBy, Command, Intent, Sensed, StackEvent
-from mrta_falsify.core.world import World
+from mrta_falsify.core.world import Resource, World
 from mrta_falsify.specs.free_space import FreeSpace
 from mrta_falsify.specs.motion import SAME_GOAL, Standstill, first_conflicts, points_ahead
 from mrta_falsify.specs.places import Place, Places, contains
@@ -46,6 +46,7 @@ CLUSTER_RANGE = 4.0  # m, neighbour distance of MRTA-Sim's clusters
 OBSTACLE_NEAR = 0.7  # m to a solid ahead that may hold a robot off
 OBSTACLE_CONE = np.cos(np.radians(75.0))  # of the direction of travel
 STEP = 0.1  # m between points looked at on a path
+SERVING_KINDS = ("elevator", "charger")  # areas that robots stand in for the service time
 SERVICE_SLACK = 1.0  # s that a service may take longer than the world says ...
 SERVICE_FACTOR = 1.3  # ... and its relative spread
 OWN_CAUSES = ("barrier", "queue", "wall", "no-path", "human")  #: causes a robot has by itself
@@ -96,6 +97,7 @@ class BlockedByTracker:
         if sensed.tick % self._stride:
             return self._edges
         self._service.update(sensed, intent)
+        self._space.furnish(sensed.furniture_pose)
         still = sensed.time - since >= STILL_FOR - 1e-9
         if not still.any():
             self._edges = ()
@@ -118,6 +120,9 @@ class ServiceClock:
     _stops: Array = field(init=False)  #: (N,)
     _arrived: Array = field(init=False)  #: (N,) [s]
     _serving: BoolArray = field(init=False)
+    _areas: tuple[Resource, ...] = field(init=False)  #: in which robots stand to be served
+    _entered: Array = field(init=False)  #: (N, A) since when a robot is in an area [s]
+    _in_service: BoolArray = field(init=False)  #: (N,) in one of them
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
@@ -127,6 +132,11 @@ class ServiceClock:
         self._stops = np.zeros(robots)
         self._arrived = np.full(robots, np.inf)
         self._serving = np.zeros(robots, dtype=np.bool_)
+        self._areas = tuple(
+            r for r in self.world.resources if r.kind in SERVING_KINDS and r.service_time > 0.0
+        )
+        self._entered = np.full((robots, len(self._areas)), np.inf)
+        self._in_service = np.zeros(robots, dtype=np.bool_)
 
     def update(self, sensed: Sensed, intent: Intent) -> None:
         """Take in goals and positions."""
@@ -150,6 +160,22 @@ class ServiceClock:
                 and time - self._arrived[i] <= self._allowed(place, time)
             )
         self._serving[~self.at_goal] = False
+        self._watch_areas(sensed)
+
+    def _watch_areas(self, sensed: Sensed) -> None:
+        self._in_service[:] = False
+        for a, area in enumerate(self._areas):
+            limit = SERVICE_FACTOR * area.service_time + SERVICE_SLACK
+            for i, position in enumerate(sensed.pose[:, :2]):
+                if not contains(area.release_area, position):
+                    self._entered[i, a] = np.inf
+                    continue
+                self._entered[i, a] = min(self._entered[i, a], sensed.time)
+                self._in_service[i] |= sensed.time - self._entered[i, a] <= limit
+
+    def is_in_service(self, robot: int) -> bool:
+        """Whether ``robot`` is in a lift or at a charger, with service time left."""
+        return bool(self._in_service[robot])
 
     def is_serving(self, robot: int) -> bool:
         """Whether ``robot`` is at a room's point with service time left."""
@@ -189,6 +215,8 @@ class _Look:
         for i in np.flatnonzero(self.still & self.present).tolist():
             if self._is_idle(i):
                 self.found[i] = [BlockedBy(i, "task")]
+            elif self.tracker._service.is_in_service(i):
+                continue
             elif not self.tracker._service.is_serving(i) or self._is_kept_off(i):
                 self.found[i] = self._own_edges(i)
                 if not self.found[i]:
@@ -339,6 +367,7 @@ class _Look:
             *np.round(np.concatenate([goal, self.position[i]]) / 0.1).astype(int).tolist(),
             *np.round(self.position[resting].ravel() / 0.1).astype(int).tolist(),
             *(k for k, e in enumerate(tracker.world.events) if e.start <= self.sensed.time < e.end),
+            *np.round(self.sensed.furniture_pose.ravel() / 0.1).astype(int).tolist(),
         )
         if key not in tracker._cut:
             if len(tracker._cut) > 256:

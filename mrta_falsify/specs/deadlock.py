@@ -1,9 +1,10 @@
 """The deadlock oracle: robots that wait for each other, or for something that never moves.
 
 A robot is *lost* if every blocked-by edge of it leads to a lost robot or to something
-permanent: a solid, a goal that cannot be reached, an idle robot, nothing at all. A deadlock
-is a set of lost robots that wait only among themselves; robots that queue up behind it are
-its victims, not its members: were a member taken away, the rest would go free.
+permanent: a solid (furniture on wheels once it has rested as long as a person who stands), a
+goal that cannot be reached, an idle robot, nothing at all. A deadlock is a set of lost robots
+that wait only among themselves; robots that queue up behind it are its victims, not its
+members: were a member taken away, the rest would go free.
 
 How long a closed set must last before it counts depends on whether anything could still
 resolve it. It is *hard* if no member has a way round the others, or they hold resources that
@@ -100,6 +101,10 @@ class NoDeadlock:
         self._hardness: dict[frozenset[BlockedBy], tuple[float, bool]] = {}
         self._human_place = np.full((len(world.humans), 2), np.inf)
         self._human_since = np.zeros(len(world.humans))
+        pieces = world.movable_furniture()
+        self._piece = {item.name: k for k, item in enumerate(pieces)}
+        self._piece_pose = np.full((len(pieces), 3), np.inf)
+        self._piece_since = np.zeros(len(pieces))
         self._worst = 0.0  # largest share of the patience used up
         self._longest_wait = 0.0
         self._violated_at: float | None = None
@@ -113,9 +118,12 @@ class NoDeadlock:
             return
         if len(self._human_since):
             self._watch_humans(sensed.human_position, sensed.time)
+        if len(sensed.furniture_pose) == len(self._piece) > 0:
+            self._watch_furniture(sensed.furniture_pose, sensed.time)
         if not frame.blocked_by:
             return
         time = sensed.time
+        self._space.furnish(sensed.furniture_pose)
         edges = _by_robot(frame.blocked_by)
         lost, permanent = self._lost(edges, frame)
         self._remember(lost, sensed.pose[:, :2], time)
@@ -189,6 +197,9 @@ class NoDeadlock:
             return bool(time - self._human_since[edge.other] > self._options.human_patience)
         if edge.other >= 0:
             return edge.other in idle
+        if edge.cause == "wall" and edge.resource in self._piece:
+            rests = time - self._piece_since[self._piece[edge.resource]]
+            return bool(rests > self._options.human_patience)
         return not (edge.resource and self._space.is_temporary(edge.resource))
 
     def _awaits_an_end(self, time: float) -> bool:
@@ -211,6 +222,11 @@ class NoDeadlock:
         moved = ~(np.hypot(*(position - self._human_place).T) <= HUMAN_STILL)
         self._human_place[moved] = position[moved]
         self._human_since[moved] = time
+
+    def _watch_furniture(self, pose: Array, time: float) -> None:
+        moved = ~(np.abs(pose - self._piece_pose).max(axis=1) <= HUMAN_STILL)
+        self._piece_pose[moved] = pose[moved]
+        self._piece_since[moved] = time
 
     # --- how long, how hard ------------------------------------------------------------
 
@@ -264,15 +280,12 @@ class NoDeadlock:
         back off, and an idle one may be sent out of the way. Only what no robot can mend by
         moving (a goal that solids cut off, a circle of held resources) counts at once.
         """
-        in_the_way = any(
-            edge.cause == "barrier" and edge not in permanent for i in members for edge in edges[i]
-        )
+        shown = [edge for i in members for edge in edges[i]]
+        in_the_way = any(edge.cause == "barrier" and edge not in permanent for edge in shown)
         if not hard or in_the_way:
             return self._options.soft_patience
         behind_idle = any(
-            edge.other >= 0 and edge.cause != "human" and edge in permanent
-            for i in members
-            for edge in edges[i]
+            edge.other >= 0 and edge.cause != "human" and edge in permanent for edge in shown
         )
         return self._options.idle_patience if behind_idle else self._options.patience
 

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.world import Blockage, World
+from mrta_falsify.core.world import Blockage, Furniture, World
 
 CELL = 0.1  # m
+MOVED = 0.03  # m or rad; furniture that has moved less is not drawn anew
 #: a cell is solid if its centre is this near to a solid [m]: less than any planner's clearance
 #: (0.22 m) minus half a cell's diagonal, so that no valid path ever looks blocked
 CLEARANCE = 0.15
@@ -36,8 +37,21 @@ class FreeSpace:
     _owner: Owners | None = None
     _blockages: tuple[tuple[Blockage, int], ...] = ()
     _active: tuple[int, ...] = ()
+    _pieces: tuple[tuple[Furniture, int], ...] = ()
+    _furniture_pose: Array | None = None  #: (F, 3) as far as told
+    _drawn_pose: Array | None = None  #: (F, 3) as it is on ``_current``
     _current: Owners | None = None
     _origin: Array = field(default_factory=lambda: np.zeros(2))
+
+    def furnish(self, poses: Array) -> None:
+        """Say where the movable furniture stands; until then it is left out.
+
+        Args:
+            poses: ``(F, 3)`` centre x, y [m] and turn since the start [rad], in the world's
+                order; other lengths say nothing.
+        """
+        if len(poses) and len(poses) == len(self.world.movable_furniture()):
+            self._furniture_pose = poses
 
     def solid_at(self, points: Array, time: float) -> tuple[int, str]:
         """The first of ``points`` ``(L, 2)`` [m] inside a solid: its index and the solid's name.
@@ -87,7 +101,7 @@ class FreeSpace:
         return bool(_flood(blocked, sx, sy, START_REACH, gx, gy, GOAL_REACH, self.cell))
 
     def lasting_free(self) -> BoolArray:
-        """``(rows, cols)`` cells free of walls and furniture; cell (0, 0) at the map's corner."""
+        """``(rows, cols)`` cells free of all that is fixed; cell (0, 0) at the map's corner."""
         self._grid(-np.inf)
         assert self._owner is not None
         return np.asarray(self._owner == 0)
@@ -106,6 +120,7 @@ class FreeSpace:
         for event, number in self._blockages:
             if number in self._active and event.end >= self.world.horizon:
                 self._fill(lasting, event.polygon, number)
+        self._fill_furniture(lasting)
         return lasting
 
     def _grid(self, time: float) -> Owners:
@@ -113,14 +128,28 @@ class FreeSpace:
             self._owner = self._build()
             self._current = self._owner
         active = tuple(n for event, n in self._blockages if event.start <= time < event.end)
-        if active != self._active:
+        if active != self._active or self._has_moved():
             current = self._owner.copy()
             for event, number in self._blockages:
                 if number in active:
                     self._fill(current, event.polygon, number)
+            self._fill_furniture(current)
             self._current, self._active = current, active
+            self._drawn_pose = self._furniture_pose
         assert self._current is not None
         return self._current
+
+    def _has_moved(self) -> bool:
+        told, drawn = self._furniture_pose, self._drawn_pose
+        if told is None or told is drawn:
+            return False
+        return drawn is None or bool(np.abs(told - drawn).max() > MOVED)
+
+    def _fill_furniture(self, owner: Owners) -> None:
+        if self._furniture_pose is None:
+            return
+        for (item, number), pose in zip(self._pieces, self._furniture_pose, strict=True):
+            self._fill(owner, item.outline_at(pose), number)
 
     def _fill(self, owner: Owners, polygon: Array, number: int) -> None:
         outline = polygon - self._origin
@@ -142,7 +171,12 @@ class FreeSpace:
             if isinstance(event, Blockage):
                 names.append(event.name)
                 blockages.append((event, len(names)))
+        pieces = []
+        for item in world.movable_furniture():
+            names.append(item.name)
+            pieces.append((item, len(names)))
         self.names, self._blockages = tuple(names), tuple(blockages)
+        self._pieces = tuple(pieces)
         return owner
 
 

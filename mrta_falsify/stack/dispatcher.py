@@ -353,7 +353,11 @@ def _notes(
         before = {stop.task for stop in fleet[robot].itinerary}
         for task in dict.fromkeys(stop.task for stop in itinerary):
             if task not in before:
-                events.append(StackEvent(time=time, kind="assigned", robot=robot, task=task))
+                ends = [s.time for s in itinerary if s.task == task and s.action == "dropoff"]
+                expected = f"expected at {ends[0]:g} s" if ends else ""
+                events.append(
+                    StackEvent(time=time, kind="assigned", robot=robot, task=task, detail=expected)
+                )
     detail = "; ".join(part for part in (why, reason) if part)
     events.append(StackEvent(time=time, kind="allocated", detail=detail))
     return events

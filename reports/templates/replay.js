@@ -19,7 +19,7 @@
       at += part.length;
       data[name] = { shape, values: new Kind(part.buffer) };
     }
-    for (const name of ["xy", "people", "goal"]) addUp(data[name]);
+    for (const name of ["xy", "people", "goal", "pieces"]) addUp(data[name]);
     return data;
   }
 
@@ -191,6 +191,15 @@
         for (const lane of w.lanes) { flat(lane); g.stroke(); }
       }
       for (const [, , outline] of w.furniture) { flat(outline, true); g.fillStyle = colour("--furniture"); g.fill(); }
+      w.pieces.forEach(([, , outline], i) => {
+        const place = this.point(this.data.pieces, f, i);
+        if (!place) return;
+        const turn = (this.data.pieces_turn.values[f * w.pieces.length + i] / 256) * 2 * Math.PI;
+        const c = Math.cos(turn), s = Math.sin(turn), moved = [];
+        for (let k = 0; k < outline.length; k += 2) moved.push(
+          100 * place[0] + c * outline[k] - s * outline[k + 1], 100 * place[1] + s * outline[k] + c * outline[k + 1]);
+        flat(moved, true); g.fillStyle = colour("--furniture"); g.fill();
+      });
       for (const outline of w.walls) { flat(outline, true); g.fillStyle = colour("--wall"); g.fill(); }
       for (const [name, start, end, outline] of w.blockages) {
         if (now < start || now >= end) continue;

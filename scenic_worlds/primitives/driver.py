@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from scenic.core.distributions import TupleDistribution, needsSampling
 from scenic.core.object_types import Point
 from scenic.core.scenarios import Scenario
 from scenic.core.utils import DefaultIdentityDict
+from scenic.core.vectors import Vector
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.candidate import Dimension, SearchSpace
@@ -63,6 +64,7 @@ class Driver:
         self._dimensions: list[Dimension] = []
         self._unit_of: dict[int, int] = {}
         self._mutations: dict[int, int] = {}
+        self._primitives: dict[int, Any] = {}  # first coordinate -> what has its value
         for found in find_primitives(self._roots):
             self._drive_leaf(found)
         for root in self._roots:
@@ -79,6 +81,7 @@ class Driver:
         leaf.place(len(self._dimensions))
         found.value.conditionTo(leaf)
         self._unit_of[id(found.value)] = len(self._units)
+        self._primitives[leaf.start] = found.value
         self._add_unit(found.name, leaf.axes, [f".{i}" for i in range(len(leaf.axes))])
 
     def _drive_mutators(self, root: Root) -> None:
@@ -119,6 +122,31 @@ class Driver:
     def begin(self) -> Sample:
         """A sample of which nothing is known yet."""
         return Sample(self.source, self._plan)
+
+    def restrict(self, intervals: Mapping[int, tuple[float, float]]) -> None:
+        """Let some coordinates move within an interval only, all others freely.
+
+        The unit cube is mapped onto the box of the intervals, so that a uniform point gives
+        what the program would give if it were conditional on the box.
+
+        Args:
+            intervals: least and largest share, in [0, 1], by number of the coordinate.
+        """
+        self.source.intervals = dict(intervals)
+
+    def value_of(self, sample: Sample, place: int) -> float | None:
+        """Value of a sample that belongs to a coordinate; None if it is no number.
+
+        Args:
+            sample: complete.
+            place: number of the coordinate.
+        """
+        unit = next(unit for unit in self.units if unit.start <= place < unit.stop)
+        primitive = self._primitives.get(unit.start)
+        value = None if primitive is None else sample.values[primitive]
+        if isinstance(value, Vector) and unit.stop - unit.start > 1:
+            return float(value[place - unit.start])
+        return float(value) if isinstance(value, (int, float)) else None
 
     # --- who owns what -------------------------------------------------------------------
 

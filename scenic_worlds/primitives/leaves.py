@@ -42,19 +42,33 @@ Draw = Callable[[Any, Sequence[float]], Any]
 
 
 class Coordinates:
-    """The point of the unit cube that all leaves of one program read."""
+    """The point of the unit cube that all leaves of one program read.
+
+    Attributes:
+        u: the point, moved into the intervals.
+        intervals: least and largest share of some coordinates; 0 to 1 for all others.
+    """
 
     def __init__(self) -> None:
         self.u: list[float] = []
+        self.intervals: dict[int, tuple[float, float]] = {}
 
     def set(self, u: Array) -> None:
         """Use ``u`` ``(k,)`` from now on."""
         self.u = u.tolist()
+        for place in self.intervals:
+            self.u[place] = self._inside(place, self.u[place])
 
     def change(self, places: list[int], values: list[float]) -> None:
         """Use other values in some places."""
         for place, value in zip(places, values, strict=True):
-            self.u[place] = value
+            self.u[place] = self._inside(place, value)
+
+    def _inside(self, place: int, value: float) -> float:
+        if place not in self.intervals:
+            return value
+        low, high = self.intervals[place]
+        return min(low + (high - low) * value, high)
 
 
 class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types

@@ -24,11 +24,9 @@ for i in range(8):
 for i in range(3):
     new Trolley with name f'trolley{i + 1}', in corridors, facing Range(0, 360) deg
 
+fetched_from = [any_room() for i in range(6)]
 param tasks = [
-    (0, DiscreteRange(0, 5), DiscreteRange(0, 5), Range(200, 300)),
-    (0, DiscreteRange(0, 5), DiscreteRange(0, 5), Range(200, 300)),
-    (0, DiscreteRange(0, 5), DiscreteRange(0, 5), Range(200, 300)),
-    (Range(60, 180), DiscreteRange(0, 5), DiscreteRange(0, 5), Range(400, 600)),
-    (Range(60, 180), DiscreteRange(0, 5), DiscreteRange(0, 5), Range(400, 600)),
-    (Range(60, 180), DiscreteRange(0, 5), DiscreteRange(0, 5), Range(400, 600)),
+    (0, room, another_room(room), Range(200, 300)) for room in fetched_from[:3]
+] + [
+    (Range(60, 180), room, another_room(room), Range(400, 600)) for room in fetched_from[3:]
 ]

@@ -56,7 +56,8 @@ class _TaskEntry:
     start: int = quantity(low=0)
     end: int = quantity(low=0)
     deadline: int = quantity(low=0, unit="s")
-    id: int | str | None = None
+    pickup_time: int = quantity(low=0, unit="s", default=int(SERVICE))
+    dropoff_time: int = quantity(low=0, unit="s", default=int(SERVICE))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +154,9 @@ def _task(
 ) -> OpenTask:
     name = fields.get("id") if isinstance(fields, dict) else None
     rest = {k: v for k, v in fields.items() if k != "id"} if isinstance(fields, dict) else fields
-    entry = codec.decode(_TaskEntry, _whole(rest, ("deadline",)), where=where)
+    entry = codec.decode(
+        _TaskEntry, _whole(rest, ("deadline", "pickup_time", "dropoff_time")), where=where
+    )
     if name is not None:
         key = str(name)
         if key in seen:
@@ -173,8 +176,8 @@ def _task(
         end=entry.end,
         arrival=float(arrival),
         deadline=float(entry.deadline),
-        pickup_time=SERVICE,
-        dropoff_time=SERVICE,
+        pickup_time=float(entry.pickup_time),
+        dropoff_time=float(entry.dropoff_time),
     )
 
 

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mrta_falsify.campaign.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaign.store import Store
 from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.verdict import Verdict
 
 TASKS = {
     "tasks_stream": [{"arrival": 0, "tasks": [{"start": 0, "end": 1, "deadline": 90}]}],
@@ -94,6 +102,7 @@ def test_a_wrong_world_is_refused(cli, edited, edit, parts):
         (b"\x00\xff\xfe", "is not UTF-8 text"),
         (b"{}", "is not a world file (no field `bounds`)"),
         (b"[" * 200_000, "is not valid JSON"),
+        (b'{"horizon": ' + b"9" * 6000 + b"}", "a number in it has too many digits"),
     ],
 )
 def test_a_damaged_world_file_is_refused(cli, tmp_path, content, part):
@@ -131,6 +140,7 @@ def test_a_world_that_does_not_exist_lists_the_shipped_ones(cli):
         ("control_rate=0", ["control_rate is 0 Hz; it must be >= 5"]),
         ("defects=[lazy]", ["unknown defect 'lazy'", "Known: cluster_rows_wrong_robot"]),
         ("planner=no_such_module:Planner", ["cannot be loaded: No module named"]),
+        ("planner=os:path", ["'os:path' is no planner"]),
         ("planner", ["it must read layer=NAME or layer.option=VALUE"]),
     ],
 )
@@ -200,6 +210,17 @@ def test_a_robot_file_that_puts_a_robot_into_a_wall_is_refused(cli, tmp_path):
         (["bench", "--robots", "2,x"], "--robots is '2,x'; it must be numbers from 1 to 200"),
         (["export", "aws_hospital_day", "--format", "nav3", "-o", "m"], "'nav3' is not"),
         (["travel-times", "aws_hospital_day", "-o", "t.txt"], "must end in .csv or .json"),
+        (["bench", "--seconds", "nan"], "nan is not a finite number"),
+        (["campaign"], "give a SCENARIO with -o DIR, or --resume DIR"),
+        (["campaign", "hot_room"], "-o DIR is missing"),
+        (["campaign", "hot_room", "-o", "c", "--budget", "0"], "0 is not in the range x>=1"),
+        (["campaign", "hot_room", "-o", "c", "--time-limit", "inf"], "inf is not a finite number"),
+        (["campaign", "--resume", "c", "-o", "d"], "--resume DIR takes neither"),
+        (["campaign", "--resume", "c", "--seed", "1"], "--seed cannot be changed by --resume"),
+        (["compare", "hot_room", "-o", "c", "--samplers", "auto,auto"], "may be named once"),
+        (["replay", "c", "0", "--verify", "0"], "0 is not in the range 1<=x<=1000"),
+        (["minimize", "c"], "Missing argument 'ID'"),
+        (["check"], "give a SCENARIO or several, or --all"),
     ],
 )
 def test_wrong_usage_is_refused_in_one_line_that_names_the_help(cli, args, part):
@@ -220,3 +241,128 @@ def test_an_output_directory_that_is_a_file_is_refused(cli, tmp_path):
     (tmp_path / "out").write_text("")
     result = cli("run", "aws_hospital_day", "-o", "out")
     assert_refused(result, "out: cannot be used as a directory")
+
+
+# --- campaigns ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """A campaign with a trial that passed and one that failed, whose files were not kept."""
+    directory = tmp_path / "campaign"
+    late = Verdict(
+        spec="deadlines", robustness=-3.0, violated=True, violated_at=90.0, who=("task1",)
+    )
+    with Store.create(
+        directory, CampaignSettings(trials=TrialSettings(scenario="bookshelf"))
+    ) as store:
+        for number, verdicts in enumerate(((), (late,))):
+            store.add(
+                TrialRecord(
+                    candidate=Candidate(number=number, u=frozen_array(np.zeros(0))),
+                    status="ok",
+                    verdicts=verdicts,
+                    signature="deadlines" if verdicts else "",
+                    trace_file=f"trials/{number:04d}/trace.zip" if verdicts else "",
+                )
+            )
+    return directory
+
+
+READERS = (
+    ["list"],
+    ["show", "1"],
+    ["replay", "1"],
+    ["explain", "1"],
+    ["minimize", "1"],
+    ["corpus"],
+    ["report"],
+    ["export", "1", "--format", "sdf", "-o", "world.sdf"],
+)
+
+
+def _with(directory: Path | str, command: list[str]) -> list[str]:
+    return [command[0], str(directory), *command[1:]]
+
+
+@pytest.mark.parametrize("command", READERS, ids=lambda command: command[0])
+def test_a_directory_that_is_no_campaign_is_refused(cli, tmp_path, command):
+    (tmp_path / "file").write_text("")
+    for name in ("absent", "file", "."):
+        result = cli(*_with(name, command))
+        assert_refused(result, f"{name}: is not a campaign directory (it has no campaign.json)")
+
+
+@pytest.mark.parametrize("command", READERS, ids=lambda command: command[0])
+def test_a_damaged_record_is_refused_and_nothing_is_changed(cli, campaign, command):
+    log = campaign / "records.jsonl"
+    log.write_text(log.read_text().replace('"robustness":-3.0', '"robustness":3.0'))
+    before = log.read_bytes()
+    assert_refused(cli(*_with(campaign, command)), f"{log}:2: this record is damaged")
+    assert_refused(cli("campaign", "--resume", str(campaign)), f"{log}:2: this record is damaged")
+    assert log.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ('{"version": 9}', "has format version 9; this reads 1"),
+        ("{", "is not valid JSON"),
+        ("[]", "has format version None"),
+    ],
+)
+def test_settings_of_a_campaign_that_cannot_be_read_are_refused(cli, campaign, text, part):
+    (campaign / "campaign.json").write_text(text)
+    assert_refused(cli("list", str(campaign)), f"{campaign / 'campaign.json'}: {part}")
+    assert_refused(cli("campaign", "--resume", str(campaign)), part)
+
+
+@pytest.mark.parametrize("name", ["2", "first", "1e0", "", "9" * 5000])
+@pytest.mark.parametrize("command", ["show", "replay", "explain", "minimize"])
+def test_a_trial_that_does_not_exist_is_refused(cli, campaign, command, name):
+    assert_refused(cli(command, str(campaign), name), "has no trial", "trials 0000 to 0001")
+
+
+@pytest.mark.parametrize("command", ["explain", "minimize"])
+def test_a_trial_that_passed_cannot_be_explained_or_minimised(cli, campaign, command):
+    assert_refused(cli(command, str(campaign), "0"), "trial 0000 violates nothing")
+
+
+def test_a_campaign_in_use_cannot_be_resumed(cli, campaign):
+    with Store.resume(campaign):
+        result = cli("campaign", "--resume", str(campaign))
+    assert_refused(result, f"{campaign}: is in use by process ")
+
+
+def test_the_report_of_a_failure_without_files_says_so(cli, campaign):
+    result = cli("report", str(campaign))
+    assert result.exit_code == 0, result.stderr
+    text = (campaign / "report.html").read_text()
+    assert "1 of 2 trials violate" in text or "1 of 2 trials violates" in text
+    assert "Trial 0001 is not shown in full" in text
+
+
+@pytest.mark.parametrize("option", ["-o", "--junit", "--markdown"])
+def test_a_report_that_cannot_be_written_is_refused(cli, campaign, tmp_path, option):
+    (tmp_path / "taken").mkdir()
+    result = cli("report", str(campaign), option, "taken")
+    assert result.exit_code == 2
+    assert result.stderr == "error: taken: cannot be used: Is a directory\n"
+
+
+def test_a_comparison_is_not_written_into_a_file(cli, tmp_path):
+    (tmp_path / "file").write_text("")
+    result = cli("compare", "hot_room", "-o", "file")
+    assert_refused(result, "file: cannot be used as a directory")
+
+
+@pytest.mark.parametrize("command", ["check", "sample", "campaign", "compare"])
+def test_a_scenario_that_does_not_exist_is_refused(cli, command):
+    for name, part in (
+        ("hot_rom", "unknown scenario 'hot_rom'; did you mean 'hot_room'?"),
+        ("absent.scenic", "absent.scenic: cannot be read: no such file"),
+    ):
+        output = ["-o", "out"] if command != "check" else []
+        result = cli(command, name, *output)
+        assert result.exit_code == 2
+        assert result.stderr.splitlines()[-1].startswith(f"error: {part}")

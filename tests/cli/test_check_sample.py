@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mrta_falsify import app, scenarios
@@ -257,3 +258,54 @@ def test_a_program_that_is_a_directory_is_refused(cli, tmp_path):
     assert_refused(
         cli("check", "folder.scenic"), "folder.scenic: cannot be read: it is a directory"
     )
+
+
+# --- values that no world can have ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("campaign", "PROGRAM", "--budget", "1", "--workers", "1", "-o", "out"),
+        ("run", "PROGRAM", "-o", "out"),
+        ("sample", "PROGRAM", "--count", "1", "-o", "out"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_every_command_refuses_a_program_that_samples_a_forbidden_value(cli, command):
+    program = str(BAD / "negative_speed.scenic")
+    result = cli(*(program if part == "PROGRAM" else part for part in command))
+    assert result.exit_code == 2, result.output
+    assert f"{program}: humans[0] (moonwalker).speed is -1." in result.stderr
+    assert "it must be >= 0" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_a_campaign_refuses_a_misspelt_parameter(cli, program):
+    result = cli("campaign", str(program), "-p", "gop=0.3", "--budget", "1", "-o", "out")
+    assert result.exit_code == 2, result.output
+    assert "did you mean 'gap'" in result.stderr
+
+
+def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
+    from mrta_falsify.campaign.settings import TrialSettings
+    from mrta_falsify.trial import Trials, open_program
+
+    path = tmp_path / "sometimes.scenic"
+    path.write_text(
+        "model scenic_worlds.model\nnew Robot with start_room 0\n"
+        "new Human with route [0, 1], with speed Range(-1, 1)\nparam tasks = [(0, 0, 1, 200)]\n"
+    )
+    program = scenarios.open_scenario(str(path))
+    seeds = range(20)
+    starts = [program.candidate(seed, 0).u[0] for seed in seeds]
+    seed = next(s for s, u in zip(seeds, starts, strict=True) if u > 0.5)
+    drawn = list(scenarios.draw(program, count=8, seed=seed))
+    assert drawn[0].world is not None
+    refused = [item for item in drawn if item.world is None]
+    assert refused
+    assert all("speed is -0." in item.error for item in refused)
+    settings = TrialSettings(scenario=str(path), seed=seed)
+    record = Trials(settings, open_program(settings)).run(0, np.array([0.25]))
+    assert record.status == "rejected"
+    assert "humans[0] (human_1).speed is -0.5 m/s; it must be >= 0" in record.error

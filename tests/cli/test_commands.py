@@ -39,8 +39,8 @@ def test_help_lists_every_command_with_what_it_does(cli):
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
         "allocate", "bench", "campaign", "check", "compare", "corpus", "demo", "doctor",
-        "explain", "export", "list", "minimize", "plugins", "replay", "report", "run",
-        "sample", "show", "travel-times",
+        "explain", "export", "family", "init", "list", "minimize", "plugins", "replay", "report",
+        "run", "sample", "show", "travel-times",
     ]  # fmt: skip
 
 

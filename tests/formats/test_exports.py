@@ -7,8 +7,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from mrta_falsify import exporting
 from mrta_falsify.app import costmap_of
 from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Blockage
 from simulator_interface.formats import mrta_sim
 from simulator_interface.formats.mcap import write_mcap
@@ -86,3 +89,19 @@ def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_
     assert grid.data.max() == 100
     kinds = [json.loads(message.data)["kind"] for _, message in seen["/events"]]
     assert kinds == [event.kind for event in hall_trace.events]
+
+
+@pytest.mark.parametrize("kind", ["mrta-sim", "mcap", "gif"])
+def test_a_world_that_needs_its_program_is_not_exported_as_if_it_did_not(hall, tmp_path, kind):
+    world = dataclasses.replace(hall, scripted="behaviors of its own (nurse)")
+    subject = exporting.Subject(world=world, config=StackConfig())
+    with pytest.raises(WorldError, match=r"because of behaviors of its own \(nurse\)"):
+        exporting.export(subject, kind, tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_map_and_a_kept_run_of_such_a_world_are_exported(hall, hall_trace, tmp_path):
+    world = dataclasses.replace(hall, scripted="behaviors of its own (nurse)")
+    subject = exporting.Subject(world=world, config=StackConfig(), trace=hall_trace)
+    for kind, name in (("sdf", "a.sdf"), ("nav2", "a.yaml"), ("gif", "a.gif")):
+        assert all(path.is_file() for path in exporting.export(subject, kind, tmp_path / name))

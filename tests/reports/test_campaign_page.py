@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Furniture
 from reports.campaign_page import Case, Counterfactual, Mode, Report, Trials, render
 from reports.sentences import edge_sentence, sentence
 from tests import browser
@@ -187,3 +189,47 @@ def test_the_canvas_shows_the_floor_and_the_page_does_not_scroll_sideways(open_p
     assert colours > 5
     assert running.value("document.documentElement.scrollWidth") <= width
     assert Path(path).is_file()
+
+
+#: mean column of the furniture's pixels at a time
+FURNITURE_AT = """(() => {
+  const replay = document.querySelector('.replay').replay, canvas = replay.canvas;
+  replay.view = replay.whole();
+  replay.seek(%s);
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  const text = getComputedStyle(replay.root).getPropertyValue('--furniture').trim();
+  const [r, g, b] = [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16));
+  let sum = 0, count = 0;
+  for (let i = 0; i < data.length; i += 4)
+    if (data[i] === r && data[i + 1] === g && data[i + 2] === b) {
+      sum += (i / 4) %% canvas.width; count++;
+    }
+  return count ? sum / count : -1;
+})()"""
+
+
+@pytest.mark.browser
+def test_the_replay_moves_pushed_furniture(report, tmp_path):
+    if browser.find() is None:
+        pytest.skip("no Chromium on this machine")
+    (mode,) = report.modes
+    (case,) = mode.cases
+    x, y = case.world.rooms[0].point
+    cart = Furniture(name="cart", kind="cart", polygon=rectangle(1.5, 1.5, (x, y)), movable=True)
+    pose = np.tile([x, y, 0.0], (len(case.trace), 1, 1))
+    pose[:, 0, 0] += np.linspace(0.0, 4.0, len(pose))
+    columns = {**case.trace.columns, "furniture_pose": pose}
+    pushed = dataclasses.replace(
+        case,
+        world=dataclasses.replace(case.world, furniture=(cart,)),
+        trace=dataclasses.replace(case.trace, columns=columns),
+    )
+    path = tmp_path / "pushed.html"
+    modes = (dataclasses.replace(mode, cases=(pushed,)),)
+    path.write_text(render(dataclasses.replace(report, modes=modes)), encoding="utf-8")
+    with browser.browser() as running:
+        running.open(path)
+        running.value("document.querySelector('.replay').scrollIntoView()")
+        running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+        first, last = (running.value(FURNITURE_AT % time) for time in ("0", "1e9"))
+    assert 0.0 < first < last - 50.0

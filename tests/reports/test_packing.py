@@ -23,7 +23,7 @@ def unpack(text):
         at += array.nbytes
         data[name] = array
     assert at == len(body)
-    for name in ("xy", "people", "goal"):
+    for name in ("xy", "people", "goal", "pieces"):
         data[name] = np.cumsum(data[name], axis=0, dtype="<i2")
     return data
 

@@ -108,6 +108,13 @@ def test_the_world_says_the_seed_of_its_candidate(hospital_day):
     assert found.candidate.number == 7
 
 
+def test_no_delivery_of_a_day_stays_in_its_room(hospital_day):
+    tasks = [task for seed in range(6) for task in hospital_day.sample(seed).tasks]
+    assert len(tasks) == 36
+    assert all(task.start != task.end for task in tasks)
+    assert {task.start for task in tasks} == {task.end for task in tasks} == set(range(6))
+
+
 def test_candidates_of_another_program_are_refused(hospital_day):
     k = len(hospital_day.space)
     with pytest.raises(ConfigError, match=rf"hospital_day has {k} dimensions"):

@@ -250,14 +250,32 @@ def test_blockage_is_solid_and_seen_exactly_in_its_time(name):
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_blockage_that_appears_on_a_robot_lets_it_out(name):
+def test_blockage_waits_until_no_robot_is_there(name):
     cart = Blockage(name="cart", polygon=rectangle(1.0, 1.0), start=0.1, end=9.0)
     seen = drive(build(name), field_world(robot(), events=(cart,)), [0.5, 0, 0], ticks=60)
-    assert seen[10].contact[0, 2]
-    assert seen[10].gap_static[0] < 0.0
-    assert max(np.hypot(*s.velocity[0, :2]) for s in seen) < 0.55
+    assert not any(s.contact.any() for s in seen)
+    assert np.isinf(seen[10].gap_static[0])
+    assert np.isinf(seen[10].obstacle_points).all()
+    gaps_seen = np.array([s.gap_static[0] for s in seen])
+    down = int(np.flatnonzero(np.isfinite(gaps_seen))[0])
+    assert 0.0 < gaps_seen[down] < 0.1  # at once behind the robot
+    assert np.isfinite(gaps_seen[down:]).all()
     assert seen[-1].pose[0, 0] > 1.0
     assert seen[-1].gap_static[0] > 0.1
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_blockage_waits_until_no_person_is_there(name):
+    corner = frozen_array([[2, 2], [5, 2], [5, 3], [3, 3], [3, 5], [2, 5]])
+    cart = Blockage(name="cart", polygon=corner, start=0.1, end=9.0)
+    human = HumanSpec(name="human1", route=frozen_array([[2.5, 2.5]]))
+    world = field_world(robot(), humans=(human,), events=(cart,))
+    stays = drive(build(name), world, [0, 0, 0], ticks=40)
+    assert all(np.isinf(s.gap_static[0]) for s in stays)
+    walks = drive(build(name), world, [0, 0, 0], ticks=40, people=[[-1.0, 0.0]])
+    assert np.isinf(walks[10].gap_static[0])
+    assert np.isfinite(walks[-1].gap_static[0])
+    assert walks[-1].human_position[0, 0] < 1.0
 
 
 # --- what is measured ----------------------------------------------------------------------

@@ -7,7 +7,7 @@ from frames import DT, Human, Robot, Script, corridor, drive, room_resource
 
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.geometry import rectangle
-from mrta_falsify.core.world import Task
+from mrta_falsify.core.world import Resource, Task
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 
 SPOTS = [(2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
@@ -156,3 +156,46 @@ def test_a_corridor_cut_by_a_waiting_robot_is_no_path_because_of_it():
         seconds=3.0,
     )
     assert {e for e in last_edges(script) if e.robot == 0} == {BlockedBy(0, "no-path", 1)}
+
+
+def in_a_lift(seconds: float) -> Script:
+    """A robot that drives into a lift, where it stands; its goal is a room behind."""
+    area = rectangle(2.0, 2.0, (5.0, 0.0))
+    lift = Resource(
+        name="lift", kind="elevator", request_area=area, release_area=area, service_time=20.0
+    )
+    robot = Robot(drive((0, 0), (5, 0), 1.0), goal=(9, 0))
+    return Script(robots=[robot], rooms=[(9.0, 0.0)], resources=[lift], seconds=seconds)
+
+
+def test_a_robot_in_a_lift_is_served_until_its_time_is_up():
+    assert not last_edges(in_a_lift(28.0))
+    assert last_edges(in_a_lift(34.0)) == {BlockedBy(0, "stalled")}
+
+
+def test_pushed_furniture_is_named_where_it_stands_now():
+    script = Script(
+        robots=[Robot((0, 0), goal=(5, 0))],
+        rooms=[(5.0, 0.0)],
+        furniture=[rectangle(0.4, 2.0, (-5.0, 5.0))],
+        seconds=3.0,
+    )
+    world = script.world()
+    world = dataclasses.replace(
+        world, furniture=(dataclasses.replace(world.furniture[0], movable=True),)
+    )
+    frames = list(script.frames())
+
+    def named(x: float, y: float, turn: float) -> set[BlockedBy]:
+        tracker = BlockedByTracker(world, DT)
+        edges: tuple[BlockedBy, ...] = ()
+        for frame in frames:
+            share = frame.sensed.time / 3.0  # it is pushed there
+            pose = np.array([[-5.0 + share * (x + 5.0), 5.0 + share * (y - 5.0), share * turn]])
+            sensed = dataclasses.replace(frame.sensed, furniture_pose=pose)
+            edges = tracker.update(sensed, frame.command, frame.intent, frame.events)
+        return set(edges)
+
+    assert named(0.8, 0.0, 0.0) == {BlockedBy(0, "wall", -1, "bed0")}
+    assert named(0.8, 0.6, np.pi / 2.0) == {BlockedBy(0, "stalled")}
+    assert named(0.8, 0.6, 0.0) == {BlockedBy(0, "wall", -1, "bed0")}

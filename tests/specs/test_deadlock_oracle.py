@@ -161,7 +161,7 @@ def test_time_without_a_goal_is_not_held_against_a_robot():
         robots=[Robot((0, 0), goal=late), Robot((0.62, 0))],
         walls=corridor(),
         bounds=(-6.0, -0.7, 6.0, 0.7),
-        seconds=40.0,
+        seconds=45.0,
     )
     verdict = judge(oracle(), script)
     assert verdict.evidence["onset"] == pytest.approx(20.0, abs=0.1)
@@ -174,7 +174,7 @@ def test_robots_that_could_move_away_get_time_to_do_so_with_a_goal_or_without():
             robots=[Robot((-0.31, 0), goal=(4, 0)), other],
             walls=corridor(),
             bounds=(-6.0, -0.7, 6.0, 0.7),
-            seconds=20.0,
+            seconds=26.0,
         )
 
     busy = judge(oracle(), behind(Robot((0.31, 0), goal=(-4, 0))))
@@ -190,7 +190,7 @@ def test_a_robot_that_another_keeps_off_its_room_is_not_being_served():
             tasks=[TASK],
             walls=corridor(),
             bounds=(-6.0, -0.7, 6.0, 0.7),
-            seconds=18.0,
+            seconds=26.0,
         )
 
     assert judge(oracle(), script(0.5)).who == ("robot1",)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -190,3 +192,71 @@ def test_a_task_that_the_allocator_forgets_waits():
     dispatcher.dispatch(state, 0.0, Fleet(report(), report()))
     assert state.waiting == [0]
     assert np.isfinite(state.look_at)
+
+
+def test_an_allocator_that_says_nothing_is_refused():
+    class Silent:
+        def allocate(self, problem):
+            return None
+
+    dispatcher, state = Dispatcher(world((0.0, 1, 2, 99.0)), Silent()), DispatcherState()
+    orders = dispatcher.dispatch(state, 0.0, Fleet(report(), report()))
+    assert "gave NoneType, no plan" in orders.events[0].detail
+    assert state.waiting == [0]
+
+
+def test_times_that_do_not_add_up_are_worked_out_anew():
+    dispatcher = Dispatcher(world((0.0, 1, 2, 15.0)), Scripted((PICK, DROP), ()))
+    orders = dispatcher.dispatch(DispatcherState(), 0.0, Fleet(report(), report()))
+    assert [stop.time for stop in orders.itineraries[0]] == [10.0, 20.0]
+    assert "misses its deadline" in orders.events[-1].detail
+
+
+def test_travel_and_service_are_rounded_up_and_deadlines_down():
+    seen = []
+
+    class Curious:
+        def allocate(self, problem):
+            seen.append(problem)
+            return INSERTION.allocate(problem)
+
+    base = world((0.0, 1, 2, 99.9))
+    slow = dataclasses.replace(
+        base, travel_times=frozen_array([[0, 9.2, 20], [9.2, 0, 9.2], [20, 9.2, 0]])
+    )
+    Dispatcher(slow, Curious()).dispatch(DispatcherState(), 0.0, Fleet(report(), report()))
+    assert seen[0].travel_times.tolist() == [[0, 10, 19], [10, 0, 10], [19, 10, 0]]
+    assert seen[0].tasks[0].deadline == 99.0
+
+
+def test_a_deadline_about_to_be_lost_is_planned_again_at_the_same_look():
+    tasks = [(0.0, 0, 1, 400.0), (0.0, 1, 2, 60.0)]
+    dispatcher, state = Dispatcher(world(*tasks), INSERTION), DispatcherState()
+    away = report(room=1, reachable=False)
+    dispatcher.dispatch(state, 0.0, Fleet(report(room=0), away))
+    state.replan_at = 1000.0
+    plan = (
+        Stop(task=0, action="dropoff", room=1, time=36.0),
+        Stop(task=1, action="pickup", room=1, time=46.0),
+        Stop(task=1, action="dropoff", room=2, time=56.0),
+    )
+    late = report(itinerary=plan, onboard=(0,), room=0, ends=46.0)
+    orders = dispatcher.dispatch(state, 40.0, Fleet(late, report(room=1)))
+    assert {stop.task for stop in orders.itineraries[1]} == {1}
+    # What cannot be saved is told once and then left alone.
+    alone = report(itinerary=plan, onboard=(0,), room=0, ends=56.0)
+    lost = dispatcher.dispatch(state, 41.0, Fleet(alone, away)).itineraries[0]
+    again = report(itinerary=lost, onboard=(0,), room=0, ends=56.0)
+    assert not dispatcher.dispatch(state, 42.0, Fleet(again, away)).itineraries
+
+
+@pytest.mark.parametrize("defect", ["late_feedback_unsat", "no_plan_when_infeasible"])
+def test_planted_defects_give_up_where_the_default_goes_on(defect):
+    tasks = [(0.0, 0, 1, 5.0), (30.0, 1, 2, 200.0)]
+    for planted in ((), (defect,)):
+        dispatcher, state = Dispatcher(world(*tasks), INSERTION, planted), DispatcherState()
+        first = dispatcher.dispatch(state, 0.0, Fleet(report(room=0), report(room=1)))
+        late = report(itinerary=first.itineraries.get(0, ()), room=0, ends=90.0)
+        orders = dispatcher.dispatch(state, 30.0, Fleet(late, report(room=1)))
+        assert bool(orders.itineraries) == (not planted)
+        assert (1 in state.waiting) == bool(planted)

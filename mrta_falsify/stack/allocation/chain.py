@@ -19,7 +19,7 @@ class ChainOptions:
     """What is minimised, and how far the exact search goes."""
 
     objective: Objective = "completion"
-    node_limit: int = quantity(low=0, default=300_000)  #: of the exact search; 0: never
+    node_limit: int = quantity(low=0, default=1_000_000)  #: of the exact search; 0: never
     improvement_steps: int = quantity(low=0, high=1_000_000, default=0)
     seed: int = quantity(low=0, default=0)
 

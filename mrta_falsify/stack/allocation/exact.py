@@ -27,7 +27,7 @@ from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kep
 class ExactOptions:
     """How long is searched, and what is minimised among the plans that keep all deadlines."""
 
-    node_limit: int = quantity(low=1, default=200_000_000)  #: route nodes and master conflicts
+    node_limit: int = quantity(low=1, default=100_000_000)  #: of route searches; about 20 s
     objective: Objective = "completion"
     improvement_steps: int = quantity(low=0, high=1_000_000, default=200)  #: ruins after a success
     fewest_lost: bool = True  #: search for the largest set of tasks that can be in time

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pysat.card import ITotalizer  # type: ignore[import-untyped]
-from pysat.solvers import Solver  # type: ignore[import-untyped]
+from pysat.card import ITotalizer
+from pysat.solvers import Solver
 
 from mrta_falsify.core.allocation import AllocationProblem, Stop
 from mrta_falsify.core.arrays import IntArray
@@ -36,6 +36,7 @@ from mrta_falsify.stack.allocation.route_search import (
 Bits = int  # a set of tasks, one bit each
 
 
+CONFLICT = 300  # nodes of a route search that take as long as one conflict of the master
 PATIENCE = 400  # conflicts of the master before the covering problem is tried
 MOST_SETS = 400_000  # sets looked at for the covering problem
 MOST_BITS = 62  # tasks of the covering problem
@@ -68,7 +69,8 @@ class Prover:
 
         Args:
             problem: what is to be decided.
-            node_limit: nodes of route searches and conflicts of the master, together.
+            node_limit: nodes of route searches, and of the master's conflicts as many as take
+                as long.
         """
         self._problem = problem
         self.nodes_left = node_limit
@@ -162,9 +164,10 @@ class Prover:
         if self.nodes_left <= 0:
             raise LimitReachedError
         before = self._solver.accum_stats()["conflicts"]
-        self._solver.conf_budget(min(self.nodes_left, budget))
+        self._solver.conf_budget(max(1, min(self.nodes_left // CONFLICT, budget)))
         found = self._solver.solve_limited(assumptions=list(assumptions))
-        self.nodes_left -= 1 + self._solver.accum_stats()["conflicts"] - before
+        conflicts = self._solver.accum_stats()["conflicts"] - before
+        self.nodes_left -= 1 + CONFLICT * conflicts
         if found is None and self.nodes_left > 0:
             raise _MasterIsSlowError
         if found is None:

@@ -84,7 +84,7 @@ class _Query:
 
     def __init__(self, problem: AllocationProblem, resource_limit: int) -> None:
         try:
-            import z3  # type: ignore[import-untyped]  # noqa: PLC0415
+            import z3  # noqa: PLC0415
         except ImportError:
             raise ConfigError(
                 "allocator smt needs z3; install it with: pip install mrta-falsify[smt]"

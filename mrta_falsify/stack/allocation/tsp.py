@@ -59,7 +59,7 @@ class Tsp:
     def _tours(self, problem: AllocationProblem, tasks: list[OpenTask]) -> list[list[Stop]] | None:
         """Stops per robot in the order of the TSP's solution, None if it has none."""
         try:
-            from ortools.constraint_solver import (  # type: ignore[import-untyped]  # noqa: PLC0415
+            from ortools.constraint_solver import (  # noqa: PLC0415
                 pywrapcp,
                 routing_enums_pb2,
             )

@@ -1,0 +1,77 @@
+"""The command `family`."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.commands import main
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.options import FILE, format_option
+
+
+@main.command()
+@click.argument("directory", type=FILE)
+@click.argument("name", metavar="ID")
+@click.option(
+    "--max-runs",
+    type=click.IntRange(10, 10000),
+    default=300,
+    show_default=True,
+    metavar="N",
+    help="Simulations at most, fresh samples included.",
+)
+@click.option(
+    "--fresh",
+    type=click.IntRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Samples on which the rule is tested; at most half of --max-runs.",
+)
+@click.option(
+    "-o",
+    "--output",
+    "path",
+    type=FILE,
+    metavar="FILE.scenic",
+    help="The program of the family; default: family.scenic beside the trial.",
+)
+@format_option
+def family(
+    directory: Path, name: str, max_runs: int, fresh: int, path: Path | None, style: str
+) -> int:
+    """Find the rule behind a failure: which dimensions matter, and how far they may move.
+
+    Prints the rule in the program's units with its precision on fresh samples, and writes it
+    as a Scenic program that samples inside the family. Kept beside the trial; `report` shows it.
+    """
+    if path is not None and path.suffix != ".scenic":
+        raise click.UsageError(f"-o {path}: a Scenic program's name ends with .scenic")
+    from mrta_falsify import campaigns  # noqa: PLC0415
+    from mrta_falsify import family as families  # noqa: PLC0415
+
+    opened = campaigns.open_campaign(directory)
+    record = opened.record(name)
+    with output.progress(f"family {record.id}", max_runs, "runs") as report_progress:
+        found = families.find_family(
+            opened, record, max_runs=max_runs, fresh=fresh, path=path, on_run=report_progress
+        )
+    if style == "json":
+        output.print_json({"id": record.id, **families.summary(found)})
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"failure    {found.signature}")
+    out.print("rule       it fails like this when")
+    for line in families.rule_lines(found):
+        out.print(f"             {line}")
+    out.print(f"precision  {families.sentence(found)}")
+    runs = found.learning_runs + found.precision.trials
+    out.print(f"runs       {runs}, {found.learning_runs} of them to learn the rule")
+    out.print(f"program    {found.program}")
+    again = shlex.join(["mrta-falsify", "sample", found.program, "-o", "family_samples"])
+    out.print(f"see it     {again}")
+    return ExitCode.DONE

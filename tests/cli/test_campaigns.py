@@ -1,0 +1,149 @@
+"""The road of a user through a campaign, on a small scenario and the kinematic engine."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import pytest
+
+PROGRAM = """
+model scenic_worlds.model
+new Robot with name 'robot1', with start_room 0
+new Robot with name 'robot2', with start_room 1
+new Trolley in corridors
+param tasks = [
+    (0, 0, DiscreteRange(2, 5), Range(20, 100)),
+    (Range(0, 20), 1, DiscreteRange(2, 5), Range(30, 120)),
+]
+param horizon = 60
+"""
+#: deadlines too tight to keep are sampled now and then, so that there is something to find
+QUICK = ("--set", "engine=kinematic", "--spec", "deadlines", "--sampler", "random")
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    from click.testing import CliRunner
+
+    from mrta_falsify.cli import main
+
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "small.scenic").write_text(PROGRAM)
+
+    def call(*args):
+        return CliRunner().invoke(main, [str(arg) for arg in args])
+
+    begun = call(
+        "campaign", folder / "small.scenic", "-o", folder / "c", "--budget", 3, "--workers", 1,
+        "--seed", 4, *QUICK, "--format", "json",
+    )  # fmt: skip
+    resumed = call("campaign", "--resume", folder / "c", "--budget", 6, "--format", "json")
+    return folder / "c", call, begun, resumed
+
+
+def _first_failure(call, directory):
+    rows = json.loads(call("list", directory, "--format", "json", "--failed").stdout)
+    if not rows:
+        pytest.fail("the small campaign found no missed deadline; choose another seed")
+    return rows[0]["id"]
+
+
+@pytest.mark.slow
+def test_a_campaign_finds_counts_and_goes_on(campaign):
+    _, _, begun, resumed = campaign
+    assert begun.exit_code in (0, 1), begun.stderr
+    assert resumed.exit_code == 1, resumed.stderr
+    one, whole = json.loads(begun.stdout), json.loads(resumed.stdout)
+    assert (one["ran"], whole["ran"]) == (3, 6)
+    assert whole["failed"] == sum(mode["count"] for mode in whole["modes"])
+    assert "why_not" in whole["probability"]  # repaired scenes
+    assert whole["errors"] == 0
+
+
+@pytest.mark.slow
+def test_list_show_and_replay_agree(campaign):
+    directory, call, *_ = campaign
+    rows = json.loads(call("list", directory, "--format", "json").stdout)
+    assert [row["id"] for row in rows] == [f"{i:04d}" for i in range(6)]
+    name = _first_failure(call, directory)
+    shown = json.loads(call("show", directory, name, "--format", "json").stdout)
+    assert shown["failed"]
+    replayed = call("replay", directory, name, "--verify", "2", "--format", "json")
+    assert replayed.exit_code == 0, replayed.stderr
+    assert json.loads(replayed.stdout)["identical"] == 2
+    csv = call("list", directory, "--format", "csv").stdout.splitlines()
+    assert len(csv) == 7
+
+
+@pytest.mark.slow
+def test_report_in_all_formats(campaign):
+    directory, call, *_ = campaign
+    name = _first_failure(call, directory)
+    result = call(
+        "report", directory, "--junit", directory / "out/j.xml", "--markdown", directory / "r.md"
+    )
+    assert result.exit_code == 0, result.stderr
+    page = (directory / "report.html").read_text()
+    assert f"Trial {name}" in page
+    assert "A deadline was missed" in page
+    suite = ElementTree.parse(directory / "out/j.xml").getroot()
+    assert suite.get("tests") == "6"
+    assert int(suite.get("failures")) == len(suite.findall("testcase/failure"))
+    assert "mrta-falsify replay" in (directory / "r.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_scenario_that_was_edited_is_not_gone_on_with(campaign):
+    directory, call, *_ = campaign
+    program = directory.parent / "small.scenic"
+    text = program.read_text()
+    program.write_text(text.replace("horizon = 60", "horizon = 61"))
+    try:
+        result = call("campaign", "--resume", directory, "--budget", 7)
+    finally:
+        program.write_text(text)
+    assert result.exit_code == 2
+    assert "has changed since the campaign began" in " ".join(result.stderr.split())
+
+
+@pytest.mark.slow
+def test_a_dry_run_stores_nothing_and_says_what_it_costs(campaign):
+    directory, call, *_ = campaign
+    result = call(
+        "campaign", directory.parent / "small.scenic", "-o", directory.parent / "dry",
+        "--budget", 50, "--dry-run", *QUICK, "--format", "json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    data = json.loads(result.stdout)
+    assert data["budget"] == 50
+    assert data["trial_s"] > 0
+    assert not (directory.parent / "dry").exists()
+
+
+def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
+    assert cli("init", "start").exit_code == 0
+    assert (tmp_path / "start" / "my_scenario.scenic").is_file()
+    again = cli("init", "start")
+    assert again.exit_code == 2
+    assert "nothing was written" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "expected"),
+    [
+        (("campaign",), "give a SCENARIO"),
+        (("campaign", "hospital_day"), "-o DIR is missing"),
+        (("campaign", "hospital_day", "-o", "x", "--budget", "0"), "0 is not in the range x>=1"),
+        (("campaign", "--resume", "nowhere"), "is not a campaign directory"),
+        (("campaign", "--resume", "x", "--seed", "3"), "--seed cannot be changed by --resume"),
+        (("campaign", "hospital_dey", "-o", "x"), "did you mean 'hospital_day'"),
+        (("list", "nowhere"), "is not a campaign directory"),
+        (("compare", "hospital_day", "--samplers", "randm", "-o", "x"), "did you mean 'random'"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_exit_code_2(cli, args, expected):
+    result = cli(*args)
+    assert result.exit_code == 2
+    assert expected in " ".join(result.stderr.split())
+    assert "Traceback" not in result.stderr
