@@ -13,6 +13,9 @@ Global parameters, all of them readable and searchable when random:
     tasks: list of (arrival_s, start_room, end_room, deadline_s[, pickup_s[, dropoff_s[, active]]]).
     horizon: the episode ends at this time at the latest [s], 900.
     ray_noise: standard deviation of measured obstacle distances [m], 0.
+    noise_seed: of all noise inside the episode; the candidate's own by default.
+    restrict: intervals of search dimensions by name, as `family` writes them; plain Scenic
+        ignores it.
 Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `room(i)`, `near(i)`, `along_wall(i)`,
     `doorway(i)`, `queue_area(i)`, `route(i, j)`, `beside(thing)`, `room_point(i)`.
 Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`.

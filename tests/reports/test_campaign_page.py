@@ -140,6 +140,8 @@ def open_page(report, tmp_path_factory):
 @pytest.mark.browser
 def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
     running, path = open_page
+    running.requests.clear()
+    running.errors.clear()
     running.open(path)
     running.value("document.querySelector('.replay').scrollIntoView()")
     running.wait("document.querySelector('.replay').dataset.state === 'ready'")
