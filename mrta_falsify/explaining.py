@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,13 +24,14 @@ from mrta_falsify.campaigns import stored_world
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
-from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.corpus import neighbours
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, campaign_specifications, judge, quick_stack
+from simulator_interface import forking
 from simulator_interface.simulate import Episode
 
 #: layers of the stack in the order in which they are asked; people and physics are not its own
@@ -285,28 +284,8 @@ def _with(
 
 def _in_a_copy(run: Callable[[], Finding]) -> Finding:
     """``run()`` in a copy of this process, which is as it was afterwards."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            os.close(reader)
-            with os.fdopen(writer, "w") as pipe:
-                try:
-                    json.dump({"finding": codec.encode(run())}, pipe)
-                except Exception:
-                    json.dump({"error": traceback.format_exc()}, pipe)
-            code = 0
-        finally:
-            os._exit(code)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        text = pipe.read()
-    os.waitpid(child, 0)
-    data = json.loads(text) if text else {"error": "the copy ended without an answer"}
-    if "error" in data:
-        raise HarnessError(f"a re-run failed: {data['error'].strip().splitlines()[-1]}")
-    return codec.decode(Finding, data["finding"], where="re-run")
+    data = forking.answer_of_a_copy(lambda: codec.encode(run()))
+    return codec.decode(Finding, data, where="re-run")
 
 
 def stored_explanation(folder: Path) -> Explanation | None:

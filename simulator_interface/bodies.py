@@ -26,6 +26,7 @@ from mrta_falsify.core.world import Blockage, RobotSpec, World
 from simulator_interface import gaps, rays, starts
 
 ROBOTS = Path(__file__).parent / "robots"
+OUTSIDE = 50.0  # m; beyond any sensor's reach
 CIRCLE_CORNERS = 24  # a round collision shape in a footprint; 0.9 % of its radius inside it
 JOINT_COUNT = {"differential": 2, "holonomic": 3}
 
@@ -297,6 +298,12 @@ def gather_fleet(robots: Sequence[RobotSpec]) -> Fleet:
         holonomic=np.array([model.base == "holonomic" for model in models], dtype=np.int64),
         joins_at=np.array([robot.joins_at for robot in robots]),
     )
+
+
+def outside(world: World, robot: int) -> Array:
+    """Pose ``(3,)`` far outside the map, where a robot that is taken away stands [m, m, rad]."""
+    x_min, y_min = world.bounds[:2]
+    return np.array([x_min - OUTSIDE, y_min - OUTSIDE * (1 + robot), 0.0])
 
 
 def check_starts(world: World) -> None:

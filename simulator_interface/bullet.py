@@ -23,7 +23,7 @@ from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface import gaps
 from simulator_interface.actuation import Actuation
-from simulator_interface.bodies import RobotModel, check_starts, gather_fleet
+from simulator_interface.bodies import RobotModel, check_starts, gather_fleet, outside
 from simulator_interface.kinematic import count_substeps
 from simulator_interface.rays import next_corners, ray_directions
 from simulator_interface.sensing import Observer, RayOptions, Surroundings
@@ -346,6 +346,24 @@ class BulletEngine:
         self._around.arrange(stage, self._tick * self._dt, self._is_taken)
         self._place_pieces()
         self._note_changes()
+
+    def forget_after(self, time: float) -> None:
+        """See :class:`simulator_interface.forecast.ForgettingPart`."""
+        self._around.forget_after(time)
+
+    def remove(self, robot: int) -> None:
+        """See :class:`simulator_interface.forecast.RemovingEngine`."""
+        body = self._bodies[robot]
+        x, y, _ = outside(self._around.world, robot)
+        if len(body.joints) == CARRIED:
+            for joint, value in zip(body.joints, (x, y, 0.0), strict=True):
+                pybullet.resetJointState(body.number, joint, value, 0.0, **self._call)
+        else:
+            position, turn = pybullet.getBasePositionAndOrientation(body.number, self._client)
+            place = (x, y, position[2])
+            pybullet.resetBasePositionAndOrientation(body.number, place, turn, self._client)
+        self._pose = self._read_pose()
+        self._observer.observe(self._pose, self._human)
 
     def step(self, command: Command, human_velocity: Array) -> Sensed:
         """See :class:`mrta_falsify.core.protocols.Engine`."""

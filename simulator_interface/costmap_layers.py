@@ -25,6 +25,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, Costmap
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.world import Blockage, World
+from simulator_interface.staging import without_later
 
 MAX_CELLS = 40_000_000  # 450 m x 225 m at 0.05 m; more is a mistake in bounds or resolution
 TOUCH = 1e-9  # cells; a footprint this close to a cell touches it (rounding of coordinates)
@@ -101,6 +102,10 @@ class BoundCostmap:
     def add_blockage(self, blockage: Blockage) -> None:
         """See :class:`simulator_interface.staging.StagedSource`."""
         self._blockages.append(blockage)
+
+    def forget_after(self, time: float) -> None:
+        """See :class:`simulator_interface.forecast.ForgettingPart`."""
+        self._blockages = without_later(self._blockages, time)
 
     @property
     def _sees_furniture(self) -> bool:

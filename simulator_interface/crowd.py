@@ -18,7 +18,7 @@ from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Pl
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from simulator_interface.errands import STANDS, Errand, Errands, Now
 from simulator_interface.pushing import Bystanders
-from simulator_interface.staging import Stage, StagedSource
+from simulator_interface.staging import Stage, StagedSource, without_later
 from simulator_interface.walking import Walker, Walking
 
 REDRAWN = 0.25  # m or rad; people see a piece of furniture where it was until it moved by this
@@ -96,6 +96,11 @@ class Crowd:
         self._added += (blockage,)
         assert isinstance(self.source, StagedSource)
         self.source.add_blockage(blockage)
+
+    def forget_after(self, time: float) -> None:
+        """No event that starts after ``time`` [s] happens any more."""
+        events = tuple(without_later(self.world.events, time))
+        self.world = dataclasses.replace(self.world, events=events)
 
     def replace_person(self, person: int, spec: HumanSpec) -> None:
         """Let somebody new take the place of a person who never appeared."""

@@ -18,7 +18,7 @@ from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface import gaps
 from simulator_interface.actuation import Actuation, slipping
-from simulator_interface.bodies import check_starts, gather_fleet
+from simulator_interface.bodies import check_starts, gather_fleet, outside
 from simulator_interface.gaps import (
     blocks_gap,
     place_outline,
@@ -138,6 +138,16 @@ class KinematicEngine:
         moved = np.isfinite(stage.placed[:, 0])
         self._human[moved] = stage.placed[moved]
         self._around.arrange(stage, self._tick * self._dt, self._is_taken)
+
+    def forget_after(self, time: float) -> None:
+        """See :class:`simulator_interface.forecast.ForgettingPart`."""
+        self._around.forget_after(time)
+
+    def remove(self, robot: int) -> None:
+        """See :class:`simulator_interface.forecast.RemovingEngine`."""
+        self._pose[robot] = outside(self._around.world, robot)
+        self._velocity[robot] = 0.0
+        self._observer.observe(self._pose, self._human)
 
     def _is_taken(self, polygon: Array) -> bool:
         return self._observer.is_taken(polygon, self._pose, self._human)

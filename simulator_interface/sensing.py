@@ -13,7 +13,7 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Blockage, World
 from simulator_interface import gaps, rays
 from simulator_interface.bodies import Fleet
-from simulator_interface.staging import Stage, first_inside, first_poses, pieces_of
+from simulator_interface.staging import Stage, first_inside, first_poses, pieces_of, without_later
 
 PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
 SWEEP = 3  # ticks until the rays point the same way again
@@ -82,6 +82,11 @@ class Surroundings:
             self._plan_changes()
         self._begun = False
         self.update(time, is_taken)
+
+    def forget_after(self, time: float) -> None:
+        """No blockage that starts after ``time`` [s] will ever stand."""
+        self.blockages = tuple(without_later(self.blockages, time))
+        self._plan_changes()
 
     def _plan_changes(self) -> None:
         times = {event.start for event in self.blockages} | {e.end for e in self.blockages}

@@ -17,15 +17,17 @@ from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, WorldError
-from mrta_falsify.core.fleet import FleetState, Frame, Sensed, StackEvent
-from mrta_falsify.core.protocols import CostmapSource, Engine, Specification
+from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, StackEvent
+from mrta_falsify.core.protocols import CostmapSource, Engine, Foreseeing, Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
+from simulator_interface import forking
 from simulator_interface.crowd import Crowd
+from simulator_interface.forecast import EpisodeForecast, ForgettingPart, RemovingEngine
 from simulator_interface.staging import StagedEngine, StagedSource, needs_stage
 
 #: people need more room than a robot's disc; they see every object
@@ -108,6 +110,7 @@ class Episode:
         self.stack = Stack(world, config, source)
         self.crowd = self._new_crowd()
         self._resting: tuple[int, ...] | None = None
+        self._removed: list[int] = []
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
@@ -177,6 +180,7 @@ class Episode:
                 yield Frame(
                     sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
                 )
+                command = self._without_removed(command)
                 human_velocity = self.crowd.velocities(measured)
                 stage = self.crowd.stage()
                 if stage is not None:
@@ -202,6 +206,41 @@ class Episode:
         if config.controller != self.config.controller or config.defects != self.config.defects:
             self.state.controller = self.stack.start().controller
         self.config, self._source = config, source
+
+    def forget_events(self) -> None:
+        """From now on nothing new comes from outside; to be called between two frames.
+
+        No task arrives any more, and no blockage or outage begins. Engines and costmap sources
+        that are not :class:`~simulator_interface.forecast.ForgettingPart` keep theirs.
+        """
+        assert self.state is not None, "the episode has not begun"
+        time = self.tick * self.dt
+        self.stack.forget_after(self.state, time)
+        self.crowd.forget_after(time)
+        for part in (self._engine, self._source, self.crowd.source):
+            if isinstance(part, ForgettingPart):
+                part.forget_after(time)
+
+    @property
+    def can_remove(self) -> bool:
+        """Whether robots can be taken away."""
+        return isinstance(self._engine, RemovingEngine)
+
+    def remove(self, robot: int) -> None:
+        """Take a robot out of the building; to be called between two frames.
+
+        The stack sees it far outside the map, standing, with all that follows from that.
+        """
+        assert isinstance(self._engine, RemovingEngine)
+        self._engine.remove(robot)
+        self._removed.append(robot)
+
+    def _without_removed(self, command: Command) -> Command:
+        if not self._removed:
+            return command
+        twist = np.array(command.twist)
+        twist[self._removed] = 0.0
+        return Command(twist=twist)
 
     def _as_staged(self, sensed: Sensed) -> Sensed:
         """``sensed`` with what the crowd knows: who is gone, and where furniture stands."""
@@ -311,6 +350,11 @@ def simulate(
     return running.outcome()
 
 
+def shows_window(config: StackConfig) -> bool:
+    """Whether the engine draws the run in a window, of which there can be no copy."""
+    return bool(config.engine.options.get("gui", False))
+
+
 class Run:
     """One episode, recorded and judged tick by tick.
 
@@ -356,6 +400,11 @@ class Run:
         self._ledger = _TaskLedger(world)
         self._stop = stop
         self._frames = self.episode.frames()
+        if forking.can_fork() and not shows_window(config):
+            forecast = EpisodeForecast(self.episode, self._frames)
+            for specification in self._specifications:
+                if isinstance(specification, Foreseeing):
+                    specification.foresee(forecast)
 
     def advance(self) -> Frame:
         """The next tick, recorded and judged; not to be asked for once the run has ended."""

@@ -6,15 +6,19 @@ engine and the costmaps carry it out; components that cannot are refused before 
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.directives import begins_outside
 from mrta_falsify.core.geometry import transform
-from mrta_falsify.core.world import Blockage, Furniture, World
+from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
+
+Event = TypeVar("Event", bound=Blockage | CommsOutage)
 
 FOR_EVER = 1e9  # s; what is put down stays, and whose time is this never comes
 
@@ -51,6 +55,14 @@ class StagedSource(Protocol):
 def needs_stage(world: World) -> bool:
     """Whether a world asks for more than routes: coming, going, pushing."""
     return bool(world.movable_furniture()) or any(h.directives for h in world.humans)
+
+
+def without_later(events: Iterable[Event], time: float) -> list[Event]:
+    """``events``, but those that begin after ``time`` [s] never do; numbers stay the same."""
+    return [
+        dataclasses.replace(event, start=FOR_EVER, end=FOR_EVER) if event.start > time else event
+        for event in events
+    ]
 
 
 def first_inside(world: World) -> BoolArray:

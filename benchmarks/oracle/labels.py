@@ -3,7 +3,7 @@
 Nothing here uses blocked-by edges or the oracle. From the moment under question no outside
 event happens any more (no new task, blockage or outage; those in force run their course,
 people walk on) and the same run goes on for 600 s. Robots that then still have a goal and
-made no progress in all that time (``progress.py``) are stuck. One of them is a *member* if the
+made no progress in all that time (``specs.progress``) are stuck. One of them is a *member* if the
 others it is stuck with go free once it is gone; the rest are victims.
 
 The *onset* of a deadlock is the earliest time from which none of its members ever makes
@@ -25,12 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.oracle.ghosts import GhostEngine
-from benchmarks.oracle.progress import Progress
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.progress import Progress
 from simulator_interface.simulate import Episode
 
 CONTINUE = 600.0  # s
@@ -112,8 +111,7 @@ def label(
         thorough: simulate all 600 s, even if nothing moves.
     """
     still = stopped(world, moment)
-    ghost = Choice("benchmarks.oracle.ghosts:GhostEngine")
-    episode = Episode(still, dataclasses.replace(config, engine=ghost))
+    episode = Episode(still, dataclasses.replace(config, engine=Choice("kinematic")))
     frames = episode.frames()
     progress, coarse = Progress(still), Progress(still, step=BODY)
     history: list[Array] = []
@@ -219,9 +217,7 @@ class _Forks:
         rest = stuck - {gone}
 
         def run() -> dict[str, object]:
-            engine = self._episode._engine
-            assert isinstance(engine, GhostEngine)
-            engine.vanish(gone)
+            self._episode.remove(gone)
             freed: set[int] = set()
             place: Array | None = None
             resting = _Rest()

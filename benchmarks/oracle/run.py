@@ -2,7 +2,7 @@
 
     python -m benchmarks.oracle.run [--rounds 5] [--first 0] [--kinds a,b] [-o FILE.jsonl]
 
-Each run is judged by the oracle; then it is labelled at the claimed onset or, if the oracle
+Each run is judged by the oracle; then it is labelled at the moment of its claim or, if the oracle
 claims nothing, at the moment since which the robots that stand at its end have stood (a
 missed deadlock would show there). Results are appended to FILE.jsonl as they come; cases
 already in it are skipped, so the benchmark can be stopped and taken up again.
@@ -23,11 +23,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.oracle.labels import EVERY, PLACE, Deadlock, label
-from benchmarks.oracle.progress import Progress
 from benchmarks.oracle.worlds import KINDS, SAMPLED, Case, cases
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.specs.deadlock import NoDeadlock
 from mrta_falsify.specs.motion import Standstill
+from mrta_falsify.specs.progress import Progress
+from simulator_interface.forecast import EpisodeForecast
 from simulator_interface.simulate import Episode
 
 SUSPICIOUS = 8.0  # s of standing with a goal that make an unclaimed run worth a label
@@ -39,7 +40,7 @@ def judge(case: Case, *, thorough: bool = False) -> dict[str, Any]:
     began = clock.process_time()
     claim, suspicion, ended = _run(case)
     row: dict[str, Any] = {"case": case.name, "kind": case.kind, "ended": ended}
-    moment = claim["onset"] if claim else suspicion
+    moment = claim["detected_at"] if claim else suspicion
     names = [robot.name for robot in case.world.robots]
     row["claimed"] = claim is not None
     row["moment"] = moment
@@ -81,7 +82,9 @@ def _run(case: Case) -> tuple[dict[str, Any] | None, float | None, str]:
     progress = Progress(case.world)
     still = Standstill(len(case.world.robots), radius=PLACE)
     ended, frame, since = "horizon", None, np.zeros(0)
-    for frame in episode.frames():
+    frames = episode.frames()
+    oracle.foresee(EpisodeForecast(episode, frames))
+    for frame in frames:
         oracle.update(frame)
         since = still.update(frame.sensed.pose, frame.sensed.time)
         if frame.sensed.tick % EVERY:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from mrta_falsify.core.allocation import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
@@ -250,3 +250,31 @@ class Specification(Protocol):
 
     def verdict(self) -> Verdict:
         """Verdict to date; may be asked at any time."""
+
+
+# --- looking ahead -----------------------------------------------------------------------
+
+
+class Watch(Protocol):
+    """Looks at the frames of a run that is tried out, until it has seen enough."""
+
+    def update(self, frame: Frame) -> bool:
+        """Take in a tick; True: seen enough."""
+
+    def answer(self) -> dict[str, Any]:
+        """What was seen, JSON-shaped."""
+
+
+class Forecast(Protocol):
+    """Goes on with a copy of the run, as if nothing more happened from outside."""
+
+    def __call__(self, watch: Watch, *, without: int = -1) -> dict[str, Any] | None:
+        """The answer of ``watch``; without robot ``without``, if not -1. None: cannot be done."""
+
+
+@runtime_checkable
+class Foreseeing(Protocol):
+    """A specification that may ask what will come of the present moment."""
+
+    def foresee(self, forecast: Forecast) -> None:
+        """Offer forecasts for this episode; called after ``start``, and only if there are any."""

@@ -6,8 +6,15 @@ goal that cannot be reached, an idle robot, nothing at all. A deadlock is a set 
 that wait only among themselves; robots that queue up behind it are its victims, not its
 members: were a member taken away, the rest would go free.
 
-How long a closed set must last before it counts depends on whether anything could still
-resolve it. It is *hard* if no member has a way round the others, or they hold resources that
+Whether such a set is a deadlock is asked of the run itself where that is possible (see
+:class:`~mrta_falsify.core.protocols.Forecast`): a copy of it goes on, without anything new from
+outside, until all are at rest, or for four minutes. A set that gets going again is none. Of one
+that does not, further copies without one robot each tell its members: those without whom the
+others go free.
+
+Without forecasts (a recorded trace, a system that cannot copy a process) it is a matter of
+patience. How long a closed set must last before it counts then depends on whether anything could
+still resolve it. It is *hard* if no member has a way round the others, or they hold resources that
 exclude each other. A hard set counts after a few seconds, unless robots stand in each other's
 way: they may still back off, which neither motion nor geometry rules out. Those, and sets that
 are not hard, are given longer, since a stack may re-plan, as ours does when a robot has been
@@ -16,7 +23,6 @@ parked for 5 s.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,18 +31,29 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame
+from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import CommsOutage, World
 from mrta_falsify.specs.blocked_by import STILL_FOR, UNREACHABLE
 from mrta_falsify.specs.free_space import FreeSpace
 from mrta_falsify.specs.motion import Standstill
 from mrta_falsify.specs.places import Places
+from mrta_falsify.specs.standoff import Future
+from mrta_falsify.specs.wait_graph import (
+    by_robot,
+    cores_of,
+    is_unexplained,
+    reach_of,
+    waiting_on,
+)
 
 EVALUATE_EVERY = 0.25  # s between two looks at the edges, as the tracker's
 REOPENED_FOR = 0.6  # s a robot may look free before its time in a closed set starts anew
 #: what does not start the time of a soft set anew: shuffling, a new path, a turn on the spot
 SHUFFLE = 0.3  # m
 SHUFFLE_FOR = 4.0  # s of looking free
+SHORT = 2.0  # s; who stands for less is hardly stuck
+UNCONFIRMED = 0.95  # of the patience is all that a set can use up before a forecast confirms it
 SHUFFLE_PATIENCE = 1.5  # times the soft patience, for sets that only shuffle
 BODY_CELL = 0.05  # m, grid on which ways round are looked for
 BODY_MARGIN = 0.03  # m beyond the robot's radius that any way needs on each side
@@ -60,16 +77,18 @@ class _Found:
     """The deadlock that the verdict reports."""
 
     members: tuple[int, ...]
+    group: tuple[int, ...]  #: with the robots that wait for them
     first_seen: float  #: [s]
     evidence: dict[str, Any]
 
 
 class NoDeadlock:
-    """No set of robots waits for itself for longer than the patience.
+    """No set of robots waits for itself for good.
 
     Robustness [s]: patience minus the age of the oldest closed set so far. The age of a soft
     set runs slower by ``patience / soft_patience``; a robot that merely waits for another one
     lowers robustness too, but never below half the patience, so that a search has a slope.
+    Where there are forecasts, only a deadlock that one confirmed takes it below 0.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +100,10 @@ class NoDeadlock:
         idle_patience: float = quantity(above=0.0, unit="s", default=12.0)  #: behind an idle robot
         human_patience: float = quantity(above=0.0, unit="s", default=30.0)  #: a person who stands
         robot_gap: float = quantity(above=0.0, unit="m", default=0.6)  #: needed to pass a robot
+        #: a set closed, or a robot standing, for so long is asked about in a forecast
+        ask_closed: float = quantity(above=0.0, unit="s", default=1.5)
+        ask_standing: float = quantity(above=0.0, unit="s", default=20.0)
+        look_ahead: float = quantity(above=0.0, unit="s", default=240.0)  #: of a forecast, at most
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -105,10 +128,16 @@ class NoDeadlock:
         self._piece = {item.name: k for k, item in enumerate(pieces)}
         self._piece_pose = np.full((len(pieces), 3), np.inf)
         self._piece_since = np.zeros(len(pieces))
+        self._forecast: Forecast | None = None
+        self._future = Future(world)
         self._worst = 0.0  # largest share of the patience used up
         self._longest_wait = 0.0
         self._violated_at: float | None = None
         self._found: list[_Found] = []
+
+    def foresee(self, forecast: Forecast) -> None:
+        """See :class:`mrta_falsify.core.protocols.Foreseeing`."""
+        self._forecast = forecast
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -120,22 +149,28 @@ class NoDeadlock:
             self._watch_humans(sensed.human_position, sensed.time)
         if len(sensed.furniture_pose) == len(self._piece) > 0:
             self._watch_furniture(sensed.furniture_pose, sensed.time)
+        if self._forecast is not None:
+            self._future.note(frame)
         if not frame.blocked_by:
             return
         time = sensed.time
         self._space.furnish(sensed.furniture_pose)
-        edges = _by_robot(frame.blocked_by)
+        edges = by_robot(frame.blocked_by)
         lost, permanent = self._lost(edges, frame)
         self._remember(lost, sensed.pose[:, :2], time)
         self._count_waits(edges, since, time)
-        for members in _cores(lost, edges):
+        if self._forecast is not None:
+            self._look_ahead(self._forecast, lost, edges, permanent, frame, since)
+        for members in cores_of(lost, edges):
             closed = self._closed_set(members, edges, permanent, frame, since)
             stuck_for = time - float(self._stuck_since[list(members)].max())
             shuffling = stuck_for / (SHUFFLE_PATIENCE * self._options.soft_patience)
             share = max(closed.age / closed.patience, shuffling)
+            if self._forecast is not None:
+                share = min(share, UNCONFIRMED)
             self._worst = max(self._worst, share)
             if share > 1.0:
-                self._report(closed, edges, lost, frame)
+                self._report(closed, waiting_on(members, lost, edges), edges, lost, frame)
 
     def verdict(self) -> Verdict:
         """Verdict to date."""
@@ -157,6 +192,45 @@ class NoDeadlock:
             evidence=evidence,
         )
 
+    # --- what a copy of the run says ---------------------------------------------------
+
+    def _look_ahead(
+        self,
+        forecast: Forecast,
+        lost: set[int],
+        edges: dict[int, list[BlockedBy]],
+        permanent: set[BlockedBy],
+        frame: Frame,
+        since: Array,
+    ) -> None:
+        """Ask for a forecast if somebody may be stuck about whom nothing is known yet."""
+        time, options = frame.sensed.time, self._options
+        is_last = time > self._world.horizon - EVALUATE_EVERY
+        known = {i for found in self._found for i in (*found.members, *found.group)}
+        closed_for = time - self._closed_since + STILL_FOR
+        stands_for = time - since
+        busy = {i for i, own in edges.items() if own[0].cause != "task"}
+        asked = {i for i in lost if is_last or closed_for[i] > options.ask_closed}
+        patience = SHORT if is_last else options.ask_standing
+        asked |= {i for i in busy if stands_for[i] > patience}
+        asked = {
+            i
+            for i in asked - known
+            if self._future.free_at[i] <= time and not reach_of(i, set(edges), edges) & known
+        }
+        if not asked:
+            return
+        groups = self._future.deadlocks(forecast, asked, time, options.look_ahead)
+        for members, group in groups:
+            if known & set(group):
+                continue
+            shown = {i: edges.get(i, []) for i in group}
+            onset = self._onset(members, since)
+            hard = self._is_hard(members, shown, permanent, frame)
+            closed = _Closed(members, onset, time - onset, hard, options.patience)
+            self._worst = max(self._worst, 1.0 + closed.age / options.patience)
+            self._report(closed, set(group) - set(members), shown, lost, frame)
+
     # --- what never moves --------------------------------------------------------------
 
     def _lost(
@@ -172,7 +246,7 @@ class NoDeadlock:
             if edge.cause != "task" and self._is_permanent(edge, idle, time)
         }
         if self._awaits_an_end(time):
-            permanent = {edge for edge in permanent if not _is_unexplained(edge)}
+            permanent = {edge for edge in permanent if not is_unexplained(edge)}
         cut_off = self._in_outage(time)
         lost = {i for i in edges if i not in idle and i not in cut_off}
         while True:
@@ -254,17 +328,22 @@ class NoDeadlock:
         since: Array,
     ) -> _Closed:
         time = frame.sensed.time
-        chosen = list(members)
-        onset = float(since[chosen].max())
-        closed_for = time - float(self._closed_since[chosen].max()) + STILL_FOR
+        onset = self._onset(members, since)
         hard = self._is_hard(members, edges, permanent, frame)
         return _Closed(
             members=members,
             onset=onset,
-            age=min(time - onset, closed_for),
+            age=time - onset,
             hard=hard,
             patience=self._patience(members, edges, permanent, hard=hard),
         )
+
+    def _onset(self, members: tuple[int, ...], since: Array) -> float:
+        """When the last of ``members`` stopped and began to wait for the others [s]."""
+        chosen = list(members)
+        closed = self._closed_since[chosen]
+        began = closed[np.isfinite(closed)].max(initial=STILL_FOR) - STILL_FOR
+        return float(max(since[chosen].max(), began))
 
     def _patience(
         self,
@@ -329,6 +408,7 @@ class NoDeadlock:
     def _report(
         self,
         closed: _Closed,
+        victims: set[int],
         edges: dict[int, list[BlockedBy]],
         lost: set[int],
         frame: Frame,
@@ -340,13 +420,14 @@ class NoDeadlock:
             return
         names = self._names
         shown = [edge for i in closed.members for edge in edges[i]]
-        others = {e.other for e in shown if e.cause != "human"} - lost - {-1}
+        within = lost | victims | set(closed.members)
+        others = {e.other for e in shown if e.cause != "human"} - within - {-1}
         place = frame.sensed.pose[list(closed.members), :2].mean(axis=0)
         near, distance = Places(self._world).nearest_name(place)
         evidence: dict[str, Any] = {
             "members": [names[i] for i in closed.members],
             "cycle": [self._shown_edge(edge) for edge in shown],
-            "victims": [names[i] for i in sorted(_waiting_on(closed.members, lost, edges))],
+            "victims": [names[i] for i in sorted(victims)],
             "blockers": sorted(names[i] for i in others),
             "place": {
                 "x": float(place[0]),
@@ -357,8 +438,10 @@ class NoDeadlock:
             "onset": closed.onset,
             "detected_at": time,
             "hard": closed.hard,
+            "confirmed": self._forecast is not None,
         }
-        self._found.append(_Found(closed.members, time, evidence))
+        group = (*closed.members, *sorted(victims))
+        self._found.append(_Found(closed.members, group, time, evidence))
 
     def _shown_edge(self, edge: BlockedBy) -> dict[str, str]:
         other = ""
@@ -371,41 +454,3 @@ class NoDeadlock:
             "blocked_by": other,
             "resource": edge.resource,
         }
-
-
-def _is_unexplained(edge: BlockedBy) -> bool:
-    """Whether the geometry shows no reason why the robot stands."""
-    return edge.other < 0 and not edge.resource and edge.cause in ("stalled", "no-path")
-
-
-def _by_robot(edges: Iterable[BlockedBy]) -> dict[int, list[BlockedBy]]:
-    grouped: dict[int, list[BlockedBy]] = {}
-    for edge in edges:
-        grouped.setdefault(edge.robot, []).append(edge)
-    return grouped
-
-
-def _reach(start: int, lost: set[int], edges: dict[int, list[BlockedBy]]) -> set[int]:
-    """Lost robots that ``start`` waits for, directly or through others."""
-    reached: set[int] = set()
-    border = [start]
-    while border:
-        for edge in edges[border.pop()]:
-            if edge.cause != "human" and edge.other in lost and edge.other not in reached:
-                reached.add(edge.other)
-                border.append(edge.other)
-    return reached
-
-
-def _cores(lost: set[int], edges: dict[int, list[BlockedBy]]) -> list[tuple[int, ...]]:
-    """Smallest closed sets: strongly connected components that no edge leaves."""
-    reach = {i: _reach(i, lost, edges) for i in sorted(lost)}
-    cores = {tuple(sorted(reach[i] | {i})) for i in reach if all(i in reach[j] for j in reach[i])}
-    return sorted(cores)
-
-
-def _waiting_on(
-    members: tuple[int, ...], lost: set[int], edges: dict[int, list[BlockedBy]]
-) -> set[int]:
-    core = set(members)
-    return {i for i in lost - core if _reach(i, lost, edges) & core}

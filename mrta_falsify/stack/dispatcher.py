@@ -97,7 +97,11 @@ class Dispatcher:
 
     def all_done(self, state: DispatcherState) -> bool:
         """Whether every task is delivered and none is to come."""
-        return state.delivered == len(self._tasks)
+        return state.delivered == len(self._order)
+
+    def take_no_more(self, state: DispatcherState) -> None:
+        """Tasks that have not arrived yet never will."""
+        self._order = self._order[: state.known]
 
     def travel_time(self, start: int, end: int) -> float:
         """Time [s] from room to room."""

@@ -8,6 +8,7 @@ look-ahead -> controller -> command``. The memory is an explicit value, :class:`
 from __future__ import annotations
 
 import bisect
+import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
@@ -153,9 +154,7 @@ class Stack:
         self._lanes: dict[tuple[int, int], Lane] = {
             (lane.start, lane.end): lane for lane in world.lanes
         }
-        self._link_changes = outage_times(world)
-        before = links_at(world, -1.0)
-        self._links = [before, *(links_at(world, time) for time in self._link_changes)]
+        self._read_outages(world)
         blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
         robots = world.robots
@@ -163,6 +162,18 @@ class Stack:
         self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
         self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
         self._points = [np.asarray(room.point) for room in world.rooms]
+
+    def _read_outages(self, world: World) -> None:
+        self._link_changes = outage_times(world)
+        before = links_at(world, -1.0)
+        self._links = [before, *(links_at(world, time) for time in self._link_changes)]
+
+    def forget_after(self, state: StackState, time: float) -> None:
+        """No task that has not arrived by ``time`` [s] ever will, nor will a later outage begin."""
+        self._dispatcher.take_no_more(state.dispatcher)
+        events = tuple(event for event in self._world.events if event.start <= time)
+        self._read_outages(dataclasses.replace(self._world, events=events))
+        state.link_epoch = bisect.bisect_right(self._link_changes, time)
 
     def start(self) -> StackState:
         """Memory at time 0: robots hold the rooms they stand in."""

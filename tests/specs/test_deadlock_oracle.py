@@ -410,3 +410,68 @@ def test_shifting_the_map_does_not_change_robustness(dx, dy):
     there = judge(oracle(), shifted(dx * 0.5, dy * 0.5))
     assert there.robustness == here.robustness
     assert there.who == here.who
+
+
+# --- with forecasts --------------------------------------------------------------------------
+
+
+def foretold(script: Script, fate) -> NoDeadlock:
+    """The oracle over ``script`` when forecasts answer ``fate(watch, without)``."""
+    world, judged = script.world(), oracle()
+    judged.start(world, 0.05)
+    judged.foresee(lambda watch, *, without=-1: fate(watch, without))
+    for frame in script.frames(world):
+        judged.update(frame)
+    return judged
+
+
+def test_a_set_that_a_forecast_shows_to_go_on_is_no_deadlock_however_long_it_lasts():
+    asked = []
+
+    def fate(watch, without):
+        asked.append(without)
+        return {"stuck": {}, "freed": {"0": 28.0, "1": 29.0}, "looked": 29.0}
+
+    verdict = foretold(head_on(), fate).verdict()
+    assert not verdict.violated
+    assert verdict.robustness > 0.0
+    assert len(asked) < 6  # at first, and once they should have gone on
+
+
+def test_a_set_that_a_forecast_shows_to_stay_is_found_at_once_with_its_members():
+    def fate(watch, without):
+        if without < 0:
+            return {"stuck": {"0": 3.0, "1": 3.0}, "freed": {}, "looked": 60.0}
+        return {"freed": [1 - without]}
+
+    verdict = foretold(head_on(), fate).verdict()
+    assert verdict.who == ("robot1", "robot2")
+    assert 3.0 < verdict.violated_at < 6.0
+    assert verdict.evidence["confirmed"]
+    assert verdict.evidence["onset"] == pytest.approx(3.0, abs=0.3)
+
+
+def test_who_goes_free_without_one_robot_while_that_one_stays_put_is_its_victim():
+    def fate(watch, without):
+        if without < 0:
+            return {"stuck": {"0": 3.0, "1": 3.0}, "freed": {}, "looked": 60.0}
+        return {"freed": [1] if without == 0 else []}
+
+    verdict = foretold(head_on(), fate).verdict()
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["victims"] == ["robot2"]
+
+
+def test_a_lone_robot_that_waits_for_one_who_is_still_to_come_is_asked_about_then():
+    asked = []
+
+    def fate(watch, without):
+        asked.append(without)
+        if without < 0:
+            return {"stuck": {"0": 3.0, "1": 12.0}, "freed": {}, "looked": 60.0}
+        return {"freed": [1 - without]}
+
+    verdict = foretold(head_on(), fate).verdict()
+    assert verdict.who == ("robot1", "robot2")
+    assert 12.0 <= verdict.violated_at < 14.0
+    assert asked == [-1, 0, 1, -1, 0, 1]

@@ -1,5 +1,7 @@
 """User formulas: syntax, signals, and the engine against our own evaluator."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import sentil
@@ -136,3 +138,28 @@ def test_engine_agrees_with_our_evaluator(node, rows):
     trace = sentil.Trace(np.arange(len(table), dtype=np.float64), columns)
     engine = sentil.Formula.parse(stl_reference.to_text(node)).robustness_signal(trace)
     np.testing.assert_array_equal(engine, stl_reference.robustness(node, columns))
+
+
+def test_what_may_still_come_true_is_violated_at_no_time_until_the_horizon():
+    begun = judge(formula("eventually (d_human > 9.0)"), PASS)
+    assert begun.violated
+    assert begun.violated_at is None  # or a search would end the episode here
+    never = judge(formula("eventually (d_human > 9.0)"), dataclasses.replace(PASS, horizon=8.0))
+    assert never.violated_at == pytest.approx(8.0, abs=0.1)
+
+
+def test_a_verdict_on_the_way_does_not_disturb_the_last_one():
+    asked = formula("always[3, 4.5] (d_human > 0.5)")
+    plain = judge(formula("always[3, 4.5] (d_human > 0.5)"), PASS)
+    assert judge(_asking_all_the_time(asked), PASS) == plain
+
+
+class _asking_all_the_time:
+    def __init__(self, inner):
+        self.inner = inner
+        self.start = inner.start
+        self.verdict = inner.verdict
+
+    def update(self, frame):
+        self.inner.update(frame)
+        self.inner.verdict()

@@ -1,0 +1,137 @@
+"""Forecasts: what a copy of a run shows, and that the run does not notice."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from benchmarks.oracle.floors import robot, two_rooms
+from benchmarks.oracle.stacks import SYMMETRIC, IN_TURN, stack
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.world import Blockage, CommsOutage, Task
+from mrta_falsify.specs.library import build_specifications
+from simulator_interface.forecast import EpisodeForecast
+from simulator_interface.simulate import Episode, simulate
+
+ENGINES = ("bullet", "kinematic")
+DRIVE = Task(arrival=0.0, start=0, end=1, deadline=900.0)
+
+
+def rooms(*, width: float = 1.0, robots=None, tasks=(DRIVE,), events=(), horizon=60.0):
+    """Two rooms of 2 m joined by a passage of 3 m; one robot in the left one."""
+    world = two_rooms(box(-1.5, -width / 2, 1.5, width / 2), side=2.0, gap=3.0)
+    robots = robots or (robot(0, -2.5, 0.0),)
+    return dataclasses.replace(
+        world, robots=robots, tasks=tasks, events=tuple(events), horizon=horizon
+    )
+
+
+def swap():
+    """Two robots that want through a passage for one; neither gives way."""
+    robots = (robot(0, -2.5, 0.0), robot(1, 2.5, 0.0, np.pi))
+    tasks = (DRIVE, Task(arrival=0.0, start=1, end=0, deadline=900.0))
+    return rooms(width=0.7, robots=robots, tasks=tasks), stack(SYMMETRIC, allocator=IN_TURN)
+
+
+class Looking:
+    """Poses, robots with a goal, and open ways until a time."""
+
+    def __init__(self, until: float) -> None:
+        self.until = until
+        self.seen: list = []
+        self.goals: set[int] = set()
+        self.kinds: set[str] = set()
+
+    def update(self, frame) -> bool:
+        self.seen.append(frame.sensed.pose.tolist())
+        self.goals |= set(np.flatnonzero(np.isfinite(frame.intent.goal[:, 0])).tolist())
+        self.kinds |= {event.kind for event in frame.events}
+        return frame.sensed.time >= self.until
+
+    def answer(self) -> dict:
+        return {"seen": self.seen, "goals": sorted(self.goals), "kinds": sorted(self.kinds)}
+
+
+def on(engine: str, config=None):
+    return dataclasses.replace(config or stack(), engine=Choice(engine))
+
+
+def begun(world, config, until: float):
+    """An episode that has come to ``until`` [s], its frames, and forecasts from there."""
+    episode = Episode(world, config)
+    frames = episode.frames()
+    while next(frames).sensed.time < until - 1e-9:
+        pass
+    return episode, frames, EpisodeForecast(episode, frames)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_forecast_is_what_then_happens(engine):
+    _, frames, forecast = begun(rooms(), on(engine), 2.0)
+    foreseen = forecast(Looking(5.0))["seen"]
+    happened = [next(frames).sensed.pose.tolist() for _ in foreseen]
+    assert len(foreseen) == 30
+    assert foreseen == happened
+    assert foreseen[0] != foreseen[-1]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_that_is_asked_about_goes_on_as_if_it_had_not_been(engine):
+    world, config = swap()
+    config = on(engine, config)
+    plain = simulate(world, config, specifications=build_specifications(("all_tasks_done",)))
+    asked = simulate(world, config, specifications=build_specifications(("no_deadlock",)))
+    (verdict,) = asked.verdicts
+    assert verdict.violated
+    assert asked.trace.digest == plain.trace.digest
+
+
+def test_tasks_still_to_arrive_are_left_out():
+    late = Task(arrival=5.0, start=1, end=0, deadline=900.0)
+    world = rooms(tasks=(late,))
+    _, _, forecast = begun(world, stack(), 2.0)
+    assert forecast(Looking(10.0))["goals"] == []
+    _, _, forecast = begun(world, stack(), 5.2)
+    assert forecast(Looking(10.0))["goals"] == [0]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_blockages_and_outages_still_to_begin_are_left_out(engine):
+    cart = Blockage(name="cart", polygon=rectangle(0.5, 1.0, (0.0, 0.0)), start=1.5, end=1e6)
+    cut = CommsOutage(name="cut", robots=(), links=("states",), start=1.5, end=1e6)
+    world = rooms(events=(cart, cut))
+    _, frames, forecast = begun(world, on(engine), 1.0)
+    foreseen = forecast(Looking(20.0))
+    assert foreseen["seen"][-1][0][0] > 2.0
+    assert "comms-lost" not in foreseen["kinds"]
+    happened = Looking(20.0)
+    while not happened.update(next(frames)):
+        pass
+    assert happened.seen[-1][0][0] < 0.0
+    assert "comms-lost" in happened.kinds
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_without_one_of_two_that_block_each_other_the_other_goes_free(engine):
+    world, config = swap()
+    _, _, forecast = begun(world, on(engine, config), 15.0)
+    together = np.array(forecast(Looking(35.0))["seen"])
+    assert np.abs(together[-1, :, :2] - together[0, :, :2]).max() < 0.5
+    alone = np.array(forecast(Looking(35.0), without=1)["seen"])
+    assert alone[-1, 0, 0] > 2.0
+    assert alone[0, 1, 0] < world.bounds[0] - 20.0  # far outside the map
+    assert np.abs(alone[:, 1, :2] - alone[0, 1, :2]).max() < 0.05
+
+
+def test_a_copy_that_fails_says_so_and_the_run_goes_on():
+    class Broken(Looking):
+        def update(self, frame):
+            raise ValueError("no such thing")
+
+    _, frames, forecast = begun(rooms(), stack(), 1.0)
+    with pytest.raises(HarnessError, match="no such thing"):
+        forecast(Broken(5.0))
+    assert next(frames).sensed.time == pytest.approx(1.1)
