@@ -26,12 +26,12 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world, write_world
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
+from reports.views import RunView
 from scenic_worlds import layouts, variation
 from simulator_interface import starts
 from simulator_interface.formats import mrta_sim, nav2
 
 if TYPE_CHECKING:
-    from reports.figures import RunView
     from scenic_worlds.program import Realised
     from simulator_interface.simulate import Outcome
 
@@ -359,8 +359,6 @@ def make_directory(directory: Path) -> Path:
 
 def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:
     """What pictures and pages of a run are made from."""
-    from reports.figures import RunView  # noqa: PLC0415 - matplotlib loads slowly
-
     tasks = outcome.tasks
     touched = [
         f"{count} {kind.replace('_', '-')}" for kind, count in outcome.contacts.items() if count

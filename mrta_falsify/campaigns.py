@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mrta_falsify import app
+from mrta_falsify.campaign.rare_events import estimated_probability, is_estimating
 from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
 from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.campaign.statistics import failure_probability, why_no_probability
@@ -50,7 +51,7 @@ def new_settings(
     sampler: Choice | None = None,
     seed: int = 0,
     specifications: Sequence[str] = (),
-    mode: str = "repair",
+    mode: Literal["repair", "exact"] = "repair",
     screen: bool = False,
     early_stop: bool = True,
     window: int = 8,
@@ -145,6 +146,19 @@ def local_workers(wanted: int | None) -> Choice:
     return Choice("processes", {"workers": wanted or len(os.sched_getaffinity(0))})
 
 
+def chosen_executor(name: str | None, workers: int | None) -> Choice:
+    """Executor by name with ``workers`` if it has any; local processes if None.
+
+    Raises:
+        InputError: unknown name, or an extra that is not installed.
+    """
+    if name is None:
+        return local_workers(workers)
+    options = registry.load("executor", name, where="campaign").Options
+    takes_workers = any(field.name == "workers" for field in dataclasses.fields(options))
+    return Choice(name, local_workers(workers).options) if takes_workers else Choice(name)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
     """A campaign that has ended, for now."""
@@ -211,9 +225,14 @@ def probability_of(campaign: Campaign, *, stopped_early: bool = False) -> dict[s
         campaign: its trials.
         stopped_early: whether what was found decided how many trials there are.
     """
-    reason = why_no_probability(campaign.settings, stopped_early=stopped_early)
+    estimating = is_estimating(campaign.settings)
+    reason = why_no_probability(
+        campaign.settings, stopped_early=stopped_early, is_estimating=estimating
+    )
     if reason:
         return {"why_not": reason}
+    if estimating:
+        return dataclasses.asdict(estimated_probability(campaign))
     judged = [record for record in campaign.records if record.status == "ok"]
     errors = sum(record.status in ("crashed", "timeout") for record in campaign.records)
     failed = sum(record.failed for record in judged)

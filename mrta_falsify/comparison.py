@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,12 @@ from typing import Any
 from mrta_falsify import campaigns
 from mrta_falsify.campaign import survival
 from mrta_falsify.campaign.settings import CampaignSettings, Limits
-from mrta_falsify.campaign.store import SETTINGS, Campaign
+from mrta_falsify.campaign.store import SETTINGS, Campaign, StoreError, write_atomically
 from mrta_falsify.campaign.survival import Search
+from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
+
+MARK = "comparison.json"  # says what is compared; makes a directory one of comparisons
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +58,9 @@ def run(
         Whether all have ended; False after Ctrl-C.
 
     Raises:
-        StoreError: a search in ``directory`` belongs to another plan.
+        StoreError: ``directory``, or a search in it, belongs to another plan.
     """
+    _mark(plan, directory)
     searches = plan.searches(directory)
     for done, (name, seed, folder) in enumerate(searches, start=1):
         settings = _settings(plan, name, seed, folder)
@@ -68,6 +73,48 @@ def run(
         found = f"failure at {progress.first_failure}" if progress.first_failure else "no failure"
         on_search(done, len(searches), f"{name}, seed {seed}: {found} in {progress.ran} trials")
     return True
+
+
+def check_is_comparison(directory: Path) -> None:
+    """Refuse to go on with what is no comparison.
+
+    Raises:
+        StoreError: says so.
+    """
+    if not (directory / MARK).is_file() and not any(directory.glob(f"*/*/{SETTINGS}")):
+        raise StoreError(
+            f"{directory}: is not a comparison (it has no {MARK}); begin one without --resume"
+        )
+
+
+def _mark(plan: Plan, directory: Path) -> None:
+    """Note in ``directory`` what is compared there.
+
+    Raises:
+        StoreError: something else is.
+    """
+    trials = plan.settings.trials
+    compared: dict[str, Any] = {
+        "scenario": trials.scenario,
+        "parameters": codec.encode(trials.params),
+        "stack": codec.encode(trials.stack),
+        "specifications": list(trials.specifications),
+    }
+    path = directory / MARK
+    if not path.is_file():
+        try:
+            write_atomically(path, (json.dumps(compared, indent=1) + "\n").encode())
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written: {error.strerror}") from None
+        return
+    known = codec.read_json(path)
+    for name, value in compared.items():
+        there = known.get(name) if isinstance(known, dict) else None
+        if there != value:
+            raise StoreError(
+                f"{directory}: compares samplers with other {name} (see its {MARK}); "
+                "choose another directory"
+            )
 
 
 def _settings(plan: Plan, name: str, seed: int, folder: Path) -> CampaignSettings:

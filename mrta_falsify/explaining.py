@@ -14,6 +14,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from mrta_falsify.corpus import neighbours
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, campaign_specifications, judge, quick_stack
 from simulator_interface import forking
+from simulator_interface.forecast import offer_forecasts
 from simulator_interface.simulate import Episode
 
 #: layers of the stack in the order in which they are asked; people and physics are not its own
@@ -176,13 +178,15 @@ def changes_of(config: StackConfig) -> list[Change]:
         ours: Choice = getattr(reference, layer)
         if choice != ours or kept != config.defects:
             text = f"{_spaced(layer)}: the shipped {ours.name} instead of the one under test"
-            changed = dataclasses.replace(config, defects=kept, **{layer: ours})
+            other: dict[str, Any] = {layer: ours}
+            changed = dataclasses.replace(config, defects=kept, **other)
             changes.append(Change(layer=layer, text=text, config=changed))
             continue
         for name in registry.names(layer):
             if name == choice.name or name in LEFT_OUT:
                 continue
-            changed = dataclasses.replace(config, **{layer: Choice(name)})
+            other = {layer: Choice(name)}
+            changed = dataclasses.replace(config, **other)
             text = f"{_spaced(layer)}: {name} instead of {choice.name}"
             changes.append(Change(layer=layer, text=text, config=changed))
     return changes
@@ -235,6 +239,7 @@ def _continue(
     for specification in specifications:
         specification.start(job.world, running.dt)
     frames = running.frames()
+    offer_forecasts(specifications, running, frames)
     until = (verdict.violated_at or job.world.horizon) + AFTER
     try:
         for frame in frames:
@@ -243,9 +248,8 @@ def _continue(
             if frame.sensed.time >= at:
                 break
         for change in changes:
-            finding = _in_a_copy(
-                lambda change=change: _with(running, frames, specifications, verdict, change, until)
-            )
+            run = partial(_with, running, frames, specifications, verdict, change, until)
+            finding = _in_a_copy(run)
             on_done(f"{'gone ' if finding.failure_gone else 'stays'}  {finding.change}")
             yield finding
     finally:

@@ -1,4 +1,4 @@
-"""Worlds and runs for other systems: Nav2, SDF, MRTA-Sim, MCAP, GIF."""
+"""Worlds and runs for other systems: Nav2, SDF, MRTA-Sim, MCAP, GIF, MP4."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.trial import quick_stack, rerun
+from reports.views import RunView
 
-Kind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif"]
+Kind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4"]
 KINDS: tuple[str, ...] = get_args(Kind)
-OF_RUNS = ("mcap", "gif")  #: that need more than a world
+OF_RUNS = ("mcap", "gif", "mp4")  #: that need more than a world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +64,7 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
     Args:
         subject: what.
         kind: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file), ``mrta-sim`` (a
-            directory), ``mcap`` or ``gif`` (a file).
+            directory), ``mcap``, ``gif`` or ``mp4`` (a file).
         path: where.
 
     Returns:
@@ -93,7 +94,6 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
         mcap.write_mcap(world, subject.trace, app.costmap_of(world, config), path)
     else:
         from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
-        from reports.figures import RunView  # noqa: PLC0415
 
         view = RunView(
             world=world,
@@ -101,7 +101,8 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
             verdicts=subject.verdicts,
             costmap=app.costmap_of(world, config),
         )
-        animation.write_gif(view, path)
+        write = animation.write_gif if kind == "gif" else animation.write_mp4
+        write(view, path)
     return (path,)
 
 
@@ -118,7 +119,7 @@ def _check_scripted(subject: Subject, kind: str) -> None:
     if kind == "mrta-sim":
         raise WorldError(
             f"{world.name}: cannot be written for MRTA-Sim, {reason}, which its files cannot "
-            "hold; choose nav2, sdf, or the run of a trial as mcap or gif"
+            "hold; choose nav2, sdf, or the run of a trial as mcap, gif or mp4"
         )
     if kind in OF_RUNS and subject.trace is None:
         raise WorldError(

@@ -317,7 +317,7 @@ def _named(group: str, items: Sequence[Any]) -> str:
 
 
 def _calm_robots(world: World) -> World:
-    quiet = {
+    quiet: dict[str, Any] = {
         "position_noise": 0.0,
         "heading_noise": 0.0,
         "wheel_slip": 0.0,

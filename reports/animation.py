@@ -18,20 +18,11 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
-from reports.figures import (
-    FURNITURE,
-    FURNITURE_EDGE,
-    HUMAN,
-    HUMAN_BLIND,
-    INK,
-    UNSAFE,
-    RunView,
-    draw_floor,
-    extent_of,
-    robot_colour,
-    robot_outline,
-)
+from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
+from reports.figure_floor import draw_floor
+from reports.figure_motion import robot_outline
 from reports.furnishing import fixed_outlines, movable_outlines
+from reports.views import RunView, extent_of
 
 HEIGHT = 900  # pixels of the taller side
 FRAMES_PER_SECOND = 12

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,104 +14,42 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
-from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
+from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import World
-from reports import drawings, packing
-from reports.figures import costmap_image
+from reports import charts, drawings, errands, packing
+from reports.colours import costmap_colours
+from reports.contents import Case, Report
 from reports.sentences import edge_sentence, sentence
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Counterfactual:
-    """What a re-run with one thing changed showed."""
-
-    change: str  #: in words, for example "priority rule: distance_to_goal instead of fixed"
-    failure_gone: bool
-    detail: str = ""
+MOST_BYTES = 4_500_000  # of the cases of a page, so that it stays under 5 MB
+COSTMAP_STEP = 21  # cost values that share a colour
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Case:
-    """One failure as the report shows it."""
-
-    id: str
-    signature: str
-    world: World
-    trace: Trace
-    verdicts: tuple[Verdict, ...]
-    facts: tuple[tuple[str, str], ...]  #: label and text: digests, seeds, engine, versions
-    commands: tuple[tuple[str, str], ...]  #: what it does, and the command
-    costmap: Costmap | None = None  #: at time 0
-    layer: str = ""  #: suspected
-    counterfactuals: tuple[Counterfactual, ...] = ()
-    identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
-    jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
-    removed: tuple[str, ...] = ()  #: by the minimiser, in words
-    minimised: Case | None = None
-    neighbours: tuple[str, ...] = ()  #: that pass, in words
-    family: tuple[str, ...] = ()  #: conditions under which runs fail like this, in words
-    family_precision: str = ""  #: how often they do, empty: nobody asked
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mode:
-    """Failures with one signature; some of them in full."""
-
-    signature: str
-    ids: tuple[str, ...]
-    cases: tuple[Case, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trials:
-    """All judged trials of a campaign, in order."""
-
-    numbers: tuple[int, ...]
-    scores: tuple[float, ...]
-    failed: tuple[bool, ...]
-    places: np.ndarray  #: (n, 2) where each came closest to trouble [m]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Report:
-    """Everything the page of a campaign says."""
-
-    title: str
-    headline: str
-    facts: tuple[tuple[str, str], ...]
-    modes: tuple[Mode, ...]
-    trials: Trials
-    errors: tuple[tuple[str, str], ...] = ()  #: id and what the toolkit failed at
-    floor: World | None = None  #: whose floor the coverage map shows
-    stack: str = ""  #: YAML
-    versions: tuple[tuple[str, str], ...] = ()
-    notes: tuple[str, ...] = ()  #: what the numbers do not say
-    tables: tuple[Table, ...] = ()  #: further tables
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A table with a heading."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...] = field(default_factory=tuple)
-
-
-def write_report(report: Report, path: Path) -> None:
+def write_report(report: Report, path: Path, *, most_bytes: int = MOST_BYTES) -> None:
     """Write the page.
 
     Args:
         report: what it says.
         path: the HTML file.
+        most_bytes: see :func:`render`.
+
+    Raises:
+        FormatError: it cannot be written.
     """
-    path.write_text(render(report), encoding="utf-8")
+    try:
+        path.write_text(render(report, most_bytes=most_bytes), encoding="utf-8")
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def render(report: Report) -> str:
-    """The page as HTML text."""
+def render(report: Report, *, most_bytes: int = MOST_BYTES) -> str:
+    """The page as HTML text.
+
+    Args:
+        report: what it says.
+        most_bytes: size of its cases in all; those for which there is no room are only counted.
+    """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("reports", "templates"),
         autoescape=True,
@@ -122,18 +60,67 @@ def render(report: Report) -> str:
     environment.filters["sentence"] = sentence
     environment.filters["edge_sentence"] = edge_sentence
     trials = report.trials
+    drawn = _drawn_cases(report, most_bytes)
     return environment.get_template("report.html").render(
         report=report,
         style=_own_text("report.css"),
-        script=_own_text("replay.js") if any(mode.cases for mode in report.modes) else "",
-        scores=drawings.scores(trials.numbers, trials.scores, trials.failed)
+        script=_own_text("replay.js") if drawn else "",
+        scores=charts.scores(trials.numbers, trials.scores, trials.failed)
         if trials.numbers
         else "",
         coverage=drawings.coverage(report.floor, trials.places, trials.failed)
         if report.floor is not None and trials.numbers
         else "",
-        draw=draw_case,
+        drawn=drawn,
+        costmaps=_costmaps(drawn),
     )
+
+
+def _drawn_cases(report: Report, most_bytes: int) -> dict[str, DrawnCase]:
+    """Cases by id, drawn, as far as there is room: of each mode the first, then the second."""
+    most = max((len(mode.cases) for mode in report.modes), default=0)
+    queue = [mode.cases[i] for i in range(most) for mode in report.modes if i < len(mode.cases)]
+    drawn: dict[str, DrawnCase] = {}
+    room = most_bytes
+    for case in queue:
+        found = DrawnCase(
+            main=draw_case(case),
+            minimised=draw_case(case.minimised) if case.minimised is not None else None,
+        )
+        room -= found.size
+        if room < 0 and drawn:
+            break
+        drawn[case.id] = found
+    return drawn
+
+
+def _costmaps(drawn: dict[str, DrawnCase]) -> dict[str, str]:
+    """Names of the different costmap pictures, by data address."""
+    parts = [part for case in drawn.values() for part in (case.main, case.minimised) if part]
+    uris = [part["costmap"]["uri"] for part in parts if part["costmap"]]
+    return {uri: f"costmap-{i}" for i, uri in enumerate(dict.fromkeys(uris))}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DrawnCase:
+    """Drawings and data of a case and of its smallest world, by name, for the template."""
+
+    main: dict[str, Any]
+    minimised: dict[str, Any] | None
+
+    @property
+    def size(self) -> int:
+        """Bytes of what was drawn."""
+        return sum(_size(part) for part in (self.main, self.minimised) if part is not None)
+
+
+def _size(part: Any) -> int:
+    if isinstance(part, str):
+        return len(part)
+    rows = (
+        part.values() if isinstance(part, dict) else part if isinstance(part, (list, tuple)) else ()
+    )
+    return sum(_size(row) for row in rows)
 
 
 def _own_text(name: str) -> Markup:
@@ -149,21 +136,29 @@ def draw_case(case: Case) -> dict[str, Any]:
     onset = next(
         (v.evidence["onset"] for v in violated if isinstance(v.evidence.get("onset"), float)), found
     )
+    tasks = errands.tasks_of(violated[0]) if violated else []
     who = members or [name for v in violated[:1] for name in v.who if name in case.trace.robots]
+    who = who or errands.robots_of(tasks, case.trace)
     return {
         "violated": violated,
         "edges": edges,
+        "errands": errands.stories(tasks, case.world, case.trace),
         "members": members,
         "data": Markup(packing.pack(case.world, case.trace, case.verdicts)),
         "begin": max(0.0, onset - 10.0),
         "jumps": _jumps(onset, found, bool(members), case.trace.duration),
         "place": place_of(violated, case, who),
+        "close": any("place" in verdict.evidence for verdict in violated[:1]),
         "graph": drawings.wait_for_graph(edges, case.world) if edges else "",
         "moment": drawings.moment(case.world, case.trace, found, edges, members=who),
-        "timelines": drawings.timelines(case.world, case.trace, [(found, "found")]),
-        "signals": drawings.signals(case.trace, violated, who),
+        "timelines": charts.timelines(case.trace, [(t, name) for name, t in _marks(onset, found)]),
+        "signals": charts.signals(case.trace, violated, who),
         "costmap": costmap_picture(case.costmap) if case.costmap is not None else None,
     }
+
+
+def _marks(onset: float, found: float) -> list[tuple[str, float]]:
+    return [("found", found)] if onset == found else [("onset", onset), ("found", found)]
 
 
 def _jumps(onset: float, found: float, deadlock: bool, end: float) -> list[tuple[str, float]]:
@@ -198,9 +193,14 @@ def place_of(violated: Sequence[Verdict], case: Case, who: Sequence[str]) -> str
 
 def costmap_picture(costmap: Costmap) -> dict[str, str]:
     """The costmap as a PNG data address, with its extent in the map frame [m]."""
-    image = Image.fromarray(costmap_image(costmap)[::-1]).quantize(64)
+    # 13 steps of inflation and the three special values: four bits a cell
+    step = np.minimum(np.arange(256) // COSTMAP_STEP, 12).astype(np.uint8)
+    step[[INSCRIBED, LETHAL, UNKNOWN]] = 13, 14, 15
+    shown = [*range(0, 13 * COSTMAP_STEP, COSTMAP_STEP), INSCRIBED, LETHAL, UNKNOWN]
+    image = Image.fromarray(step[costmap.cost][::-1], "P")
+    image.putpalette(costmap_colours()[shown].tobytes())
     buffer = io.BytesIO()
-    image.save(buffer, "PNG", optimize=True)
+    image.save(buffer, "PNG", bits=4)
     rows, cols = costmap.cost.shape
     x, y = (float(value) for value in costmap.origin)
     extent = (x, y, x + cols * costmap.resolution, y + rows * costmap.resolution)

@@ -19,21 +19,10 @@ from matplotlib.patheffects import withStroke
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
-from reports.figures import (
-    DPI,
-    FURNITURE,
-    FURNITURE_EDGE,
-    HUMAN,
-    HUMAN_BLIND,
-    INK,
-    MAP_HEIGHT,
-    MAP_WIDTH,
-    MARGIN,
-    UNSAFE,
-    draw_floor,
-    extent_of,
-    robot_colour,
-)
+from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
+from reports.figure_floor import draw_floor
+from reports.figures import DPI, MAP_HEIGHT, MAP_WIDTH, MARGIN
+from reports.views import extent_of
 from reports.world_marks import (
     OUTAGE,
     TASK,

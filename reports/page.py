@@ -13,7 +13,9 @@ import yaml
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import StackEvent
-from reports.figures import RunView, robot_colour, robustness_text
+from reports.colours import robot_colour
+from reports.figure_panel import robustness_text
+from reports.views import RunView
 
 MAX_EVENTS = 2000  # rows of the event table; a four-hour shift has more than a page can show
 MAX_EVIDENCE = 4000  # characters

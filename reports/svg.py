@@ -14,12 +14,15 @@ from mrta_falsify.core.arrays import Array
 class Drawing:
     """An SVG that is built element by element; y points down, units are pixels."""
 
-    def __init__(self, width: float, height: float, *, label: str) -> None:
+    def __init__(
+        self, width: float, height: float, *, label: str, data: dict[str, float] | None = None
+    ) -> None:
         self._size = (width, height)
         self._label = label
+        self._data = data or {}  # what the page's script is told, as data-NAME
         self._parts: list[str] = []
 
-    def add(self, tag: str, text: str = "", **attributes: object) -> None:
+    def add(self, tag: str, text: str = "", /, **attributes: object) -> None:
         """One element; ``class_`` and ``stroke_width`` become ``class`` and ``stroke-width``."""
         pairs = " ".join(
             f"{name.rstrip('_').replace('_', '-')}={quoteattr(_shown(value))}"
@@ -28,15 +31,31 @@ class Drawing:
         body = f">{escape(text)}</{tag}>" if text else "/>"
         self._parts.append(f"<{tag} {pairs}{body}")
 
-    def line(self, points: Iterable[Sequence[float]], **attributes: object) -> None:
+    def line(self, points: Iterable[Sequence[float]] | Array, **attributes: object) -> None:
         """A polyline through ``points``."""
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self.add("polyline", points=text, fill="none", **attributes)
 
-    def polygon(self, points: Iterable[Sequence[float]], **attributes: object) -> None:
+    def polygon(self, points: Iterable[Sequence[float]] | Array, **attributes: object) -> None:
         """A closed outline through ``points``."""
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self.add("polygon", points=text, **attributes)
+
+    def polygons(self, outlines: Iterable[Array], **attributes: object) -> None:
+        """Closed outlines as one element; where they overlap they are filled once."""
+        path = "".join(
+            "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in outline) + "Z" for outline in outlines
+        )
+        if path:
+            self.add("path", d=path, **attributes)
+
+    def dots(self, points: Array, *, radius: float, **attributes: object) -> None:
+        """Filled circles as one element; those on one pixel are one."""
+        places = np.unique(np.round(np.asarray(points).reshape(-1, 2)).astype(int), axis=0)
+        if len(places):
+            path = "".join(f"M{x} {y}h0" for x, y in places.tolist())
+            self.add("path", d=path, fill="none", stroke_linecap="round",
+                     stroke_width=2.0 * radius, **attributes)  # fmt: skip
 
     def arrow(self, start: Array, end: Array, **attributes: object) -> None:
         """A straight arrow with a head of 8 px."""
@@ -47,17 +66,19 @@ class Drawing:
         unit = way / length
         side = np.array([-unit[1], unit[0]])
         base = np.asarray(end) - 9.0 * unit
-        self.line([start, base], **attributes)
+        self.line(np.stack([np.asarray(start), base]), **attributes)
         colour = attributes.get("stroke", "currentColor")
-        self.polygon([end, base + 4.5 * side, base - 4.5 * side], fill=colour)
+        head = np.stack([np.asarray(end), base + 4.5 * side, base - 4.5 * side])
+        self.polygon(head, fill=colour)
 
     def markup(self) -> Markup:
         """The finished element."""
         width, height = self._size
         body = "".join(self._parts)
         # every text and attribute in it has been escaped above
+        data = "".join(f' data-{name}="{value:g}"' for name, value in self._data.items())
         return Markup(
-            f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}" role="img" '
+            f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}"{data} role="img" '
             f"aria-label={quoteattr(self._label)}>"
             f"<title>{escape(self._label)}</title>{body}</svg>"
         )
@@ -70,12 +91,13 @@ def _shown(value: object) -> str:
 class Floor:
     """Maps metres of a rectangle to pixels, north up."""
 
-    def __init__(self, bounds: Sequence[float], width: float) -> None:
+    def __init__(self, bounds: Sequence[float] | Array, width: float) -> None:
         x_min, y_min, x_max, y_max = (float(value) for value in bounds)
         self.scale = width / (x_max - x_min)
         self.width = width
         self.height = self.scale * (y_max - y_min)
         self._x, self._y = x_min, y_max
+        self._bounds = np.array([x_min, y_min, x_max, y_max])
 
     def __call__(self, points: Array) -> Array:
         """Pixels ``(..., 2)`` of map points ``(..., 2)`` [m]."""
@@ -83,6 +105,12 @@ class Floor:
         return np.stack(
             [(points[..., 0] - self._x) * self.scale, (self._y - points[..., 1]) * self.scale], -1
         )
+
+    def shows(self, points: Array) -> bool:
+        """Whether the rectangle around map points ``(..., 2)`` [m] reaches into the picture."""
+        flat = np.asarray(points).reshape(-1, 2)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        return bool((high >= self._bounds[:2]).all() and (low <= self._bounds[2:]).all())
 
 
 def ticks(low: float, high: float, count: int = 5) -> list[float]:

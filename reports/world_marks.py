@@ -12,7 +12,8 @@ from matplotlib.path import Path as MplPath
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import Blockage, World
-from reports.figures import HUMAN, HUMAN_BLIND, INK, UNSAFE, WALL, robot_colour, robot_outline
+from reports.colours import HUMAN, HUMAN_BLIND, INK, UNSAFE, WALL, robot_colour
+from reports.figure_motion import robot_outline
 
 OUTAGE = "#7a3fc0"
 TASK = "#4a6fa5"

@@ -13,6 +13,8 @@ from mrta_falsify.core.seeding import candidate_seed
 from samplers.asking import Counter
 from samplers.optuna_study import Study
 
+REVIEW = 10  # generations after which earlier ones are forgotten
+
 
 class Nsga2Sampler:
     """Deb's NSGA-II over the margins of all specifications, each minimised for itself.
@@ -32,6 +34,7 @@ class Nsga2Sampler:
     def __init__(self, options: Options) -> None:
         self._options = options
         self._counter = Counter("nsga2", options.seed)
+        self._told = 0
         self._names: tuple[str, ...] = ()
         self._study: Study | None = None
 
@@ -41,9 +44,11 @@ class Nsga2Sampler:
         u = self._counter.stream().random(options.cube.dimensions)
         if self._study is None or not len(u):
             return self._counter.proposal(u)
-        seed = candidate_seed(options.seed, self._counter.next) % 2**32
-        sampler = optuna.samplers.NSGAIISampler(population_size=options.population, seed=seed)
+        sampler = self._sampler(candidate_seed(options.seed, self._counter.next) % 2**32)
         return self._counter.proposal(self._study.ask(sampler, u, self._counter.next))
+
+    def _sampler(self, seed: int) -> optuna.samplers.NSGAIISampler:
+        return optuna.samplers.NSGAIISampler(population_size=self._options.population, seed=seed)
 
     def tell(self, feedback: Feedback) -> None:
         """Take in a result."""
@@ -55,3 +60,6 @@ class Nsga2Sampler:
             self._study = Study(self._options.cube, dimensions, len(self._names))
         values = [feedback.objectives.get(name, 1.0) for name in self._names]
         self._study.tell(feedback.u, values, feedback.number)
+        self._told += 1
+        if self._told % (REVIEW * self._options.population) == 0:
+            self._study.forget_generations(self._sampler(0))

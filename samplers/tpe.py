@@ -102,4 +102,5 @@ def rank_correlation(points: Array, scores: Array) -> Array:
     x = rankdata(points, axis=0) - (len(points) + 1) / 2.0
     y = rankdata(scores) - (len(scores) + 1) / 2.0
     scale = np.sqrt((x * x).sum(axis=0) * (y * y).sum())
-    return np.divide(y @ x, scale, out=np.zeros(points.shape[1]), where=scale > 0.0)
+    agreement: Array = np.divide(y @ x, scale, out=np.zeros(points.shape[1]), where=scale > 0.0)
+    return agreement

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -27,7 +26,6 @@ from scenic.core.distributions import RejectionException
 from scenic.core.regions import PolygonalFootprintRegion, PolygonalRegion
 from scenic.core.requirements import (
     BlanketCollisionRequirement,
-    CompiledRequirement,
     ContainmentRequirement,
     IntersectionRequirement,
     NonVisibilityRequirement,
@@ -36,7 +34,7 @@ from scenic.core.requirements import (
 )
 from scenic.core.sample_checking import SampleChecker
 
-from mrta_falsify.core.errors import FormatError, InputError
+from scenic_worlds.requirements import is_falsified, requirement_place, requirement_text
 
 NEAR = 1e-3  # m, margin of bounding spheres; mesh libraries compare with about 1e-6
 
@@ -112,7 +110,7 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         if pair is not None:
             return self._rejection("collision", pair, (pair.objA, pair.objB))
         for requirement in self._others:
-            if requirement.active and _is_falsified(requirement, sample):
+            if requirement.active and is_falsified(requirement, sample):
                 return self._blame(requirement)
         return None
 
@@ -143,7 +141,7 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
             message = f"{names[1]} is {'' if hidden else 'not '}visible from {names[0]}"
         else:
             where, requirement = requirement_place(source), str(source.name or "")
-            message = f"{where}: {_requirement_text(source)} does not hold"
+            message = f"{where}: {requirement_text(source)} does not hold"
         return Rejection(
             kind=kind,
             objects=tuple(objects),
@@ -355,47 +353,5 @@ def _objects_of(requirements: Iterable[SamplingRequirement]) -> tuple[Any, ...]:
     return tuple(found)
 
 
-# --- the user's requirements -------------------------------------------------------------------
-
-
-def requirement_place(requirement: CompiledRequirement) -> str:
-    """``file:line`` of a requirement of the user's; the file's name without its folder."""
-    return f"{Path(requirement_file(requirement)).name}:{requirement.line}"
-
-
-def requirement_file(requirement: CompiledRequirement) -> str:
-    """File that a requirement of the user's stands in, as it was given to Scenic."""
-    code = requirement.proposition.atomics()[0].closure.__code__
-    return str(code.co_filename)
-
-
-def _requirement_text(requirement: CompiledRequirement) -> str:
-    name = str(requirement.name or "")
-    unnamed = not name or name == f"requirement on line {requirement.line}"
-    return "requirement" if unnamed else f"requirement {name!r}"
-
-
 def _dependencies_by_identity(requirement: SamplingRequirement) -> frozenset[Any]:
     return frozenset(getattr(requirement, "dependencies", ()))
-
-
-def _is_falsified(requirement: SamplingRequirement, sample: Sample) -> bool:
-    """Scenic's own answer; a rejection raised inside counts as one.
-
-    Raises:
-        FormatError: the user's expression fails; says where.
-    """
-    try:
-        return bool(requirement.falsifiedBy(sample))
-    except (RejectionException, InputError) as error:
-        if isinstance(error, RejectionException):
-            return True
-        raise
-    except Exception as error:
-        if not isinstance(requirement, CompiledRequirement):
-            raise
-        place = f"{requirement_file(requirement)}:{requirement.line}"
-        raise FormatError(
-            f"{place}: {_requirement_text(requirement)} cannot be evaluated: "
-            f"{type(error).__name__}: {error}"
-        ) from error

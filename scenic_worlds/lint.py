@@ -36,8 +36,9 @@ from scenic.core.requirements import CompiledRequirement
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.candidate import SearchSpace
-from scenic_worlds.checking import object_names, requirement_file
+from scenic_worlds.checking import object_names
 from scenic_worlds.primitives.leaves import DrivenLeaf, DrivenMutator, is_primitive
+from scenic_worlds.requirements import requirement_file
 
 SAMPLER_PARAMS = (
     "externalSampler",

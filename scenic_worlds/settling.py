@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,7 +38,8 @@ from scenic_worlds.primitives.driver import Driver, Sample
 from scenic_worlds.primitives.plan import NodeRejected
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-TRIES = 60  # places drawn for one object until others make way for it
+#: places drawn for one object, so many at a time, until others make way for it: 60 in all
+BATCHES = (1, 3, 8, 16, 16, 16)
 EJECTIONS = 2  # times the number of objects: how often others make way
 
 
@@ -77,13 +78,11 @@ class _Floor:
     solid: NDArray[np.bool_]  #: (n,) can be collided with
     changed: set[int] = field(default_factory=set)
 
-    def hits(self, row: int, outline: Any, low: float, high: float) -> NDArray[np.intp]:
-        """Rows that a new outline of ``row`` would collide with."""
-        near = self.solid & (self.low <= high) & (self.high >= low)
+    def neighbours(self, row: int) -> NDArray[np.intp]:
+        """Rows that ``row`` would collide with if their outlines met."""
+        near = self.solid & (self.low <= self.high[row]) & (self.high >= self.low[row])
         near[row] = False
-        rows = np.flatnonzero(near)
-        found: NDArray[np.intp] = rows[shapely.intersects(self.outlines[rows], outline)]
-        return found
+        return np.flatnonzero(near)
 
 
 class Settling:
@@ -202,36 +201,66 @@ class Settling:
     ) -> list[int] | None:
         """Draw a place for one piece; the rows that make way for it, None if it found none."""
         piece = self._pieces[row]
-        count = len(piece.places)
         floor.changed.add(row)
         draw: list[float] = []
         best: tuple[int, list[float], Any, list[int]] | None = None
-        for _ in range(TRIES):
-            draw = draws.random(count).tolist()
-            outline = self._outline(piece, sample, draw)
-            if outline is None or not _is_inside(sample.values[piece.container], outline):
-                rejections[f"{piece.name} is not inside its region"] += 1
-                continue
-            hits: list[int] = []
-            if piece.collides:
-                hits = floor.hits(row, outline, floor.low[row], floor.high[row]).tolist()
-            for other in hits:
-                rejections[self._collision(row, other)] += 1
-            if not hits:
-                best = (0, draw, outline, hits)
-                break
-            if all(self._pieces[other].units for other in hits) and (
-                best is None or len(hits) < best[0]
-            ):
-                best = (len(hits), draw, outline, hits)
+        for size in BATCHES:
+            before = draws.bit_generator.state
+            batch = draws.random((size, len(piece.places))).tolist()
+            for number, (outline, hits) in enumerate(self._try(row, floor, sample, batch)):
+                draw = batch[number]
+                if hits is None:
+                    rejections[f"{piece.name} is not inside its region"] += 1
+                    continue
+                for other in hits:
+                    rejections[self._collision(row, other)] += 1
+                if not hits:
+                    u[piece.places], floor.outlines[row] = draw, outline
+                    # as if what was tried beyond this place had never been drawn
+                    draws.bit_generator.state = before
+                    draws.random((number + 1, len(piece.places)))
+                    sample.nudge(piece.places, draw, piece.steps)
+                    return []
+                if all(self._pieces[other].units for other in hits) and (
+                    best is None or len(hits) < best[0]
+                ):
+                    best = (len(hits), draw, outline, hits)
         if best is None:
             u[piece.places] = draw
             return None
         _, u[piece.places], floor.outlines[row], hits = best
         return hits
 
-    def _outline(self, piece: _Piece, sample: Sample, draw: list[float]) -> Any:
-        """Footprint of a piece where its own coordinates are ``draw``; None if it has none."""
+    def _try(
+        self, row: int, floor: _Floor, sample: Sample, batch: list[list[float]]
+    ) -> Iterator[tuple[Any, list[int] | None]]:
+        """Outline of a piece at each of a batch of places, and the rows that it would hit.
+
+        No rows (None) where it has no outline, or is not inside its region.
+        """
+        piece = self._pieces[row]
+        corners, containers = [], []
+        for draw in batch:
+            corners.append(self._corners(piece, sample, draw))
+            containers.append(sample.values[piece.container])
+        there = [i for i, four in enumerate(corners) if four is not None]
+        outlines = np.full(len(batch), None, dtype=object)
+        is_inside = np.zeros(len(batch), dtype=np.bool_)
+        if there:
+            outlines[there] = shapely.polygons(np.array([corners[i] for i in there]))
+            is_inside[there] = _are_inside([containers[i] for i in there], outlines[there])
+        inside = np.flatnonzero(is_inside)
+        found: dict[int, list[int]] = {i: [] for i in inside.tolist()}
+        if piece.collides and len(inside):
+            rows = floor.neighbours(row)
+            meets = shapely.intersects(floor.outlines[rows][None, :], outlines[inside][:, None])
+            found = {i: rows[m].tolist() for i, m in zip(inside.tolist(), meets, strict=True)}
+        return ((outlines[i], found.get(i)) for i in range(len(batch)))
+
+    def _corners(
+        self, piece: _Piece, sample: Sample, draw: list[float]
+    ) -> list[tuple[float, float]] | None:
+        """Corners of a piece with its own coordinates at ``draw``; None if it has no place."""
         try:
             sample.nudge(piece.places, draw, piece.steps)
         except NodeRejected:
@@ -243,11 +272,22 @@ class Settling:
         width, length = values[piece.width] / 2.0, values[piece.length] / 2.0
         across = (width * math.cos(yaw), width * math.sin(yaw))
         along = (-length * math.sin(yaw), length * math.cos(yaw))
-        corners = [
+        return [
             (x + a * across[0] + b * along[0], y + a * across[1] + b * along[1])
             for a, b in _CORNERS
         ]
-        return shapely.Polygon(corners)
+
+
+def _are_inside(containers: list[Any], outlines: NDArray[np.object_]) -> NDArray[np.bool_]:
+    """Whether each outline lies in its region, ``(n,)``; the regions are mostly the same one."""
+    first = containers[0]
+    if any(container is not first for container in containers):
+        pairs = zip(containers, outlines, strict=True)
+        return np.array([_is_inside(container, outline) for container, outline in pairs])
+    if not isinstance(first, PolygonalFootprintRegion):
+        return np.ones(len(outlines), dtype=np.bool_)  # not for us to say
+    inside: NDArray[np.bool_] = shapely.contains(first.polygons, outlines)
+    return inside
 
 
 def _is_inside(container: Any, outline: Any) -> bool:

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scenic.core.vectors import Orientation
 
 from mrta_falsify.core import codec, geometry
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.directives import (
     Appear,
     Directive,
@@ -45,11 +43,10 @@ from mrta_falsify.core.world import (
     without_actors,
     write_world,
 )
+from scenic_worlds.exact import Box, box_of, heading_text, number_text, point_text
 from scenic_worlds.layouts import layout_names, load_layout
 
 LIBRARY = Path(__file__).parent
-DEG = 0.01745329252  # rad, what Scenic multiplies by for `deg`
-NEAREST = 24  # neighbouring floating-point headings that are tried for a yaw
 CLOSE = 1e-6  # m from its corners that a blockage may be written off by
 PLACED = "with allowCollisions True, with regionContainedIn everywhere"
 
@@ -165,97 +162,9 @@ def _layout_pieces(world: World, shipped: str) -> int:
     for number in reversed(range(len(world.furniture))):
         piece = world.furniture[number]
         is_fixed = piece.traced or codec.digest(piece) in fixed
-        if is_fixed or not _placed(piece.polygon).is_exact:
+        if is_fixed or not box_of(piece.polygon).is_exact:
             return number + 1
     return 0
-
-
-# --- numbers and places ----------------------------------------------------------------------
-
-
-def _number(value: float) -> str:
-    """``value`` exactly, as short as it can be written."""
-    value = float(value)
-    whole = value == math.floor(value) and abs(value) < 1e9
-    return str(int(value)) if whole else repr(value)
-
-
-def _point(point: Array) -> str:
-    return f"({_number(point[0])}, {_number(point[1])})"
-
-
-@dataclass(frozen=True, slots=True)
-class _Box:
-    """A rectangle as Scenic places it."""
-
-    x: float
-    y: float
-    heading: str  #: as written behind `facing`
-    length: float  #: along the heading [m]
-    width: float
-    is_exact: bool  #: its corners come out bit for bit
-
-
-def _headings(yaw: float) -> Iterator[tuple[str, float]]:
-    """Ways to write the heading of a body at ``yaw``, and the yaw that each gives; best first."""
-    heading = float(geometry.wrap_angle(yaw - np.pi / 2.0))
-    degrees = round(heading / DEG, 6)
-    yield f"{_number(degrees)} deg", _yaw_of(degrees * DEG)
-    above = below = heading
-    for _ in range(NEAREST):
-        for near in (below, above):
-            yield _number(near), _yaw_of(near)
-        above, below = math.nextafter(above, math.inf), math.nextafter(below, -math.inf)
-
-
-def _yaw_of(heading: float) -> float:
-    """Yaw in the world of an object that faces ``heading``; Scenic goes over a quaternion."""
-    faced = float(Orientation.fromEuler(heading, 0, 0).yaw)
-    return float(geometry.wrap_angle(faced + np.pi / 2.0))
-
-
-@functools.lru_cache(maxsize=4096)
-def _heading(yaw: float) -> str:
-    """What to write behind `facing` for a yaw: exact if possible, the nearest otherwise."""
-    ways = list(_headings(yaw))
-    return min(ways, key=lambda way: abs(float(geometry.wrap_angle(way[1] - yaw))))[0]
-
-
-def _placed(polygon: Array) -> _Box:
-    """The box whose footprint is ``polygon`` ``(V, 2)`` [m], or comes nearest to it."""
-    corners = tuple(float(value) for value in polygon.ravel())
-    return _placed_corners(corners)
-
-
-@functools.lru_cache(maxsize=4096)
-def _placed_corners(corners: tuple[float, ...]) -> _Box:
-    polygon = np.array(corners).reshape(-1, 2)
-    middle = polygon.mean(axis=0)
-    if len(polygon) != 4:
-        return _Box(float(middle[0]), float(middle[1]), "0", 0.0, 0.0, is_exact=False)
-    along, across = polygon[1] - polygon[0], polygon[3] - polygon[0]
-    sides = (math.hypot(*along), math.hypot(*across))
-    yaw = math.atan2(along[1], along[0])
-    for decimals in (6, 15):
-        length, width = (round(side, decimals) for side in sides)
-        outline = geometry.rectangle(length, width)
-        for text, given in _headings(yaw):
-            turned = geometry.transform(outline, (0.0, 0.0, given))
-            x, y = (_offset(turned[:, i], polygon[:, i]) for i in (0, 1))
-            if x is not None and y is not None:
-                moved = geometry.transform(outline, (x, y, given))
-                if np.array_equal(moved, polygon):
-                    return _Box(x, y, text, length, width, is_exact=True)
-    return _Box(float(middle[0]), float(middle[1]), _heading(yaw), *sides, is_exact=False)
-
-
-def _offset(start: Array, end: Array) -> float | None:
-    """A number that added to each of ``start`` ``(4,)`` gives exactly ``end``; None: none does."""
-    guesses = [round(float(np.mean(end)), 6), float(np.mean(end - start))]
-    for difference in end - start:
-        near = float(difference)
-        guesses += [near, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)]
-    return next((guess for guess in guesses if np.array_equal(start + guess, end)), None)
 
 
 # --- things ----------------------------------------------------------------------------------
@@ -282,11 +191,11 @@ def _withs(pairs: Iterable[tuple[str, str]]) -> str:
     return ", ".join(f"with {name} {value}" for name, value in pairs)
 
 
-def _box_text(box: _Box, height: float) -> str:
+def _box_text(box: Box, height: float) -> str:
     return (
-        f"at ({_number(box.x)}, {_number(box.y)}, {_number(height / 2.0)}), facing {box.heading}, "
-        f"with width {_number(box.width)}, with length {_number(box.length)}, "
-        f"with height {_number(height)}"
+        f"at ({number_text(box.x)}, {number_text(box.y)}, {number_text(height / 2.0)}), "
+        f"facing {box.heading}, with width {number_text(box.width)}, "
+        f"with length {number_text(box.length)}, with height {number_text(height)}"
     )
 
 
@@ -296,7 +205,7 @@ def _furniture(piece: Furniture) -> str:
     movable = [("movable", "True")] if piece.movable else []
     return _lines(
         f"new {name or 'Furniture'} with name {piece.name!r}",
-        _box_text(_placed(piece.polygon), piece.height),
+        _box_text(box_of(piece.polygon), piece.height),
         _withs([*kind, ("mesh", repr(piece.mesh)), *movable]),
         PLACED,
     )
@@ -328,7 +237,7 @@ def _changed(item: RobotSpec | HumanSpec, names: dict[str, str]) -> list[tuple[s
     """Properties of ``item`` that are not at their default."""
     defaults = {field.name: field.default for field in dataclasses.fields(item)}
     return [
-        (theirs, _number(getattr(item, ours)))
+        (theirs, number_text(getattr(item, ours)))
         for ours, theirs in names.items()
         if getattr(item, ours) != defaults[ours]
     ]
@@ -339,7 +248,7 @@ def _robot(robot: RobotSpec) -> str:
     model = [("model", repr(robot.model))] if robot.model != "waffle" else []
     return _lines(
         f"new Robot with name {robot.name!r}",
-        f"at ({_number(x)}, {_number(y)}, 0.075), facing {_heading(float(yaw))}",
+        f"at ({number_text(x)}, {number_text(y)}, 0.075), facing {heading_text(float(yaw))}",
         _withs([*model, *_changed(robot, ROBOT_VALUES)]),
         PLACED,
     )
@@ -348,7 +257,7 @@ def _robot(robot: RobotSpec) -> str:
 def _human(human: HumanSpec) -> str:
     if human.directives:
         return _scripted(human)
-    route = ", ".join(_point(point) for point in human.route)
+    route = ", ".join(point_text(point) for point in human.route)
     flags = [("reacts", "False")] * (not human.reacts_to_robots)
     flags += [("repeat", "False")] * (not human.repeat)
     return _lines(
@@ -362,11 +271,11 @@ def _scripted(human: HumanSpec) -> str:
     """A person or a scripted robot with a behaviour of our library."""
     steps = [_directive(step) for step in human.directives]
     behavior = steps[0] if len(steps) == 1 else f"InTurn({', '.join(steps)})"
-    place = _point(human.route[0])
+    place = point_text(human.route[0])
     if human.body == "robot":
         values = [
-            ("max_speed", _number(human.speed)),
-            ("body_radius", _number(human.radius)),
+            ("max_speed", number_text(human.speed)),
+            ("body_radius", number_text(human.radius)),
         ]
         first = f"new Robot with name {human.name!r}, at {place}"
         return _lines(first, f"with behavior {behavior}", _withs(values), PLACED)
@@ -379,20 +288,20 @@ def _scripted(human: HumanSpec) -> str:
 
 
 def _pace(speed: float) -> str:
-    return f", speed={_number(speed)}" if speed else ""
+    return f", speed={number_text(speed)}" if speed else ""
 
 
 #: how each directive is written as a behaviour of behaviors.scenic
 _WRITERS: dict[type, Callable[..., str]] = {
     FollowRoute: lambda d: (
-        f"FollowRoute([{', '.join(_point(p) for p in d.route)}], repeat={d.repeat}{_pace(d.speed)})"
+        f"FollowRoute([{', '.join(map(point_text, d.route))}], repeat={d.repeat}{_pace(d.speed)})"
     ),
-    WalkTo: lambda d: f"WalkTo({_point(d.point)}{_pace(d.speed)})",
-    Wait: lambda d: f"WaitFor({_number(d.duration)})",
-    WaitUntil: lambda d: f"WaitUntil({_number(d.time)})",
+    WalkTo: lambda d: f"WalkTo({point_text(d.point)}{_pace(d.speed)})",
+    Wait: lambda d: f"WaitFor({number_text(d.duration)})",
+    WaitUntil: lambda d: f"WaitUntil({number_text(d.time)})",
     Stop: lambda d: "StandStill()",
-    Push: lambda d: f"Push({d.furniture!r}, {_point(d.point)}{_pace(d.speed)})",
-    Appear: lambda d: f"Appear({_point(d.point)})",
+    Push: lambda d: f"Push({d.furniture!r}, {point_text(d.point)}{_pace(d.speed)})",
+    Appear: lambda d: f"Appear({point_text(d.point)})",
     Leave: lambda d: "Leave()",
 }
 
@@ -402,7 +311,7 @@ def _directive(directive: Directive) -> str:
 
 
 def _event(event: Event) -> str:
-    during = f"with during ({_number(event.start)}, {_number(event.end)})"
+    during = f"with during ({number_text(event.start)}, {number_text(event.end)})"
     if isinstance(event, CommsOutage):
         return _lines(
             f"new CommsOutage with name {event.name!r}",
@@ -416,8 +325,8 @@ def _event(event: Event) -> str:
     )
 
 
-def _blockage_box(event: Blockage) -> _Box:
-    box = _placed(event.polygon)
+def _blockage_box(event: Blockage) -> Box:
+    box = box_of(event.polygon)
     if box.is_exact:
         return box
     yaw = math.atan2(*(event.polygon[1] - event.polygon[0])[::-1])
@@ -435,9 +344,9 @@ def _blockage_box(event: Blockage) -> _Box:
 
 
 def _params(world: World) -> Iterator[str]:
-    yield f"param horizon = {_number(world.horizon)}"
+    yield f"param horizon = {number_text(world.horizon)}"
     if world.ray_noise:
-        yield f"param ray_noise = {_number(world.ray_noise)}"
+        yield f"param ray_noise = {number_text(world.ray_noise)}"
     yield f"param noise_seed = {world.seed}"
 
 
@@ -447,7 +356,7 @@ def _tasks(tasks: Iterable[Task]) -> str:
 
 
 def _task(task: Task) -> str:
-    values = [_number(task.arrival), str(task.start), str(task.end), _number(task.deadline)]
+    values = [number_text(task.arrival), str(task.start), str(task.end), number_text(task.deadline)]
     if task.pickup_time or task.dropoff_time:
-        values += [_number(task.pickup_time), _number(task.dropoff_time)]
+        values += [number_text(task.pickup_time), number_text(task.dropoff_time)]
     return f"({', '.join(values)})"

@@ -8,12 +8,12 @@ people go on with what they do. One robot may be taken away, to see whom it hold
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Watch
+from mrta_falsify.core.protocols import Foreseeing, Watch
 from simulator_interface import forking
 
 if TYPE_CHECKING:
@@ -78,3 +78,18 @@ class EpisodeForecast:
 
         answer: dict[str, Any] = forking.answer_of_a_copy(run)
         return answer
+
+
+def offer_forecasts(
+    specifications: Iterable[object], episode: Episode, frames: Iterator[Frame]
+) -> None:
+    """Offer forecasts of an episode to the specifications that want them, if there can be any.
+
+    There are none on a system that does not copy processes safely, and none with a window open.
+    """
+    if not forking.can_fork() or episode.config.engine.options.get("gui", False):
+        return
+    forecast = EpisodeForecast(episode, frames)
+    for specification in specifications:
+        if isinstance(specification, Foreseeing):
+            specification.foresee(forecast)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time as wall_clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,16 +18,15 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, StackEvent
-from mrta_falsify.core.protocols import CostmapSource, Engine, Foreseeing, Specification
+from mrta_falsify.core.protocols import CostmapSource, Engine, Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
-from simulator_interface import forking
 from simulator_interface.crowd import Crowd
-from simulator_interface.forecast import EpisodeForecast, ForgettingPart, RemovingEngine
+from simulator_interface.forecast import ForgettingPart, RemovingEngine, offer_forecasts
 from simulator_interface.staging import StagedEngine, StagedSource, needs_stage
 
 #: people need more room than a robot's disc; they see every object
@@ -164,7 +163,7 @@ class Episode:
         self.crowd.replace_person(person, spec)
         self.world = self.crowd.world
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Frames from time 0 on, for as long as they are asked for."""
         try:
             human_position = self.crowd.start()
@@ -350,11 +349,6 @@ def simulate(
     return running.outcome()
 
 
-def shows_window(config: StackConfig) -> bool:
-    """Whether the engine draws the run in a window, of which there can be no copy."""
-    return bool(config.engine.options.get("gui", False))
-
-
 class Run:
     """One episode, recorded and judged tick by tick.
 
@@ -400,11 +394,7 @@ class Run:
         self._ledger = _TaskLedger(world)
         self._stop = stop
         self._frames = self.episode.frames()
-        if forking.can_fork() and not shows_window(config):
-            forecast = EpisodeForecast(self.episode, self._frames)
-            for specification in self._specifications:
-                if isinstance(specification, Foreseeing):
-                    specification.foresee(forecast)
+        offer_forecasts(self._specifications, self.episode, self._frames)
 
     def advance(self) -> Frame:
         """The next tick, recorded and judged; not to be asked for once the run has ended."""
@@ -424,7 +414,7 @@ class Run:
 
     def close(self) -> None:
         """Free the engine; may be called twice."""
-        self._frames.close()  # type: ignore[attr-defined]
+        self._frames.close()
 
     def outcome(self) -> Outcome:
         """What came of the run; call it once, at its end."""

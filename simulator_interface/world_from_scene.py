@@ -101,7 +101,7 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
         layout,
         name=name,
         furniture=tuple(
-            dataclasses.replace(piece, movable=piece.movable or piece.name in pushed)
+            dataclasses.replace(piece, movable=True) if piece.name in pushed else piece
             for piece in furniture
         ),
         robots=tuple(robots),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,14 +10,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mrta_falsify import family
+from mrta_falsify import family, family_runs
 from mrta_falsify.campaign.settings import TrialSettings
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.family import find_family, peeled_box
+from mrta_falsify.family import find_family
+from mrta_falsify.family_learning import peeled_box
 from mrta_falsify.trial import quick_stack
 from scenic_worlds.program import compile_program
 
@@ -49,7 +51,7 @@ def judged(job, *, keep_trace=True):
 @pytest.fixture
 def case(tmp_path, monkeypatch):
     """A campaign of one failure, whose runs follow the known rule."""
-    monkeypatch.setattr(family, "judge", judged)
+    monkeypatch.setattr(family_runs, "judge", judged)
     path = tmp_path / "known.scenic"
     path.write_text(PROGRAM)
     program = compile_program(path)
@@ -111,6 +113,9 @@ def test_the_known_rule_is_found_and_its_program_samples_inside(case):
     assert np.mean([fails(program.sample(seed)) for seed in range(30)]) < 0.5
     stored = json.loads((campaign.folder(record) / "family.json").read_text())
     assert stored["precision"]["trials"] == 60
+    assert stored["rule"] == family.rule_lines(found)
+    assert 1 <= len(found.passing) <= 3
+    assert all("walker.speed = " in text or "cart.position.x" in text for text in found.passing)
     assert stored["sentence"] in (campaign.folder(record) / "family.scenic").read_text()
 
 
@@ -120,6 +125,57 @@ def test_the_same_call_gives_the_same_family(case):
     first, second = (find_family(campaign, record, max_runs=60, fresh=10) for _ in range(2))
     assert family.summary(first) == family.summary(second)
     assert first.learning_runs + first.precision.trials <= 60
+
+
+class _Stopped(Exception):
+    """Stands for Ctrl-C."""
+
+
+@pytest.mark.slow
+def test_a_second_call_goes_on_where_the_first_was_interrupted(case, monkeypatch):
+    campaign, record, _ = case
+    simulated = []
+
+    def counted(job, *, keep_trace=True):
+        simulated.append(job.world.digest())
+        return judged(job)
+
+    monkeypatch.setattr(family_runs, "judge", counted)
+
+    def stop(runs):
+        if runs == 7:
+            raise _Stopped
+
+    with pytest.raises(_Stopped):
+        find_family(campaign, record, max_runs=14, fresh=4, on_run=stop)
+    assert len(simulated) == 7
+    with (campaign.folder(record) / family.CACHE).open("a") as file:
+        file.write('{"run": "torn')
+    resumed = find_family(campaign, record, max_runs=14, fresh=4)
+    runs = resumed.learning_runs + resumed.precision.trials
+    assert len(simulated) == runs <= 14
+
+    (campaign.folder(record) / family.CACHE).unlink()
+    assert family.summary(find_family(campaign, record, max_runs=14, fresh=4)) == family.summary(
+        resumed
+    )
+    assert simulated[runs:] == simulated[:runs]
+
+
+def test_a_family_of_a_family_stays_around_the_failure(case, tmp_path):
+    campaign, record, program = case
+    inside = tmp_path / "inside.scenic"
+    number = [d.name for d in program.space.dimensions].index("walker.speed")
+    ends = (float(record.candidate.u[number]) - 0.05, float(record.candidate.u[number]) + 0.05)
+    inside.write_text(PROGRAM + f"param restrict = {{'walker.speed': {ends}}}\n")
+    u = np.array(record.candidate.u)
+    u[number] = 0.5
+    campaign.settings.trials = dataclasses.replace(campaign.settings.trials, scenario=str(inside))
+    moved = dataclasses.replace(record, candidate=dataclasses.replace(record.candidate, u=u))
+    found = find_family(campaign, moved, max_runs=14, fresh=4)
+    (speed,) = [c for c in found.conditions if c.dimension == "walker.speed"]
+    assert speed.low == speed.high == pytest.approx(record.candidate.u[number])
+    assert found.precision.estimate == 1.0
 
 
 def test_dimensions_that_the_runs_did_not_suffice_for_are_held_and_named(case):

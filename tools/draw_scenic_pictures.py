@@ -21,8 +21,9 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.world import Blockage, World
-from reports import figures
+from reports.colours import robot_colour
 from reports.contact_sheet import write_contact_sheet
+from reports.figure_floor import draw_floor
 from scenic_worlds.places import places_of
 from scenic_worlds.program import compile_program, scenario_names, scenario_path
 from simulator_interface.meshes import Mesh, build_mesh
@@ -72,7 +73,7 @@ def draw_places(path: Path) -> None:
     places = places_of("aws_hospital")
     figure = new_figure(9.0, 9.4)
     axes = figure.add_axes((0.05, 0.03, 0.6, 0.94))
-    figures.draw_floor(axes, places.layout, label_size=8.0)
+    draw_floor(axes, places.layout, label_size=8.0)
     axes.set_xlim(-12.8, 12.8)
     axes.set_ylim(-32.5, 6.5)
     lane = np.array(places.route(0, 2).points)
@@ -196,7 +197,7 @@ def draw_world(axes: Axes, world: World, other: World) -> None:
         axes.plot(*human.route.T, color="#6d597a", linewidth=0.9, linestyle=":", zorder=7)
         axes.plot(*human.route[0], "o", color="#6d597a", markersize=4, zorder=8)
     for number, robot in enumerate(world.robots):
-        axes.plot(*robot.pose[:2], "o", color=figures.robot_colour(number), markersize=7,
+        axes.plot(*robot.pose[:2], "o", color=robot_colour(number), markersize=7,
                   markeredgecolor="black", markeredgewidth=0.6, zorder=9)  # fmt: skip
     for number, room in enumerate(world.rooms):
         axes.text(room.point[0], room.point[1] + 0.5, str(number), fontsize=7, ha="center",

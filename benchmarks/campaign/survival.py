@@ -13,6 +13,7 @@ import argparse
 import json
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -45,6 +46,7 @@ class Report:
     different: int = 0  #: records that differ from the undisturbed campaign's
     orphans: int = 0  #: workers alive 1 s after their parent's death
     slowest_resume_s: float = 0.0  #: from start of the process to its first new record
+    median_resume_s: float = 0.0
     rounds: int = 0
 
 
@@ -99,6 +101,7 @@ def disturb(directory: Path, kills: int, budget: int, seed: int) -> Report:
     report, random = Report(), stream(seed, "survival")
     chosen = settings(seed=seed, reject_above=0.9, sleep=0.004, window=8)
     Store.create(directory, chosen).close()
+    resumes: list[float] = []
     while True:
         report.rounds += 1
         before = durable(directory)
@@ -117,7 +120,7 @@ def disturb(directory: Path, kills: int, budget: int, seed: int) -> Report:
         )
         first = process.stderr.readline() if process.stderr else b""
         if first:
-            report.slowest_resume_s = max(report.slowest_resume_s, time.monotonic() - began)
+            resumes.append(time.monotonic() - began)
         while report.kills < kills and process.poll() is None:
             time.sleep(random.uniform(0.0, 0.25))
             workers = children(process.pid)
@@ -142,6 +145,8 @@ def disturb(directory: Path, kills: int, budget: int, seed: int) -> Report:
         report.lost += sum(line not in set(after) for line in before)
         if code == 0:
             break
+    report.slowest_resume_s = round(max(resumes, default=0.0), 2)
+    report.median_resume_s = round(statistics.median(resumes or [0.0]), 2)
     numbers = [record.number for record in read_campaign(directory).records]
     report.doubled = len(numbers) - len(set(numbers))
     with tempfile.TemporaryDirectory() as name:

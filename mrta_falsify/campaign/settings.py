@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.config import Choice, StackConfig
@@ -23,7 +23,7 @@ class TrialSettings:
     stack: StackConfig = StackConfig()
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
     seed: int = quantity(low=0, default=0)  #: of the campaign
-    mode: str = "repair"  #: how scenes are accepted: "repair" or "exact"
+    mode: Literal["repair", "exact"] = "repair"  #: how scenes are accepted: "repair" or "exact"
     early_stop: bool = True  #: end an episode once its verdict is decided
     screen: bool = False  #: kinematic engine first, physics only for its failures
     keep_every: int = quantity(low=1, default=50)  #: of the passing trials, one in so many traces

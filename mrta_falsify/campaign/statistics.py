@@ -1,8 +1,9 @@
 """How likely is a violation: intervals that hold what they promise.
 
-Only independent draws from the scenario's own distribution say anything about a probability:
-the sampler must be ``random`` and scenes must be accepted as Scenic would (mode ``exact``). A
-search that looks for failures finds more of them than there are, and gets no interval.
+Only draws from the scenario's own distribution say anything about a probability: scenes must be
+accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
+estimates the probability itself (:mod:`~mrta_falsify.campaign.rare_events`). A search that looks
+for failures finds more of them than there are, and gets no interval.
 """
 
 from __future__ import annotations
@@ -30,12 +31,24 @@ class Probability:
     level: float = 0.95
     method: str = "Blaker"
     undecided: int = 0  #: trials that ended in an error: they may have failed, or not
+    note: str = ""  #: what else there is to know
 
 
-def why_no_probability(settings: CampaignSettings, *, stopped_early: bool) -> str:
-    """Why the trials of a campaign allow no interval, empty if they do."""
-    if settings.sampler.name != "random":
-        return f"sampler {settings.sampler.name} looks for failures; use --sampler random"
+def why_no_probability(
+    settings: CampaignSettings, *, stopped_early: bool, is_estimating: bool = False
+) -> str:
+    """Why the trials of a campaign allow no interval, empty if they do.
+
+    Args:
+        settings: of the campaign.
+        stopped_early: whether what was found decided how many trials there are.
+        is_estimating: whether the sampler estimates the probability itself.
+    """
+    if settings.sampler.name != "random" and not is_estimating:
+        return (
+            f"sampler {settings.sampler.name} looks for failures; use --sampler random, or "
+            "splitting if they are rare"
+        )
     if settings.trials.mode != "exact":
         return "repaired scenes do not have the scenario's distribution; use --mode exact"
     if stopped_early:
@@ -113,4 +126,5 @@ def _acceptability(successes: int, trials: int, p: Array) -> Array:
     # The opposite tail of at most the same probability joins the smaller one.
     from_upper = upper + stats.binom.cdf(stats.binom.ppf(upper, trials, p) - 1, trials, p)
     from_lower = lower + stats.binom.sf(stats.binom.isf(lower, trials, p), trials, p)
-    return np.minimum(np.minimum(from_upper, from_lower), 1.0)
+    acceptable: Array = np.minimum(np.minimum(from_upper, from_lower), 1.0)
+    return acceptable

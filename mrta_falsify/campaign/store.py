@@ -202,6 +202,28 @@ def read_campaign(directory: Path) -> Campaign:
     return Campaign(directory=directory, settings=settings, records=tuple(records))
 
 
+def owner_of(directory: Path) -> str:
+    """Who is writing to a campaign directory at this moment, empty if nobody is."""
+    path = directory / LOCK
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return ""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _owner_text(path)
+    except OSError:  # a file system without locks
+        return ""
+    finally:
+        os.close(handle)
+    return ""
+
+
+def _owner_text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace").strip() or "another process"
+
+
 # --- writing -----------------------------------------------------------------------------
 
 
@@ -306,8 +328,7 @@ class Store:
         except BlockingIOError:
             os.close(self._lock)
             self._lock = -1
-            owner = path.read_text(encoding="utf-8", errors="replace").strip() or "another process"
-            raise StoreError(f"{self.directory}: is in use by {owner}") from None
+            raise StoreError(f"{self.directory}: is in use by {_owner_text(path)}") from None
         except OSError as error:
             raise StoreError(f"{self.directory}: cannot be locked: {error.strerror}") from None
         now = time.strftime("%Y-%m-%d %H:%M:%S")

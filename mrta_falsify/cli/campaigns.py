@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from rich.console import Console
@@ -92,7 +92,7 @@ def campaign(
     params: tuple[str, ...],
     stop_after: int | None,
     screen: bool,
-    mode: str,
+    mode: Literal["repair", "exact"],
     time_limit: float,
     dry_run: bool,
     style: str,
@@ -102,24 +102,23 @@ def campaign(
     SCENARIO is a Scenic program (.scenic) or the name of a shipped one. Everything found is
     kept in DIR and survives Ctrl-C and kill -9; --resume goes on where it stopped.
     """
-    _check_usage(scenario, directory, resume)
+    _check_usage(scenario, directory, resume, dry_run=dry_run)
     from mrta_falsify import app, campaigns  # noqa: PLC0415 - loads the whole stack
     from mrta_falsify.campaign.settings import Limits  # noqa: PLC0415
     from mrta_falsify.campaign.store import Store  # noqa: PLC0415
     from mrta_falsify.core.config import Choice  # noqa: PLC0415
 
     limits = Limits(budget=budget, stop_after=stop_after or 0)
-    where = Choice(executor) if executor else campaigns.local_workers(workers)
+    where = campaigns.chosen_executor(executor, workers)
     if resume is not None:
         _refuse_with_resume(click.get_current_context())
         store = Store.resume(resume)
     else:
         assert scenario is not None
-        assert directory is not None
         output.say(f"compiling {scenario}")
         chosen = campaigns.new_settings(
             scenario,
-            directory=directory,
+            directory=directory or Path(),
             config=app.load_stack(stack, settings),
             params=campaigns.parse_params(params),
             sampler=Choice(sampler) if sampler else None,
@@ -131,6 +130,7 @@ def campaign(
         )
         if dry_run:
             return _dry_run(chosen, budget, workers, style)
+        assert directory is not None
         store = Store.create(directory, chosen)
     with store, live(store.directory, budget) as (on_record, on_told):
         result = campaigns.run(store, limits, where, on_record=on_record, on_told=on_told)
@@ -175,12 +175,16 @@ def init(directory: Path) -> int:
     return ExitCode.DONE
 
 
-def _check_usage(scenario: str | None, directory: Path | None, resume: Path | None) -> None:
+def _check_usage(
+    scenario: str | None, directory: Path | None, resume: Path | None, *, dry_run: bool
+) -> None:
     if resume is not None and (scenario or directory):
         raise click.UsageError("--resume DIR takes neither SCENARIO nor -o")
+    if resume is not None and dry_run:
+        raise click.UsageError("--dry-run is about a new campaign; give a SCENARIO, not --resume")
     if resume is None and scenario is None:
         raise click.UsageError("give a SCENARIO with -o DIR, or --resume DIR")
-    if resume is None and directory is None:
+    if resume is None and directory is None and not dry_run:
         raise click.UsageError("-o DIR is missing: where to keep what is found")
 
 
@@ -300,8 +304,11 @@ def print_summary(data: dict[str, Any]) -> None:
     if "why_not" not in chance and chance["trials"]:
         out.print(
             f"probability of a violation: {chance['estimate']:.3g}, "
-            f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}]"
+            f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}] "
+            f"({chance['method']})"
         )
+        if chance["note"]:
+            out.print(f"  {chance['note']}")
     out.print(f"campaign: {data['directory']}")
 
 
@@ -555,7 +562,9 @@ def compare(
         raise click.UsageError("--samplers names nobody")
     if len(set(names)) < len(names):
         raise click.UsageError(f"--samplers {samplers}: each may be named once")
-    if not resume and any(app.make_directory(directory).iterdir()):
+    if resume:
+        comparison.check_is_comparison(directory)
+    elif any(app.make_directory(directory).iterdir()):
         raise click.UsageError(f"-o {directory}: is not empty; go on with it by --resume")
     chosen = campaigns.new_settings(
         scenario,
@@ -625,12 +634,21 @@ def _print_comparison(rows: list[dict[str, Any]]) -> None:
 @click.option(
     "--against", type=FILE, metavar="DIR2", help="Compare with a campaign on another stack."
 )
+@click.option(
+    "--cases",
+    type=click.IntRange(1, 1000),
+    default=20,
+    show_default=True,
+    metavar="N",
+    help="Failures to show in full at most, as far as the page has room.",
+)
 def report(
     directory: Path,
     path: Path | None,
     junit: Path | None,
     markdown: Path | None,
     against: Path | None,
+    cases: int,
 ) -> int:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -644,12 +662,12 @@ def report(
     for file in (target, junit, markdown):
         if file is not None:
             app.make_directory(file.parent)
-    written = [reporting.write(opened, target, against=other)]
+    written = [reporting.write(opened, target, against=other, cases=cases)]
     if junit is not None:
         junit.write_text(reporting.junit(opened), encoding="utf-8")
         written.append(junit)
     if markdown is not None:
-        markdown.write_text(reporting.markdown(opened), encoding="utf-8")
+        markdown.write_text(reporting.markdown(opened, against=other), encoding="utf-8")
         written.append(markdown)
     for file in written:
         click.echo(str(file))

@@ -11,7 +11,7 @@ from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import FILE, stack_options
 
-KINDS = ("nav2", "sdf", "mrta-sim", "mcap", "gif")
+KINDS = ("nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4")
 
 
 @main.command()
@@ -39,8 +39,8 @@ def export(
     """Write a world, or a trial of a campaign, for another system.
 
     nav2 is the costmap as Nav2 map, sdf a Gazebo world, mrta-sim all of MRTA-Sim's input files,
-    mcap a run with ROS 2 messages for Foxglove, gif an animation. A WORLD is run first where a run
-    is asked for.
+    mcap a run with ROS 2 messages for Foxglove, gif and mp4 an animation. A WORLD is run first
+    where a run is asked for.
     """
     from mrta_falsify import app, exporting  # noqa: PLC0415
 

@@ -22,7 +22,7 @@ from mrta_falsify.cli.options import FILE, format_option
     default=300,
     show_default=True,
     metavar="N",
-    help="Simulations at most, fresh samples included.",
+    help="Simulations at most, fresh samples and those of earlier calls included.",
 )
 @click.option(
     "--fresh",
@@ -48,6 +48,7 @@ def family(
 
     Prints the rule in the program's units with its precision on fresh samples, and writes it
     as a Scenic program that samples inside the family. Kept beside the trial; `report` shows it.
+    A call that was interrupted goes on when it is given again.
     """
     if path is not None and path.suffix != ".scenic":
         raise click.UsageError(f"-o {path}: a Scenic program's name ends with .scenic")

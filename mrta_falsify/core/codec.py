@@ -13,6 +13,7 @@ import enum
 import functools
 import hashlib
 import json
+import math
 import types
 import typing
 from pathlib import Path
@@ -159,6 +160,8 @@ def _show(data: Any) -> str:
 
 
 def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    if rule is None and type(data) is hint and _is_plain(data):
+        return data  # most of what is stored, at a fifth of the time
     origin = typing.get_origin(hint)
     if hint is Any:
         return data
@@ -185,6 +188,10 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
             names = ", ".join(repr(item.value) for item in hint)
             _fail(where, path, f"is {_show(data)}; it must be one of {names}")
     return _decode_scalar(hint, data, where, path, rule)
+
+
+def _is_plain(data: Any) -> bool:
+    return math.isfinite(data) if type(data) is float else type(data) in (str, bool)
 
 
 def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:

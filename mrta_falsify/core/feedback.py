@@ -66,3 +66,16 @@ class Feedback:
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
     failed: bool = False  #: a specification is violated
     signature: str = ""  #: of the failure mode, empty: no failure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """What a sampler that estimates the probability of a violation has to say about it.
+
+    Samplers with a method ``estimates() -> Estimates`` are such.
+    """
+
+    repeats: tuple[float, ...] = ()  #: independent, of equal law, each without bias
+    uniform_trials: int = 0  #: independent uniform trials, their number fixed beforehand
+    uniform_failures: int = 0  #: violations among them
+    waiting_for: str = ""  #: why there are no repeats yet

@@ -2,6 +2,7 @@
 "use strict";
 (() => {
   const NOWHERE = -32768;
+  const LARGE = 20; // m; a floor larger than this opens as a close-up
   const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   async function unpack(base64) {
@@ -43,9 +44,11 @@
       this.slider.max = this.end;
       this.slider.step = 0.1;
       this.view = this.whole();
-      this.costmap = root.querySelector("img.costmap");
+      this.costmap = document.getElementById(root.dataset.costmap);
       this.connect();
-      const begin = Number(root.dataset.begin || 0);
+      this.follow();
+      const whole = this.view, begin = Number(root.dataset.begin || 0);
+      if ("close" in root.dataset && Math.max(whole.x1 - whole.x0, whole.y1 - whole.y0) > LARGE) this.zoom();
       this.seek(begin);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
       matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
@@ -73,6 +76,24 @@
         e.preventDefault();
         if (e.key.startsWith("Arrow")) this.pause();
         act();
+      });
+    }
+
+    follow() { // a line in the timelines at the time that is shown; a click there is a jump
+      const svg = this.root.closest("details.smallest, article, main").querySelector(".timelines svg");
+      if (!svg) return;
+      const { left, width, end } = Object.fromEntries(Object.entries(svg.dataset).map(([k, v]) => [k, Number(v)]));
+      const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+      line.setAttribute("class", "cursor");
+      line.setAttribute("y1", 0);
+      line.setAttribute("y2", svg.viewBox.baseVal.height - 20);
+      svg.append(line);
+      this.mark = (time) => { for (const x of ["x1", "x2"]) line.setAttribute(x, left + (width * time) / end); };
+      svg.addEventListener("click", (e) => {
+        const box = svg.getBoundingClientRect();
+        const x = ((e.clientX - box.left) / box.width) * svg.viewBox.baseVal.width;
+        this.pause();
+        this.seek(((x - left) / width) * end);
       });
     }
 
@@ -108,6 +129,7 @@
       const text = `${this.time.toFixed(1)} s`;
       this.clock.textContent = `${text} of ${this.end.toFixed(1)} s`;
       this.slider.setAttribute("aria-valuetext", text);
+      if (this.mark) this.mark(this.time);
       this.draw();
     }
 
@@ -145,7 +167,8 @@
       const place = (this.root.dataset.place || "").split(",").map(Number);
       const [x, y] = place.length === 2 && place.every(Number.isFinite) ? place
         : this.point(this.data.xy, this.frame(), 0);
-      this.view = this.close ? { x0: x - 6, y0: y - 6, x1: x + 6, y1: y + 6 } : this.whole();
+      const [across, up] = this.canvas.getBoundingClientRect().width > 600 ? [8, 5] : [5, 5];
+      this.view = this.close ? { x0: x - across, y0: y - up, x1: x + across, y1: y + up } : this.whole();
       this.root.querySelector(".zoom").textContent = this.close ? "Whole floor" : "Close up";
       this.draw();
     }
@@ -181,7 +204,7 @@
       };
       const w = this.data.world, f = this.frame(), now = this.time;
       if (this.shows("costmap") && this.costmap && this.costmap.naturalWidth) {
-        const [x0, y0, x1, y1] = this.costmap.dataset.extent.split(",").map(Number);
+        const [x0, y0, x1, y1] = this.root.dataset.extent.split(",").map(Number);
         const a = px(x0, y1), b = px(x1, y0);
         g.imageSmoothingEnabled = false;
         g.drawImage(this.costmap, a[0], a[1], b[0] - a[0], b[1] - a[1]);
@@ -304,6 +327,12 @@
       root.querySelector(".now").textContent = `The replay cannot be shown here: ${error.message}. The pictures below do not need it.`;
     }
   }
+
+  const closed = new Set(); // details opened for the printer only
+  addEventListener("beforeprint", () => {
+    for (const part of document.querySelectorAll("details:not([open])")) { closed.add(part); part.open = true; }
+  });
+  addEventListener("afterprint", () => { for (const part of closed) part.open = false; closed.clear(); });
 
   const watch = new IntersectionObserver((entries) => {
     for (const entry of entries) if (entry.isIntersecting) { watch.unobserve(entry.target); start(entry.target); }

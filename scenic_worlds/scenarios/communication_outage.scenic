@@ -5,16 +5,19 @@ meet in the corridors of the AWS hospital.
 """
 model scenic_worlds.model
 
-for i in range(6):
-    new Robot with name f'robot{i + 1}', with start_room i, with position_noise 0.01
+for i in range(5):
+    new Robot with name f'robot{i + 1}', with start_room i + 1, with position_noise 0.01
 
 for i in range(4):
-    begin = Range(5, 120)
+    begin = Range(2, 50)
     new CommsOutage with name f'outage{i + 1}',
         with robots Uniform((), ('robot1',), ('robot2', 'robot3'), ('robot4', 'robot5')),
         with links Uniform(('dispatcher',), ('planner',), ('states',), ('leader',),
                            ('planner', 'states')),
-        with during (begin, begin + Range(20, 90))
+        with during (begin, begin + Range(10, 45))
 
-param horizon = 700
-param tasks = burst(6, within=20, slack=(180, 320)) + burst(4, begin=60, within=30, slack=(180, 320))
+param horizon = 300
+param tasks = [
+    delivery(Range(0, 25), start, end, slack=(115, 195))
+    for start, end in [(1, 2), (2, 3), (3, 4), (4, 2), (2, 1), (3, 1)]
+]

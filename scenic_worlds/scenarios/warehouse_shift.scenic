@@ -19,15 +19,16 @@ model scenic_worlds.model
 picks = [f'pick_{i}' for i in range(6)]
 stations = ['station_0', 'station_1']
 
-for i in range(5):
+for i in range(4):
     new Robot with name f'robot{i + 1}', with start_room picks[i], with capacity 3
 
 new Human with name 'picker', with route random_route(3), with speed Range(0.8, 1.4)
-new Pallet with name 'pallet1', in corridors, facing Range(-20, 20) deg
+for i in range(2):
+    new Pallet with name f'pallet{i + 1}', in corridors, facing Range(-20, 20) deg
 new Crate with name 'crate1', in corridors, facing Range(0, 360) deg
 
-param horizon = 700
+param horizon = 300
 param tasks = [
-    delivery(wave + Range(0, 20), Uniform(*picks), Uniform(*stations), slack=(180, 320), service=5)
-    for wave in [0, 0, 0, 0, 60, 60, 60, 60]
+    delivery(wave + Range(0, 10), Uniform(*picks), Uniform(*stations), slack=(85, 150), service=5)
+    for wave in [0, 0, 0, 30, 30, 30]
 ]

@@ -71,7 +71,7 @@ def write_mcap(world: World, trace: Trace, costmap: Costmap, path: Path) -> None
             ):
                 stamp = round(time * 1e9)
                 writer.write_message(topic, schemas[kind], message, stamp, stamp)
-            writer.finish()
+            writer.finish()  # type: ignore[no-untyped-call]
     except OSError as error:
         raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -190,7 +190,7 @@ def _markers(world: World, trace: Trace, tick: int, time: float, *, with_solids:
             start = trace.columns["pose"][tick, edge.robot, :2]
             end = people[edge.other] if edge.cause == "human" else None
             end = trace.columns["pose"][tick, edge.other, :2] if end is None else end
-            waits["points"] += [_point(*start, 0.3), _point(*end, 0.3)]
+            waits["points"] += [_point(start[0], start[1], 0.3), _point(end[0], end[1], 0.3)]
     waits["action"] = 0 if waits["points"] else 2
     markers.append(waits)
     if with_solids:

@@ -32,7 +32,8 @@ def write_sdf(world: World, path: Path) -> None:
 def sdf_text(world: World) -> str:
     """The SDF document of ``world``."""
     root = ET.Element("sdf", version=SDF_VERSION)
-    tree = ET.SubElement(root, "world", name="world")
+    name = _free_name(world.name, {"world"})  # which libsdformat reserves
+    tree = ET.SubElement(root, "world", name=name)
     ET.SubElement(tree, "gravity").text = "0 0 -9.8"
     physics = ET.SubElement(tree, "physics", name="default_physics", default="true", type="ode")
     for name, value in (("max_step_size", "0.001"), ("real_time_factor", "1")):

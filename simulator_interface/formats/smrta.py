@@ -210,8 +210,8 @@ def read_travel_times(path: Path) -> TravelTable:
             raise FormatError(f"{path}: travel_time[{i}] has {given} entries; not {len(matrix)}")
         for j, value in enumerate(row):
             times[i, j] = _seconds(value, UNITS[units], f"{path}: travel_time[{i}][{j}]")
-    np.fill_diagonal(times, 0.0)
     closed = _closed(times)
+    np.fill_diagonal(closed, 0.0)
     return TravelTable(times=frozen_array(closed), shortened=int(np.sum(closed < times)))
 
 

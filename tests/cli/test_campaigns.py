@@ -110,15 +110,16 @@ def test_a_scenario_that_was_edited_is_not_gone_on_with(campaign):
 @pytest.mark.slow
 def test_a_dry_run_stores_nothing_and_says_what_it_costs(campaign):
     directory, call, *_ = campaign
+    before = sorted(directory.parent.rglob("*"))
     result = call(
-        "campaign", directory.parent / "small.scenic", "-o", directory.parent / "dry",
-        "--budget", 50, "--dry-run", *QUICK, "--format", "json",
+        "campaign", directory.parent / "small.scenic", "--budget", 50, "--dry-run", *QUICK,
+        "--format", "json",
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
     data = json.loads(result.stdout)
     assert data["budget"] == 50
     assert data["trial_s"] > 0
-    assert not (directory.parent / "dry").exists()
+    assert sorted(directory.parent.rglob("*")) == before
 
 
 def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
@@ -137,8 +138,10 @@ def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
         (("campaign", "hospital_day", "-o", "x", "--budget", "0"), "0 is not in the range x>=1"),
         (("campaign", "--resume", "nowhere"), "is not a campaign directory"),
         (("campaign", "--resume", "x", "--seed", "3"), "--seed cannot be changed by --resume"),
+        (("campaign", "--resume", "x", "--dry-run"), "--dry-run is about a new campaign"),
         (("campaign", "hospital_dey", "-o", "x"), "did you mean 'hospital_day'"),
         (("list", "nowhere"), "is not a campaign directory"),
+        (("compare", "hospital_day", "--resume", "-o", "."), "is not a comparison"),
         (("compare", "hospital_day", "--samplers", "randm", "-o", "x"), "did you mean 'random'"),
     ],
 )

@@ -91,7 +91,7 @@ def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_
     assert kinds == [event.kind for event in hall_trace.events]
 
 
-@pytest.mark.parametrize("kind", ["mrta-sim", "mcap", "gif"])
+@pytest.mark.parametrize("kind", ["mrta-sim", "mcap", "gif", "mp4"])
 def test_a_world_that_needs_its_program_is_not_exported_as_if_it_did_not(hall, tmp_path, kind):
     world = dataclasses.replace(hall, scripted="behaviors of its own (nurse)")
     subject = exporting.Subject(world=world, config=StackConfig())

@@ -10,7 +10,8 @@ import pytest
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Furniture
-from reports.campaign_page import Case, Counterfactual, Mode, Report, Trials, render
+from reports.campaign_page import render
+from reports.contents import Case, Counterfactual, ErrorKind, Mode, Report, Trials
 from reports.sentences import edge_sentence, sentence
 from tests import browser
 
@@ -42,7 +43,7 @@ def report(stalled):
             failed=tuple(i > 25 for i in range(40)),
             places=np.tile(world.rooms[0].point, (40, 1)),
         ),
-        errors=(("0003", "worker ended by signal 9"),),
+        errors=(ErrorKind(reason="worker ended by signal 9", ids=("0003",)),),
         floor=world,
         stack="planner: astar",
     )
@@ -173,6 +174,43 @@ def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
     others = [a for a in running.requests if not a.startswith(("file:", "data:", "about:"))]
     assert others == []
     assert running.errors == []
+
+
+@pytest.mark.browser
+def test_a_click_in_the_timelines_jumps_there_and_a_line_shows_the_time(open_page):
+    running, path = open_page
+    running.open(path)
+    running.value("document.querySelector('.replay').scrollIntoView()")
+    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.click(".timelines svg")  # in its middle
+    svg, replay = "document.querySelector('.timelines svg')", "document.querySelector('.replay')"
+    left, width, end = (
+        running.value(f"Number({svg}.dataset.{name})") for name in ("left", "width", "end")
+    )
+    middle = running.value(f"{svg}.viewBox.baseVal.width") / 2.0
+    time = running.value(f"{replay}.replay.time")
+    assert time == pytest.approx((middle - left) / width * end, abs=0.1)
+    assert running.value(f"Number({svg}.querySelector('.cursor').getAttribute('x1'))") == (
+        pytest.approx(middle, abs=1.0)
+    )
+
+
+@pytest.mark.browser
+def test_the_printed_page_has_its_pictures_and_opens_what_is_folded(open_page):
+    running, path = open_page
+    running.open(path)
+    folded = "document.querySelectorAll('details:not([open])').length"
+    before = running.value(folded)
+    assert before > 0
+    running.value("dispatchEvent(new Event('beforeprint'))")
+    assert running.value(folded) == 0
+    running.value("dispatchEvent(new Event('afterprint'))")
+    assert running.value(folded) == before
+    running.send("Emulation.setEmulatedMedia", media="print")
+    shown = "getComputedStyle(document.querySelector('%s')).display !== 'none'"
+    assert not running.value(shown % ".replay")
+    assert running.value(shown % ".pair svg")
+    running.send("Emulation.setEmulatedMedia", media="")
 
 
 @pytest.mark.browser

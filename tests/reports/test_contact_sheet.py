@@ -20,7 +20,7 @@ from mrta_falsify.core.world import (
     World,
 )
 from reports import contact_sheet, world_marks
-from reports.figures import robot_colour
+from reports.colours import robot_colour
 from scenic_worlds.layouts.ward import ward_layout
 
 

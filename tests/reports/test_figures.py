@@ -14,7 +14,9 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage
 from reports import figures
-from reports.figures import RunView
+from reports.colours import costmap_image, robot_colour
+from reports.figure_motion import runs_of
+from reports.views import RunView
 
 
 @pytest.fixture
@@ -80,7 +82,7 @@ def test_room_names_are_text_not_formulas(view, tmp_path):
 
 def test_costmap_colours_tell_free_inflated_inscribed_lethal_and_unknown_apart():
     cost = np.array([[0, 120, INSCRIBED, LETHAL, UNKNOWN]], dtype=np.uint8)
-    image = figures.costmap_image(Costmap(cost, 0.05, frozen_array([0.0, 0.0])))
+    image = costmap_image(Costmap(cost, 0.05, frozen_array([0.0, 0.0])))
     assert image.shape == (1, 5, 3)
     assert len({tuple(colour) for colour in image[0]}) == 5
 
@@ -96,8 +98,8 @@ def test_costmap_colours_tell_free_inflated_inscribed_lethal_and_unknown_apart()
     ],
 )
 def test_runs_are_first_and_last_index(flags, expected):
-    assert figures.runs_of(flags) == expected
+    assert runs_of(flags) == expected
 
 
 def test_robot_colours_are_distinct_for_twelve_robots():
-    assert len({figures.robot_colour(number) for number in range(12)}) == 12
+    assert len({robot_colour(number) for number in range(12)}) == 12

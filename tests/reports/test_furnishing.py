@@ -9,10 +9,11 @@ import pytest
 from PIL import Image
 
 from reports import animation, figures
+from reports.colours import FURNITURE
 from reports.drawings import moment
-from reports.figures import FURNITURE, RunView
 from reports.furnishing import furniture_poses, movable_outlines
 from reports.packing import pack
+from reports.views import RunView
 from tests.reports.test_packing import unpack
 
 

@@ -7,8 +7,9 @@ import pytest
 
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.verdict import Verdict
-from reports.figures import RunView, write_picture
+from reports.figures import write_picture
 from reports.page import headline, write_page
+from reports.views import RunView
 
 
 class _Reader(HTMLParser):

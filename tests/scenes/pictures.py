@@ -21,7 +21,9 @@ from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.stack.control.lookahead import remaining_path
-from reports.figures import INK, draw_floor, robot_colour, robot_outline
+from reports.colours import INK, robot_colour
+from reports.figure_floor import draw_floor
+from reports.figure_motion import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
 

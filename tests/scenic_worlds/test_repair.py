@@ -112,6 +112,19 @@ def test_repair_changes_only_what_places_the_objects_to_blame(crowded):
     assert len(moved) >= 4
 
 
+def test_places_are_drawn_in_batches_as_if_one_at_a_time(crowded, monkeypatch):
+    from scenic_worlds import settling
+
+    assert sum(settling.BATCHES) == 60
+    together = [crowded.realise(crowded.candidate(3, number)) for number in range(6)]
+    monkeypatch.setattr(settling, "BATCHES", (1,) * 60)
+    apart = [crowded.realise(crowded.candidate(3, number)) for number in range(6)]
+    for a, b in zip(together, apart, strict=True):
+        assert a.world.digest() == b.world.digest()
+        assert (a.attempts, a.rejections) == (b.attempts, b.rejections)
+    assert max(sum(found.rejections.values()) for found in together) > 10
+
+
 def test_a_deadline_before_its_arrival_is_a_rejected_scene(pair):
     k = len(pair.space)
     u = np.full(k, 0.5)

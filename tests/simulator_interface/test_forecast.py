@@ -7,7 +7,7 @@ import pytest
 from shapely.geometry import box
 
 from benchmarks.oracle.floors import robot, two_rooms
-from benchmarks.oracle.stacks import SYMMETRIC, IN_TURN, stack
+from benchmarks.oracle.stacks import IN_TURN, SYMMETRIC, stack
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.geometry import rectangle

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -272,6 +273,29 @@ def test_smt_and_exact_never_contradict_each_other():
     assert seen == {"plan", "infeasible"}
 
 
+def test_smt_needs_no_search_to_prove_that_nobody_can_reach_a_task_in_time():
+    pytest.importorskip("z3")
+    from mrta_falsify.stack.allocation.smt import Smt, SmtOptions
+
+    tasks = [task(k, 0, 1) for k in range(9)] + [task(9, 2, 0, deadline=39.0)]
+    answer = Smt(SmtOptions(resource_limit=500_000)).allocate(ask(tasks, robot(), robot(1)))
+    assert answer.status == "infeasible"
+    assert 9 in answer.infeasible.core
+
+
+def test_a_second_solver_agrees_about_what_is_possible():
+    pytest.importorskip("ortools")
+    from benchmarks.allocation.second_opinion import can_be_covered
+
+    seen = set()
+    for seed in range(12):
+        case = problem(seed, robots=2, tasks=5, slack=(30, 140))
+        status = Exact(ExactOptions(improvement_steps=0)).allocate(case).status
+        assert can_be_covered(case) == (status == "plan")
+        seen.add(status)
+    assert seen == {"plan", "infeasible"}
+
+
 def test_tours_of_the_tsp_solver_are_made_to_fit_the_capacity():
     pytest.importorskip("ortools")
     from mrta_falsify.stack.allocation.tsp import Tsp
@@ -364,6 +388,28 @@ def test_with_loose_deadlines_late_feedback_costs_nothing():
     assert stream.outcome().answer.status == "plan"
 
 
+def test_a_fleet_prepared_for_feedback_plans_the_same():
+    outcomes = []
+    for expects in (False, True):
+        stream = Stream(floor(7), [0, 3, 5], 2, ALLOCATORS["insertion"], expects_feedback=expects)
+        for batch in batches(7):
+            done = stream.advance(batch.arrival)
+            stream.feedback({r: s[-1].time + 20.0 for r, s in enumerate(done) if s})
+            stream.take(batch)
+        outcomes.append(stream.outcome())
+    assert outcomes[0] == outcomes[1]
+
+
+def test_nothing_is_committed_before_time_has_come():
+    stream = Stream(TIMES, [0, 1], 2, ALLOCATORS["insertion"])
+    stream.take(Batch(arrival=0.0, tasks=(task(0, 1, 2), task(1, 0, 1))))
+    planned = stream.itineraries()
+    assert stream.advance(0.0) == [[], []]
+    done = stream.advance(0.5)
+    assert all(done)
+    assert stream.itineraries() == planned
+
+
 def test_a_plan_that_cannot_be_carried_out_is_refused():
     class Forgetful:
         def allocate(self, case):
@@ -373,6 +419,31 @@ def test_a_plan_that_cannot_be_carried_out_is_refused():
     stream = Stream(TIMES, [0], 2, Forgetful())
     with pytest.raises(HarnessError, match="never drops task 0"):
         stream.take(Batch(arrival=0.0, tasks=(task(0, 1, 2),)))
+
+
+# --- travel times ------------------------------------------------------------------------------
+
+
+def test_the_shipped_times_of_the_hospital_are_complete_and_obey_the_triangle_rule():
+    from scenic_worlds.layouts import load_world
+    from simulator_interface.formats.smrta import read_travel_times
+
+    path = Path(str(resources.files("scenic_worlds.layouts"))) / "travel_times/aws_hospital.json"
+    table, world = read_travel_times(path), load_world("aws_hospital_day")
+    assert json.loads(path.read_text())["rooms"] == [room.name for room in world.rooms]
+    assert table.shortened == 0
+    ratio = (table.times + np.eye(6)) / (world.travel_times + np.eye(6))
+    assert ((ratio > 0.7) & (ratio < 1.4)).all()
+
+
+def test_time_from_a_room_to_itself_is_dropped_and_counted(tmp_path):
+    from simulator_interface.formats.smrta import read_travel_times
+
+    file = tmp_path / "times.json"
+    file.write_text(json.dumps({"units": "s", "travel_time": [[5, 10], [10, 0]]}))
+    table = read_travel_times(file)
+    assert table.times.tolist() == [[0.0, 10.0], [10.0, 0.0]]
+    assert table.shortened == 1
 
 
 # --- SMrTa's own set ---------------------------------------------------------------------------

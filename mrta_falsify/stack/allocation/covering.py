@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-import scipy.sparse
-from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 
 POSITIVE = 1e-6  # a relaxed number of lost deadlines above this proves that one is lost
 NODES = 5_000  # of one integer program
@@ -30,6 +28,8 @@ class Covering:
             robots: per kind, its robots.
             m: number of tasks.
         """
+        import scipy.sparse  # noqa: PLC0415 - takes 0.3 s, and most problems do without
+
         self._kind = np.array([i for i, group in enumerate(sets) for _ in group], np.int64)
         self._sets = [tasks for group in sets for tasks in group]
         self._robots, self._m = robots, m
@@ -47,6 +47,9 @@ class Covering:
 
     def relaxed_core(self, tasks: Sequence[int]) -> list[int]:
         """Some of ``tasks`` that provably cannot all be in time; empty if that is not shown."""
+        import scipy.sparse  # noqa: PLC0415 - as above
+        from scipy.optimize import linprog  # noqa: PLC0415
+
         cost = np.zeros(self._covers.shape[1])
         cost[len(self._sets) + np.array(tasks)] = 1.0
         answer = linprog(
@@ -68,6 +71,8 @@ class Covering:
             Sets as bits by robot, None if the search was cut off; and how many tasks of
             ``tasks`` are certainly left.
         """
+        from scipy.optimize import Bounds, LinearConstraint, milp  # noqa: PLC0415 - as above
+
         wanted = np.zeros(self._m, np.bool_)
         wanted[list(tasks)] = True
         cost = np.concatenate([np.zeros(len(self._sets)), wanted.astype(np.float64)])

@@ -18,7 +18,8 @@ from mrta_falsify.core.allocation import (
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.objective import Objective
-from mrta_falsify.stack.allocation.proving import LimitReachedError, Proof, Prover
+from mrta_falsify.stack.allocation.proving import Proof, Prover
+from mrta_falsify.stack.allocation.single_robots import LimitReachedError
 from mrta_falsify.stack.allocation.table import RouteTable
 from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
 
@@ -104,7 +105,7 @@ class Exact:
         table = RouteTable.of(without_plans(problem))
         for k in range(len(problem.tasks)):
             if not served >> k & 1:
-                table.w.due[table.n + 2 * k + 1] = np.inf
+                table.w.node["due"][table.n + 2 * k + 1] = np.inf
         plans: list[tuple[Stop, ...]] = [prover.itinerary(r, sets[r]) for r in range(prover.n)]
         table.reload(plans)
         self._insertion.serve_late(table, table.pending())

@@ -12,6 +12,7 @@ recreate after Shaw, 1998, and Christiaens & Vanden Berghe ("blinks"), 2020.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,24 +25,53 @@ NONE = -1
 FREE, GONE = -1, -2  #: owners of tasks that nobody has, and that are not in the table any more
 FAR = 1e18
 
+#: one record per node; a record is passed on as one pointer, which halves the time to compile
+NODE = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("time", np.float64),  # end of service; of a robot's node: when it is free [s]
+                ("latest", np.float64),  # largest time that keeps all due times from here on [s]
+                ("release", np.float64),  # the leg toward the node starts no earlier [s]
+                ("service", np.float64),  # [s]
+                ("due", np.float64),  # time that must be kept [s], inf: none
+                ("room", np.int64),  # where the node is
+                ("after", np.int64),  # next node, -1: none
+                ("before", np.int64),  # previous node, -1: none
+                ("load", np.int64),  # on board behind the node; of a robot's node: at its start
+                ("drops", np.int64),  # drops behind the node
+            ],
+            align=True,
+        ),
+    )
+)
+TASK = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("owner", np.int64),  # robot, FREE or GONE
+                ("aboard", np.int64),  # 1: picked up already, only the drop is in the route
+            ],
+            align=True,
+        ),
+    )
+)
+Records = NDArray[np.void]
+
+#: functions that Python calls, and those that only compiled code calls (quicker to compile)
+entry = partial(njit, cache=True, no_cfunc_wrapper=True)
+inner = partial(njit, cache=True, no_cfunc_wrapper=True, no_cpython_wrapper=True)
+
 
 class Routes(NamedTuple):
     """Routes of n robots over m tasks; N = n + 2 m nodes, R rooms."""
 
     travel: Array  #: (R, R) [s]
     capacity: IntArray  #: (n,)
-    room: IntArray  #: (N,) where the node is
-    service: Array  #: (N,) [s]
-    release: Array  #: (N,) the leg toward the node starts no earlier [s]
-    due: Array  #: (N,) time that must be kept [s], inf: none
-    after: IntArray  #: (N,) next node, -1: none
-    before: IntArray  #: (N,) previous node, -1: none
-    time: Array  #: (N,) end of service; of a robot's node: when it is free [s]
-    latest: Array  #: (N,) largest time that keeps all due times from here on [s]
-    load: IntArray  #: (N,) on board behind the node; of a robot's node: at its start
-    drops: IntArray  #: (N,) drops behind the node
-    owner: IntArray  #: (m,) robot, FREE or GONE
-    aboard: IntArray  #: (m,) 1: picked up already, only the drop is in the route
+    node: Records  #: (N,) of NODE
+    task: Records  #: (m,) of TASK
 
 
 class Weights(NamedTuple):
@@ -61,37 +91,37 @@ class Place(NamedTuple):
     drop: int  #: node before the drop; the pickup's own node if it comes directly behind
 
 
-@njit(cache=True)
+@entry()
 def refresh(w: Routes, r: int) -> None:  # pragma: no cover - compiled
     """Times, loads and slacks of robot ``r``'s route, from its order of nodes."""
     n = len(w.capacity)
-    x, last = w.after[r], r
+    last, x = r, w.node[r].after
     while x != NONE:
-        p = last
-        w.time[x] = max(w.time[p], w.release[x]) + w.travel[w.room[p], w.room[x]] + w.service[x]
-        w.load[x] = w.load[p] + 1 - 2 * ((x - n) & 1)
-        last = x
-        x = w.after[x]
-    w.latest[last] = w.due[last]
-    w.drops[last] = 0
+        a, b = w.node[last], w.node[x]
+        b.time = max(a.time, b.release) + w.travel[a.room, b.room] + b.service
+        b.load = a.load + 1 - 2 * ((x - n) & 1)
+        last, x = x, b.after
+    w.node[last].latest = w.node[last].due
+    w.node[last].drops = 0
     x = last
     while x != r:
-        p = w.before[x]
-        w.latest[p] = min(w.due[p], w.latest[x] - w.service[x] - w.travel[w.room[p], w.room[x]])
-        w.drops[p] = w.drops[x] + ((x - n) & 1)
-        x = p
+        b = w.node[x]
+        a = w.node[b.before]
+        a.latest = min(a.due, b.latest - b.service - w.travel[a.room, b.room])
+        a.drops = b.drops + ((x - n) & 1)
+        x = b.before
 
 
-@njit(cache=True)
+@inner()
 def end_of(w: Routes, r: int) -> float:  # pragma: no cover - compiled
     """Time [s] of the last node of a route."""
     x = r
-    while w.after[x] != NONE:
-        x = w.after[x]
-    return float(w.time[x])
+    while w.node[x].after != NONE:
+        x = w.node[x].after
+    return float(w.node[x].time)
 
 
-@njit(cache=True)
+@inner()
 def _price(
     weights: Weights, done: float, shifts: float, old_end: float, new_end: float, span: float
 ) -> float:  # pragma: no cover - compiled
@@ -100,7 +130,15 @@ def _price(
     return cost + weights.makespan * max(0.0, new_end - span)
 
 
-@njit(cache=True)
+@inner()
+def _reach(
+    w: Routes, room: int, time: float, node: np.record
+) -> float:  # pragma: no cover - compiled
+    """When ``node`` is done by a robot that is ready in ``room`` at ``time`` [s]."""
+    return float(max(time, node.release) + w.travel[room, node.room] + node.service)
+
+
+@inner()
 def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
     w: Routes, k: int, r: int, weights: Weights, span: float, blink: float, seed: NDArray[np.uint64]
 ) -> Place:  # pragma: no cover - compiled
@@ -116,136 +154,141 @@ def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
         seed: (1,) state of the random numbers.
     """
     n = len(w.capacity)
-    pick = n + 2 * k
-    drop = pick + 1
+    pick, drop = w.node[n + 2 * k], w.node[n + 2 * k + 1]
     limit = w.capacity[r]
-    room_p, room_d = w.room[pick], w.room[drop]
-    ride = w.travel[room_p, room_d] + w.service[drop]
+    ride = w.travel[pick.room, drop.room] + drop.service
     old_end = end_of(w, r) if weights.travel > 0.0 or weights.makespan > 0.0 else 0.0
     best, best_a, best_b = np.inf, NONE, NONE
     a = r
     while a != NONE:
-        begun = max(w.time[a], w.release[pick])
-        t_pick = begun + w.travel[w.room[a], room_p] + w.service[pick]
-        if t_pick + ride > w.due[drop]:
+        ahead = w.node[a]
+        begun = max(ahead.time, pick.release)
+        t_pick = begun + w.travel[ahead.room, pick.room] + pick.service
+        if t_pick + ride > drop.due:
             break  # later places are later still
-        c = w.after[a]
-        if w.load[a] < limit and (blink == 0.0 or draw(seed) >= blink):
+        c = ahead.after
+        if ahead.load < limit and (blink == 0.0 or draw(seed) >= blink):
             t_drop = t_pick + ride
             if c == NONE:
                 cost = _price(weights, t_drop, 0.0, old_end, t_drop, span)
                 if cost < best:
-                    best, best_a, best_b = cost, a, pick
+                    best, best_a, best_b = cost, a, n + 2 * k
             else:
-                t_c = max(t_drop, w.release[c]) + w.travel[room_d, w.room[c]] + w.service[c]
-                if t_c <= w.latest[c]:
-                    shift = t_c - w.time[c]
+                x, here = c, w.node[c]
+                t_c = _reach(w, drop.room, t_drop, here)
+                if t_c <= here.latest:
+                    shift = t_c - here.time
                     cost = _price(
-                        weights, t_drop, shift * w.drops[a], old_end, old_end + shift, span
+                        weights, t_drop, shift * ahead.drops, old_end, old_end + shift, span
                     )
                     if cost < best:
-                        best, best_a, best_b = cost, a, pick
-                t_x = max(t_pick, w.release[c]) + w.travel[room_p, w.room[c]] + w.service[c]
-                shifts, x = 0.0, c
-                while t_x <= w.latest[x] and w.load[x] < limit:
+                        best, best_a, best_b = cost, a, n + 2 * k
+                t_x = _reach(w, pick.room, t_pick, here)
+                shifts = 0.0
+                while t_x <= here.latest and here.load < limit:
                     if (x - n) & 1:
-                        shifts += t_x - w.time[x]
-                    t_drop = t_x + w.travel[w.room[x], room_d] + w.service[drop]
-                    if t_drop > w.due[drop]:
+                        shifts += t_x - here.time
+                    t_drop = t_x + w.travel[here.room, drop.room] + drop.service
+                    if t_drop > drop.due:
                         break
-                    y = w.after[x]
+                    y = here.after
                     if y == NONE:
                         cost = _price(weights, t_drop, shifts, old_end, t_drop, span)
                         if cost < best:
                             best, best_a, best_b = cost, a, x
                         break
-                    t_y = max(t_drop, w.release[y]) + w.travel[room_d, w.room[y]] + w.service[y]
-                    if t_y <= w.latest[y] and (blink == 0.0 or draw(seed) >= blink):
-                        shift = t_y - w.time[y]
+                    follows = w.node[y]
+                    t_y = _reach(w, drop.room, t_drop, follows)
+                    if t_y <= follows.latest and (blink == 0.0 or draw(seed) >= blink):
+                        shift = t_y - follows.time
                         cost = _price(
-                            weights, t_drop, shifts + shift * w.drops[x], old_end,
+                            weights, t_drop, shifts + shift * here.drops, old_end,
                             old_end + shift, span,
                         )  # fmt: skip
                         if cost < best:
                             best, best_a, best_b = cost, a, x
-                    t_x = max(t_x, w.release[y]) + w.travel[w.room[x], w.room[y]] + w.service[y]
-                    x = y
+                    t_x = _reach(w, here.room, t_x, follows)
+                    x, here = y, follows
         a = c
     return Place(best, best_a, best_b)
 
 
-@njit(cache=True)
+@inner()
 def drop_place_of(
     w: Routes, k: int, r: int, weights: Weights
 ) -> Place:  # pragma: no cover - compiled
     """Cheapest place of the drop of task ``k``, which is on board of robot ``r``."""
     n = len(w.capacity)
-    drop = n + 2 * k + 1
-    room_d = w.room[drop]
+    drop = w.node[n + 2 * k + 1]
     best, best_b = np.inf, NONE
     x = r
     while x != NONE:
-        t_drop = w.time[x] + w.travel[w.room[x], room_d] + w.service[drop]
-        if t_drop > w.due[drop]:
+        here = w.node[x]
+        t_drop = here.time + w.travel[here.room, drop.room] + drop.service
+        if t_drop > drop.due:
             break
-        y = w.after[x]
+        y = here.after
         cost, fits = t_drop * (1.0 + weights.own), True
         if y != NONE:
-            t_y = max(t_drop, w.release[y]) + w.travel[room_d, w.room[y]] + w.service[y]
-            fits = t_y <= w.latest[y]
-            cost += (t_y - w.time[y]) * w.drops[x]
+            follows = w.node[y]
+            t_y = _reach(w, drop.room, t_drop, follows)
+            fits = t_y <= follows.latest
+            cost += (t_y - follows.time) * here.drops
         if fits and cost < best:
             best, best_b = cost, x
         # Loads count the task until it is dropped, so pickups before the drop must fit.
         x = y
-        if x != NONE and w.load[x] > w.capacity[r]:
+        if x != NONE and w.node[x].load > w.capacity[r]:
             break
     return Place(best, NONE, best_b)
 
 
-@njit(cache=True)
+@inner()
 def link(w: Routes, x: int, a: int) -> None:  # pragma: no cover - compiled
     """Put node ``x`` behind node ``a``."""
-    c = w.after[a]
-    w.after[a], w.before[x], w.after[x] = x, a, c
+    c = w.node[a].after
+    w.node[a].after = x
+    w.node[x].before = a
+    w.node[x].after = c
     if c != NONE:
-        w.before[c] = x
+        w.node[c].before = x
 
 
-@njit(cache=True)
+@inner()
 def unlink(w: Routes, x: int) -> None:  # pragma: no cover - compiled
     """Take node ``x`` out of its route."""
-    a, c = w.before[x], w.after[x]
-    w.after[a] = c
+    a, c = w.node[x].before, w.node[x].after
+    w.node[a].after = c
     if c != NONE:
-        w.before[c] = a
-    w.after[x] = w.before[x] = NONE
+        w.node[c].before = a
+    w.node[x].after = NONE
+    w.node[x].before = NONE
 
 
-@njit(cache=True)
+@inner()
 def insert(w: Routes, k: int, r: int, place: Place) -> None:  # pragma: no cover - compiled
     """Give task ``k`` to robot ``r`` at ``place``."""
     n = len(w.capacity)
     if place.pick != NONE:
         link(w, n + 2 * k, place.pick)
     link(w, n + 2 * k + 1, place.drop)
-    w.owner[k] = r
+    w.task[k].owner = r
     refresh(w, r)
 
 
-@njit(cache=True)
+@inner()
 def remove(w: Routes, k: int) -> int:  # pragma: no cover - compiled
     """Take task ``k``, which is not on board, from its robot; gives the robot."""
     n = len(w.capacity)
-    r = int(w.owner[k])
+    r = int(w.task[k].owner)
     unlink(w, n + 2 * k)
     unlink(w, n + 2 * k + 1)
-    w.owner[k] = FREE
+    w.task[k].owner = FREE
     refresh(w, r)
     return r
 
 
-@njit(cache=True)
+@inner()
 def draw(seed: NDArray[np.uint64]) -> float:  # pragma: no cover - compiled
     """Uniform number in [0, 1): xorshift64* of Vigna, 2016."""
     x = seed[0]
@@ -256,7 +299,7 @@ def draw(seed: NDArray[np.uint64]) -> float:  # pragma: no cover - compiled
     return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) / 9007199254740992.0
 
 
-@njit(cache=True)
+@inner()
 def last_end(w: Routes) -> float:  # pragma: no cover - compiled
     """Makespan [s]."""
     span = 0.0
@@ -265,7 +308,7 @@ def last_end(w: Routes) -> float:  # pragma: no cover - compiled
     return span
 
 
-@njit(cache=True)
+@entry()
 def construct(
     w: Routes,
     pending: IntArray,
@@ -288,18 +331,19 @@ def construct(
     n, p = len(w.capacity), len(pending)
     price = np.empty((p, n))
     first, best, second = np.empty(p, np.int64), np.empty(p), np.empty(p)
-    waits = np.ones(p, np.bool_)
+    waits = np.empty(p, np.int64)
     span = last_end(w) if weights.makespan > 0.0 else 0.0
     for i in range(p):
+        waits[i] = 1
         for r in range(n):
             price[i, r] = place_of(w, pending[i], r, weights, span, blink, seed).cost
-        first[i], best[i], second[i] = _two_best(price[i])
+        first[i], best[i], second[i] = _two_best(price, i)
     for _ in range(p):
         chosen, top, top_due = -1, -np.inf, np.inf
         for i in range(p):
-            if not waits[i] or best[i] == np.inf:
+            if waits[i] == 0 or best[i] == np.inf:
                 continue
-            due = w.due[n + 2 * pending[i] + 1]
+            due = w.node[n + 2 * pending[i] + 1].due
             rank = second[i] - best[i] if second[i] < np.inf else FAR
             rank = -best[i] if by_bid else rank
             if rank > top or (rank == top and due < top_due):
@@ -309,11 +353,11 @@ def construct(
         r = first[chosen]
         place = place_of(w, pending[chosen], r, weights, span, 0.0, seed)
         insert(w, pending[chosen], r, place)
-        waits[chosen] = False
+        waits[chosen] = 0
         if weights.makespan > 0.0:
             span = last_end(w)
         for i in range(p):
-            if not waits[i] or (price[i, r] == np.inf and blink == 0.0):
+            if waits[i] == 0 or (price[i, r] == np.inf and blink == 0.0):
                 continue
             new = place_of(w, pending[i], r, weights, span, blink, seed).cost
             old = price[i, r]
@@ -321,18 +365,25 @@ def construct(
             if r == first[i] and new < second[i]:
                 best[i] = new
             elif r == first[i] or old == second[i] or new < best[i]:
-                first[i], best[i], second[i] = _two_best(price[i])
+                first[i], best[i], second[i] = _two_best(price, i)
             elif new < second[i]:
                 second[i] = new
-    return pending[waits]
+    left = np.empty(p, np.int64)
+    count = 0
+    for i in range(p):
+        if waits[i]:
+            left[count] = pending[i]
+            count += 1
+    return left[:count]
 
 
-@njit(cache=True)
-def _two_best(price: Array) -> tuple[int, float, float]:  # pragma: no cover - compiled
+@inner()
+def _two_best(price: Array, i: int) -> tuple[int, float, float]:  # pragma: no cover - compiled
     first, best, second = 0, np.inf, np.inf
-    for r in range(len(price)):
-        if price[r] < best:
-            first, best, second = r, price[r], best
-        elif price[r] < second:
-            second = price[r]
+    for r in range(price.shape[1]):
+        cost = price[i, r]
+        if cost < best:
+            first, best, second = r, cost, best
+        elif cost < second:
+            second = cost
     return first, best, second

@@ -19,35 +19,20 @@ from pysat.card import ITotalizer
 from pysat.solvers import Solver
 
 from mrta_falsify.core.allocation import AllocationProblem, Stop
-from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.stack.allocation.covering import Covering
-from mrta_falsify.stack.allocation.route_search import (
-    CUT_OFF,
-    FEASIBLE,
-    INFEASIBLE,
-    MOST_TASKS,
-    Jobs,
-    Starts,
-    clashing_pairs,
-    feasible_sets,
-    search_route,
+from mrta_falsify.stack.allocation.single_robots import (
+    Bits,
+    LimitReachedError,
+    SingleRobots,
+    members,
 )
-
-Bits = int  # a set of tasks, one bit each
-
 
 CONFLICT = 300  # nodes of a route search that take as long as one conflict of the master
 PATIENCE = 400  # conflicts of the master before the covering problem is tried
-MOST_SETS = 400_000  # sets looked at for the covering problem
-MOST_BITS = 62  # tasks of the covering problem
 
 
 class _MasterIsSlowError(Exception):
     """The master needs more conflicts than it was given."""
-
-
-class LimitReachedError(Exception):
-    """The node limit ended the search without an answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,57 +57,15 @@ class Prover:
             node_limit: nodes of route searches, and of the master's conflicts as many as take
                 as long.
         """
-        self._problem = problem
-        self.nodes_left = node_limit
-        tasks, robots = problem.tasks, problem.robots
-        self.m, self.n = len(tasks), len(robots)
-        position = {task.number: k for k, task in enumerate(tasks)}
-        self._jobs = Jobs(
-            start=np.array([task.start for task in tasks], np.int64),
-            end=np.array([task.end for task in tasks], np.int64),
-            load=np.array([task.pickup_time for task in tasks], np.float64),
-            unload=np.array([task.dropoff_time for task in tasks], np.float64),
-            release=np.array([task.arrival for task in tasks], np.float64),
-            due=np.array([task.deadline for task in tasks], np.float64),
-        )
-        self._starts = Starts(
-            room=np.array([plan.room for plan in robots], np.int64),
-            time=np.array([max(plan.free_at, problem.now) for plan in robots], np.float64),
-            capacity=np.array([plan.capacity for plan in robots], np.int64),
-        )
-        self._travel = np.ascontiguousarray(problem.travel_times, dtype=np.float64)
-        self._onboard = [tuple(sorted(position[k] for k in plan.onboard)) for plan in robots]
-        self._carrier = {k: r for r, carried in enumerate(self._onboard) for k in carried}
-        self._kind = self._kinds()
-        self._by_due = sorted(range(self.m), key=lambda k: (tasks[k].deadline, k))
+        self._robots = SingleRobots(problem, node_limit)
+        self.m, self.n = len(problem.tasks), len(problem.robots)
         self._rounds = 0
         self._covering_tried = False
         self._cover: Covering | None = None
-        self._known: dict[tuple[int, Bits], bool] = {}
-        farthest_first = np.argsort(
-            -self._travel[np.ix_(self._starts.room, self._jobs.start)].T, axis=1, kind="stable"
-        )
+        farthest_first = np.argsort(-self._robots.times_to_pickups().T, axis=1, kind="stable")
         self._rank = np.argsort(farthest_first, axis=1)
         self._solver = Solver(name="glucose4")
         self._build()
-
-    def _kinds(self) -> list[int]:
-        """Robots that cannot be told apart share a number: their first one's."""
-        seen: dict[object, int] = {}
-        s = self._starts
-        return [
-            seen.setdefault(
-                (
-                    s.room[r],
-                    s.time[r],
-                    s.capacity[r],
-                    self._onboard[r],
-                    r if self._onboard[r] else -1,
-                ),
-                r,
-            )
-            for r in range(self.n)
-        ]
 
     # --- the master -------------------------------------------------------------------------
 
@@ -140,9 +83,9 @@ class Prover:
     def _build(self) -> None:
         alone = np.zeros((self.n, self.m), np.bool_)
         for k in range(self.m):
-            carrier = self._carrier.get(k)
+            carrier = self._robots.carrier.get(k)
             for r in range(self.n):
-                alone[r, k] = carrier in (None, r) and self._accepts(r, 1 << k)
+                alone[r, k] = carrier in (None, r) and self._robots.accepts(r, 1 << k)
             able = [self._has(k, r) for r in range(self.n) if alone[r, k]]
             self._solver.add_clause([self._lost(k), *able])
             for r in range(self.n):
@@ -150,25 +93,25 @@ class Prover:
                     self._solver.add_clause([-self._has(k, r)])
         free = alone.copy()
         for r in range(self.n):
-            if self._onboard[r] or self._kind[r] != r:
+            if self._robots.onboard[r] or self._robots.kind[r] != r:
                 free[r] = False
-        free[:, list(self._carrier)] = False
-        clash = clashing_pairs(self._travel, self._jobs, self._starts, free)
+        free[:, list(self._robots.carrier)] = False
+        clash = self._robots.clashing_pairs(free)
         for r, k, j in zip(*np.nonzero(np.tril(clash)), strict=True):
             for twin in range(self.n):
-                if self._kind[twin] == r:
+                if self._robots.kind[twin] == r:
                     self._solver.add_clause([-self._has(int(k), twin), -self._has(int(j), twin)])
 
     def _routes_of_master(self, assumptions: Sequence[int], budget: int) -> list[Bits] | None:
         """Sets of tasks per robot that no clause forbids; None if there is no choice left."""
-        if self.nodes_left <= 0:
+        if self._robots.nodes_left <= 0:
             raise LimitReachedError
         before = self._solver.accum_stats()["conflicts"]
-        self._solver.conf_budget(max(1, min(self.nodes_left // CONFLICT, budget)))
+        self._solver.conf_budget(max(1, min(self._robots.nodes_left // CONFLICT, budget)))
         found = self._solver.solve_limited(assumptions=list(assumptions))
         conflicts = self._solver.accum_stats()["conflicts"] - before
-        self.nodes_left -= 1 + CONFLICT * conflicts
-        if found is None and self.nodes_left > 0:
+        self._robots.nodes_left -= 1 + CONFLICT * conflicts
+        if found is None and self._robots.nodes_left > 0:
             raise _MasterIsSlowError
         if found is None:
             raise LimitReachedError
@@ -193,7 +136,7 @@ class Prover:
         """
         stop_at = -1 if patience is None else self._effort() + patience
         while True:
-            left = stop_at - self._effort() if patience is not None else self.nodes_left
+            left = stop_at - self._effort() if patience is not None else self._robots.nodes_left
             if patience is not None and left <= 0:
                 raise _MasterIsSlowError
             sets = self._routes_of_master(assumptions, left)
@@ -202,9 +145,9 @@ class Prover:
                 return None
             clauses = 0
             for r in range(self.n):
-                refused = self._first_refused(r, sets[r])
+                refused = self._robots.first_refused(r, sets[r])
                 if refused:
-                    self._forbid(r, self._smallest_refused(r, refused))
+                    self._forbid(r, self._robots.smallest_refused(r, refused))
                     clauses += 1
             if clauses == 0:
                 return sets
@@ -214,78 +157,23 @@ class Prover:
 
     def _forbid(self, r: int, tasks: Bits) -> None:
         """Clauses: these tasks are not served together, for every robot that refuses them."""
-        members = _members(tasks)
-        verdict: dict[int, bool] = {self._kind[r]: False}
+        chosen = members(tasks)
+        verdict: dict[int, bool] = {self._robots.kind[r]: False}
         for other in range(self.n):
-            kind = self._kind[other]
+            kind = self._robots.kind[other]
             if kind not in verdict:
-                alien = any(self._carrier.get(k, other) != other for k in members)
-                verdict[kind] = alien or self._accepts(other, tasks)
+                alien = any(self._robots.carrier.get(k, other) != other for k in chosen)
+                verdict[kind] = alien or self._robots.accepts(other, tasks)
             if not verdict[kind]:
-                self._solver.add_clause([-self._has(k, other) for k in members])
-
-    def _first_refused(self, r: int, tasks: Bits) -> Bits:
-        """A part of ``tasks`` that the robot refuses, 0 if it accepts them all.
-
-        Grown task by task, since small sets are decided quickly.
-        """
-        part = 0
-        for k in self._by_due:
-            if tasks >> k & 1:
-                part |= 1 << k
-                if not self._accepts(r, part):
-                    return part
-        return 0
-
-    def _smallest_refused(self, r: int, tasks: Bits) -> Bits:
-        for k in sorted(_members(tasks), key=lambda k: (-self._jobs.due[k], k)):
-            less = tasks & ~(1 << k)
-            if not self._accepts(r, less):
-                tasks = less
-        return tasks
-
-    # --- single robots ------------------------------------------------------------------------
-
-    def _accepts(self, r: int, tasks: Bits) -> bool:
-        """Whether robot ``r`` can serve all ``tasks`` in time, and deliver its load some time."""
-        key = (self._kind[r], tasks)
-        known = self._known.get(key)
-        if known is None:
-            known = self._known[key] = self._search(r, tasks)[0] == FEASIBLE
-        return known
-
-    def _search(self, r: int, tasks: Bits) -> tuple[int, IntArray, IntArray]:
-        carried = self._onboard[r]
-        fresh = [k for k in _members(tasks) if k not in carried]
-        chosen = np.array([*fresh, *carried], np.int64)
-        state = np.array([0] * len(fresh) + [1] * len(carried), np.int64)
-        soft = np.array([not tasks >> int(k) & 1 for k in chosen], np.bool_)
-        if len(chosen) > MOST_TASKS:
-            raise LimitReachedError
-        answer, nodes, order = search_route(
-            self._travel, self._jobs, self._starts, r, chosen, state, soft, self.nodes_left
-        )
-        self.nodes_left -= nodes
-        if answer == CUT_OFF:
-            raise LimitReachedError
-        return answer, chosen, order
-
-    def itinerary(self, r: int, tasks: Bits) -> tuple[Stop, ...]:
-        """Stops with which robot ``r`` serves ``tasks`` in time; without times."""
-        answer, chosen, order = self._search(r, tasks)
-        assert answer != INFEASIBLE
-        stops = []
-        for x in order:
-            task = self._problem.tasks[chosen[x >> 1]]
-            if x & 1:
-                stops.append(Stop(task=task.number, action="dropoff", room=task.end, time=0.0))
-            else:
-                stops.append(Stop(task=task.number, action="pickup", room=task.start, time=0.0))
-        return tuple(stops)
+                self._solver.add_clause([-self._has(k, other) for k in chosen])
 
     def suggest(self, owner: dict[int, int]) -> None:
         """Let the master try robot ``owner[k]`` for task ``k`` first."""
         self._solver.set_phases([self._has(k, r) for k, r in sorted(owner.items())])
+
+    def itinerary(self, r: int, tasks: Bits) -> tuple[Stop, ...]:
+        """Stops with which robot ``r`` serves ``tasks`` in time; without times."""
+        return self._robots.itinerary(r, tasks)
 
     # --- the covering problem -----------------------------------------------------------------
 
@@ -293,36 +181,8 @@ class Prover:
         """Covering problem over all largest sets; None if there are too many of them."""
         if not self._covering_tried:
             self._covering_tried = True
-            self._cover = self._build_covering()
+            self._cover = self._robots.covering()
         return self._cover
-
-    def _build_covering(self) -> Covering | None:
-        if self.m > MOST_BITS:
-            return None
-        sets, groups = [], []
-        looks = MOST_SETS
-        for kind in sorted(set(self._kind)):
-            allowed = [
-                k
-                for k in range(self.m)
-                if self._carrier.get(k, kind) == kind and self._accepts(kind, 1 << k)
-            ]
-            complete, found, nodes = feasible_sets(
-                self._travel,
-                self._jobs,
-                self._starts,
-                kind,
-                np.array(self._onboard[kind], np.int64),
-                np.array(allowed, np.int64),
-                looks,
-            )
-            self.nodes_left -= nodes
-            looks -= len(found)
-            if not complete or self.nodes_left <= 0:
-                return None
-            sets.append([int(tasks) for tasks in found])
-            groups.append([r for r in range(self.n) if self._kind[r] == kind])
-        return Covering(sets, groups, self.m)
 
     def _decide(self, hard: Sequence[int]) -> list[Bits] | list[int]:
         """Sets of tasks per robot with all of ``hard`` in time, or a part of it that cannot be.
@@ -406,7 +266,7 @@ class Prover:
                 return None, bound
         if bound == self.m:
             return [0] * self.n, bound
-        cover = self._covering() if self.nodes_left > 0 else None
+        cover = self._covering() if self._robots.nodes_left > 0 else None
         if cover is None:
             return None, bound
         found, least = cover.best(range(self.m))
@@ -419,7 +279,3 @@ class Prover:
 
 class _Core(list[int]):
     """Tasks that cannot all be in time."""
-
-
-def _members(tasks: Bits) -> list[int]:
-    return [k for k in range(tasks.bit_length()) if tasks >> k & 1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, IntArray
@@ -17,6 +16,8 @@ from mrta_falsify.stack.allocation.kernels import (
     construct,
     draw,
     drop_place_of,
+    entry,
+    inner,
     insert,
     last_end,
     link,
@@ -27,7 +28,7 @@ from mrta_falsify.stack.allocation.kernels import (
 )
 
 
-@njit(cache=True)
+@entry()
 def commit_until(
     w: Routes, now: float, log_node: IntArray, log_robot: IntArray, log_time: Array, used: int
 ) -> int:  # pragma: no cover - compiled
@@ -46,49 +47,51 @@ def commit_until(
     """
     n = len(w.capacity)
     for r in range(n):
-        x, moved = w.after[r], False
-        while x != NONE and max(w.time[r], w.release[x]) < now:
-            log_node[used], log_robot[used], log_time[used] = x, r, w.time[x]
+        robot, moved = w.node[r], False
+        x = robot.after
+        while x != NONE and max(robot.time, w.node[x].release) < now:
+            stop, task = w.node[x], w.task[(x - n) >> 1]
+            log_node[used], log_robot[used], log_time[used] = x, r, stop.time
             used += 1
-            k = (x - n) >> 1
             if (x - n) & 1:
-                w.owner[k] = GONE
-                w.load[r] -= 1
+                task.owner = GONE
+                robot.load -= 1
             else:
-                w.aboard[k] = 1
-                w.load[r] += 1
-            w.room[r], w.time[r] = w.room[x], w.time[x]
+                task.aboard = 1
+                robot.load += 1
+            robot.room = stop.room
+            robot.time = stop.time
             unlink(w, x)
             moved = True
-            x = w.after[r]
-        if w.time[r] < now:
-            w.time[r] = now
+            x = robot.after
+        if robot.time < now:
+            robot.time = now
             moved = True
         if moved:
             refresh(w, r)
     return used
 
 
-@njit(cache=True)
+@inner()
 def _place_aboard(w: Routes, k: int, r: int, weights: Weights) -> None:  # pragma: no cover
     """Place the drop of a task on board; where it cannot be in time its due time is given up."""
     n = len(w.capacity)
     place = drop_place_of(w, k, r, weights)
     if place.cost == np.inf:
-        w.due[n + 2 * k + 1] = np.inf
+        w.node[n + 2 * k + 1].due = np.inf
         place = drop_place_of(w, k, r, weights)
     if place.cost == np.inf:  # no place spares the others: directly, they are looked at after it
         place = Place(0.0, NONE, r)
     insert(w, k, r, place)
 
 
-@njit(cache=True)
+@entry()
 def board(w: Routes, k: int, r: int, weights: Weights) -> None:  # pragma: no cover - compiled
     """Give robot ``r`` the drop of a task that it carries."""
     _place_aboard(w, k, r, weights)
 
 
-@njit(cache=True)
+@entry()
 def relieve(w: Routes, r: int, weights: Weights) -> IntArray:  # pragma: no cover - compiled
     """Free a route of what is too late; gives the tasks that were taken off it.
 
@@ -96,14 +99,14 @@ def relieve(w: Routes, r: int, weights: Weights) -> IntArray:  # pragma: no cove
     that saves it, else its due time is given up: it is late, and nothing else fails for it.
     """
     n = len(w.capacity)
-    off = np.empty(len(w.owner), np.int64)
+    off = np.empty(len(w.task), np.int64)
     count = 0
-    while w.time[r] > w.latest[r]:
-        x = w.after[r]
-        while w.time[x] <= w.due[x]:
-            x = w.after[x]
+    while w.node[r].time > w.node[r].latest:
+        x = w.node[r].after
+        while w.node[x].time <= w.node[x].due:
+            x = w.node[x].after
         k = (x - n) >> 1
-        if w.aboard[k] == 0:
+        if w.task[k].aboard == 0:
             remove(w, k)
             off[count] = k
             count += 1
@@ -112,10 +115,10 @@ def relieve(w: Routes, r: int, weights: Weights) -> IntArray:  # pragma: no cove
         y, other = x, NONE
         while y != r:
             j = (y - n) >> 1
-            if w.aboard[j] == 0 and w.due[n + 2 * j + 1] == np.inf:
+            if w.task[j].aboard == 0 and w.node[n + 2 * j + 1].due == np.inf:
                 other = j
                 break
-            y = w.before[y]
+            y = w.node[y].before
         if other != NONE:
             remove(w, other)
             off[count] = other
@@ -127,11 +130,11 @@ def relieve(w: Routes, r: int, weights: Weights) -> IntArray:  # pragma: no cove
     return off[:count]
 
 
-@njit(cache=True)
+@entry()
 def place_late(w: Routes, k: int, weights: Weights) -> None:  # pragma: no cover - compiled
     """Place a task whose deadline is lost where it spoils no other deadline; needs a robot."""
     n = len(w.capacity)
-    w.due[n + 2 * k + 1] = np.inf
+    w.node[n + 2 * k + 1].due = np.inf
     seed = np.ones(1, np.uint64)
     span = last_end(w)
     best, robot = Place(np.inf, NONE, NONE), NONE
@@ -142,35 +145,35 @@ def place_late(w: Routes, k: int, weights: Weights) -> None:  # pragma: no cover
     insert(w, k, robot, best)
 
 
-@njit(cache=True)
+@inner()
 def total_cost(w: Routes, weights: Weights) -> float:  # pragma: no cover - compiled
     """Objective of the routes as they are."""
     n = len(w.capacity)
     cost, span = 0.0, 0.0
     for r in range(n):
         x = r
-        while w.after[x] != NONE:
-            x = w.after[x]
+        while w.node[x].after != NONE:
+            x = w.node[x].after
             if (x - n) & 1:
-                cost += weights.completion * w.time[x]
-        cost += weights.travel * w.time[x]
-        span = max(span, w.time[x])
+                cost += weights.completion * w.node[x].time
+        cost += weights.travel * w.node[x].time
+        span = max(span, w.node[x].time)
     return cost + weights.makespan * span
 
 
-@njit(cache=True)
+@inner()
 def copy_routes(source: Routes, target: Routes) -> None:  # pragma: no cover - compiled
     """Copy what changes when tasks move."""
-    target.after[:] = source.after
-    target.before[:] = source.before
-    target.time[:] = source.time
-    target.latest[:] = source.latest
-    target.load[:] = source.load
-    target.drops[:] = source.drops
-    target.owner[:] = source.owner
+    for x in range(len(source.node)):
+        a, b = source.node[x], target.node[x]
+        b.time, b.latest = a.time, a.latest
+        b.after, b.before = a.after, a.before
+        b.load, b.drops = a.load, a.drops
+    for k in range(len(source.task)):
+        target.task[k].owner = source.task[k].owner
 
 
-@njit(cache=True)
+@entry()
 def ruin_and_recreate(  # noqa: PLR0915 - one loop
     w: Routes,
     spare: Routes,
@@ -199,11 +202,11 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
     Returns:
         The tasks left over.
     """
-    n, m = len(w.capacity), len(w.owner)
+    n, m = len(w.capacity), len(w.task)
     movable = np.empty(m, np.int64)
     count = 0
     for k in range(m):
-        if w.owner[k] >= 0 and w.aboard[k] == 0:
+        if w.task[k].owner >= 0 and w.task[k].aboard == 0:
             movable[count] = k
             count += 1
     for k in left:
@@ -224,11 +227,11 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
             centre = now_left[int(draw(seed) * len(now_left))]
         else:
             centre = movable[int(draw(seed) * count)]
-        pick, drop = n + 2 * centre, n + 2 * centre + 1
+        pick, drop = w.node[n + 2 * centre], w.node[n + 2 * centre + 1]
         for i in range(count):
-            p = n + 2 * movable[i]
-            near = w.travel[w.room[pick], w.room[p]] + w.travel[w.room[drop], w.room[p + 1]]
-            near += w.travel[w.room[p], w.room[pick]]
+            p, d = w.node[n + 2 * movable[i]], w.node[n + 2 * movable[i] + 1]
+            near = w.travel[pick.room, p.room] + w.travel[drop.room, d.room]
+            near += w.travel[p.room, pick.room]
             nearness[i] = (near + 1.0) * draw(seed)
         order = np.argsort(nearness, kind="mergesort")
         out = np.empty(count, np.int64)
@@ -238,7 +241,7 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
             k = movable[i]
             if removed == wanted:
                 break
-            if w.owner[k] >= 0:
+            if w.task[k].owner >= 0:
                 remove(w, k)
                 out[filled] = k
                 filled += 1
@@ -261,31 +264,31 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
     return best_left
 
 
-@njit(cache=True)
+@entry()
 def link_last(w: Routes, x: int, r: int) -> None:  # pragma: no cover - compiled
     """Put node ``x`` at the end of a route, without new times."""
     a = r
-    while w.after[a] != NONE:
-        a = w.after[a]
+    while w.node[a].after != NONE:
+        a = w.node[a].after
     link(w, x, a)
 
 
-@njit(cache=True)
+@entry()
 def strip(w: Routes, r: int) -> IntArray:  # pragma: no cover - compiled
     """Take every task that is not on board off a route; gives them."""
     n = len(w.capacity)
-    off = np.empty(len(w.owner), np.int64)
+    off = np.empty(len(w.task), np.int64)
     count = 0
-    x = w.after[r]
+    x = w.node[r].after
     while x != NONE:
-        y = w.after[x]
+        y = w.node[x].after
         k = (x - n) >> 1
-        if w.aboard[k] == 0:
+        if w.task[k].aboard == 0:
             unlink(w, x)
             if (x - n) & 1:
                 off[count] = k
                 count += 1
-                w.owner[k] = FREE
+                w.task[k].owner = FREE
         x = y
     refresh(w, r)
     return off[:count]

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.stack.allocation.kernels import entry, inner
 
 FEASIBLE, INFEASIBLE, CUT_OFF = 1, 0, -1
 MOST_TASKS = 30  # of one route: 3^30 x 64 fits into 64 bits
@@ -38,7 +38,7 @@ class Starts(NamedTuple):
     capacity: IntArray  #: (n,)
 
 
-@njit(cache=True)
+@entry()
 def search_route(  # noqa: PLR0915 - one search
     travel: Array,
     jobs: Jobs,
@@ -181,7 +181,7 @@ def search_route(  # noqa: PLR0915 - one search
             load -= 1
 
 
-@njit(cache=True)
+@inner()
 def _may_be_in_time(
     travel: Array,
     room: IntArray,
@@ -211,7 +211,7 @@ def _may_be_in_time(
     return True
 
 
-@njit(cache=True)
+@inner()
 def _slot(keys: IntArray, key: int) -> int:  # pragma: no cover - compiled
     mask = len(keys) - 1
     slot = (key ^ (key >> 17) ^ (key >> 33)) * 40503 & mask
@@ -220,7 +220,7 @@ def _slot(keys: IntArray, key: int) -> int:  # pragma: no cover - compiled
     return slot
 
 
-@njit(cache=True)
+@inner()
 def _larger(
     size: int, keys: IntArray, times: Array
 ) -> tuple[int, IntArray, Array]:  # pragma: no cover - compiled
@@ -234,7 +234,7 @@ def _larger(
     return new_size, new_keys, new_times
 
 
-@njit(cache=True)
+@entry()
 def clashing_pairs(
     travel: Array, jobs: Jobs, starts: Starts, alone: BoolArray
 ) -> BoolArray:  # pragma: no cover - compiled
@@ -262,7 +262,7 @@ def clashing_pairs(
     return clash
 
 
-@njit(cache=True)
+@entry()
 def feasible_sets(
     travel: Array,
     jobs: Jobs,

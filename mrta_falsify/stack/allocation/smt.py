@@ -143,11 +143,25 @@ class _Query:
                 add(self._robot_of[k] == self._carrier[k], self._pick_at[k] == 0)
             else:
                 add(self._pick_at[k] >= 1)
+                for i in self._too_far(k):
+                    add(self._z3.Implies(self._wanted[k], self._robot_of[k] != i))
             add(self._drop_at[k] > self._pick_at[k])
         for a in sorted(rooms):
             for b in sorted(rooms):
                 seconds = math.ceil(float(problem.travel_times[a, b]))
                 add(self._travel(a, b) == seconds)
+
+    def _too_far(self, k: int) -> list[int]:
+        """Robots that miss a deadline even if they go for the task at once."""
+        task, travel = self._problem.tasks[k], self._problem.travel_times
+        ride = math.ceil(float(travel[task.start, task.end])) + math.ceil(task.dropoff_time)
+        far = []
+        for i, plan in enumerate(self._problem.robots):
+            leaves = math.ceil(max(plan.free_at, self._problem.now, task.arrival))
+            picks = leaves + math.ceil(float(travel[plan.room, task.start]))
+            if picks + math.ceil(task.pickup_time) + ride > math.floor(task.deadline):
+                far.append(i)
+        return far
 
     def _add_point(self) -> None:
         z3, add, problem = self._z3, self._solver.add, self._problem

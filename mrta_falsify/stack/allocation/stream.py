@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from mrta_falsify.core.allocation import (
     Allocation,
     AllocationProblem,
@@ -71,6 +73,7 @@ class Stream:
         *,
         commitment: Commitment = "free",
         room_for: int = 64,
+        expects_feedback: bool = False,
     ) -> None:
         """A fleet at rest at time 0.
 
@@ -81,6 +84,8 @@ class Stream:
             allocator: asked for each batch.
             commitment: what may happen to stops that have not begun.
             room_for: tasks that are expected.
+            expects_feedback: have the code for late robots ready now, instead of compiling or
+                loading it when the first one is late.
         """
         self.now = 0.0
         self._rooms, self._capacity = tuple(rooms), capacity
@@ -91,6 +96,8 @@ class Stream:
         self._incremental: Insertion | None = None
         if commitment == "free" and isinstance(allocator, GoesOn):
             self._incremental = allocator.incremental
+            if expects_feedback:
+                _rehearse_a_late_robot(self._incremental)
         self._proof: Infeasible | None = None
         self._reasons: list[str] = []
         self._least_lost: int | None = None
@@ -181,6 +188,17 @@ class Stream:
             least_lost=self._least_lost if proof is not None else None,
         )
         return Outcome(answer=answer, faults=verify(answer, problem))
+
+
+def _rehearse_a_late_robot(insertion: Insertion) -> None:
+    """Let one robot be late for what it carries and for what it does not: compiles all of it."""
+    times = np.array([[0.0, 1.0], [1.0, 0.0]])
+    table = RouteTable(times, [0], [1], room_for=2)
+    table.add([OpenTask(number=k, start=0, end=1, arrival=0.0, deadline=9.0 + k) for k in range(2)])
+    insertion.settle(table, rescue=False)
+    table.commit(1.0)
+    table.report(0, 100.0)
+    insertion.settle(table, rescue=False)
 
 
 def run_stream(stream: Stream, batches: Sequence[Batch]) -> Outcome:

@@ -15,31 +15,29 @@ from mrta_falsify.core.allocation import (
     Stop,
 )
 from mrta_falsify.core.arrays import Array, IntArray
-from mrta_falsify.stack.allocation.kernels import FREE, GONE, NONE, Routes, Weights, refresh
+from mrta_falsify.stack.allocation.kernels import (
+    FREE,
+    GONE,
+    NODE,
+    NONE,
+    TASK,
+    Routes,
+    Weights,
+    refresh,
+)
 from mrta_falsify.stack.allocation.repair import board, commit_until, link_last, relieve, strip
 
 COMPLETION = Weights(completion=1.0, travel=0.0, makespan=0.0, own=0.0)
 
 
 def _empty_routes(travel: Array, capacity: IntArray, m: int) -> Routes:
-    n = len(capacity)
-    nodes = n + 2 * m
-    return Routes(
-        travel=travel,
-        capacity=capacity,
-        room=np.zeros(nodes, np.int64),
-        service=np.zeros(nodes),
-        release=np.zeros(nodes),
-        due=np.full(nodes, np.inf),
-        after=np.full(nodes, NONE, np.int64),
-        before=np.full(nodes, NONE, np.int64),
-        time=np.zeros(nodes),
-        latest=np.full(nodes, np.inf),
-        load=np.zeros(nodes, np.int64),
-        drops=np.zeros(nodes, np.int64),
-        owner=np.full(m, GONE, np.int64),
-        aboard=np.zeros(m, np.int64),
-    )
+    node, task = np.zeros(len(capacity) + 2 * m, NODE), np.zeros(m, TASK)
+    for field in ("latest", "due"):
+        node[field] = np.inf
+    for field in ("after", "before"):
+        node[field] = NONE
+    task["owner"] = GONE
+    return Routes(travel=travel, capacity=capacity, node=node, task=task)
 
 
 class RouteTable:
@@ -63,7 +61,7 @@ class RouteTable:
         self.n = len(rooms)
         travel = np.ascontiguousarray(travel_times, dtype=np.float64)
         self.w = _empty_routes(travel, np.array(capacities, np.int64), max(1, room_for))
-        self.w.room[: self.n] = rooms
+        self.w.node["room"][: self.n] = rooms
         self.tasks: list[OpenTask] = []
         self.index: dict[int, int] = {}
         self._log = self._empty_log(max(1, room_for))
@@ -83,10 +81,10 @@ class RouteTable:
         table.add(problem.tasks)
         w = table.w
         for r, plan in enumerate(problem.robots):
-            w.time[r] = max(plan.free_at, problem.now)
-            w.load[r] = len(plan.onboard)
+            w.node["time"][r] = max(plan.free_at, problem.now)
+            w.node["load"][r] = len(plan.onboard)
             for number in plan.onboard:
-                w.aboard[table.index[number]] = 1
+                w.task["aboard"][table.index[number]] = 1
         for r, plan in enumerate(problem.robots):
             table.load_route(r, plan.planned, plan.onboard)
         return table
@@ -100,6 +98,7 @@ class RouteTable:
             onboard: numbers of the tasks it carries; drops that are missing are added.
         """
         w, n = self.w, self.n
+        owner, aboard = w.task["owner"], w.task["aboard"]
         carried = {self.index[number] for number in onboard}
         picked: set[int] = set()
         visits: list[int] = []
@@ -107,22 +106,22 @@ class RouteTable:
             k = self.index.get(stop.task, NONE)
             if k == NONE:
                 continue
-            if stop.action == "pickup" and w.owner[k] == FREE and w.aboard[k] == 0:
+            if stop.action == "pickup" and owner[k] == FREE and aboard[k] == 0:
                 picked.add(k)
                 visits.append(n + 2 * k)
-                w.owner[k] = r
+                owner[k] = r
             elif stop.action == "dropoff" and k in picked | carried:
                 picked.discard(k)
                 carried.discard(k)
                 visits.append(n + 2 * k + 1)
-                w.owner[k] = r
+                owner[k] = r
         for k in sorted(picked):  # a pickup whose drop the old plan does not have
             visits.remove(n + 2 * k)
-            w.owner[k] = FREE
+            owner[k] = FREE
         for x in visits:
             link_last(w, x, r)
         refresh(w, r)
-        if visits and max(w.load[x] for x in visits) > w.capacity[r]:
+        if visits and w.node["load"][visits].max() > w.capacity[r]:
             strip(w, r)
         missing = sorted(carried, key=lambda k: (self.tasks[k].deadline, k))
         for k in missing:
@@ -139,19 +138,20 @@ class RouteTable:
             names: robot numbers, by default their positions.
         """
         w, n = self.w, self.n
+        owner, aboard = w.task["owner"].tolist(), w.task["aboard"].tolist()
         carried: list[list[int]] = [[] for _ in range(n)]
         open_tasks = []
         for k, task in enumerate(self.tasks):
-            if w.owner[k] == GONE:
+            if owner[k] == GONE:
                 continue
             open_tasks.append(task)
-            if w.aboard[k]:
-                carried[w.owner[k]].append(task.number)
+            if aboard[k]:
+                carried[owner[k]].append(task.number)
         robots = tuple(
             RobotPlan(
                 robot=names[r] if names is not None else r,
-                room=int(w.room[r]),
-                free_at=float(w.time[r]),
+                room=int(w.node["room"][r]),
+                free_at=float(w.node["time"][r]),
                 onboard=tuple(sorted(carried[r])),
                 capacity=int(w.capacity[r]),
                 planned=self.stops(r),
@@ -169,30 +169,30 @@ class RouteTable:
     def adopt(self, answer: Allocation) -> None:
         """Take the itineraries of an answer to :meth:`problem` as the routes."""
         w, n = self.w, self.n
-        w.due[n + 1 : n + 2 * len(self.tasks) : 2] = [task.deadline for task in self.tasks]
+        w.node["due"][n + 1 : n + 2 * len(self.tasks) : 2] = [task.deadline for task in self.tasks]
         for number in answer.late:
-            w.due[n + 2 * self.index[number] + 1] = np.inf
+            w.node["due"][n + 2 * self.index[number] + 1] = np.inf
         self.reload(answer.itineraries)
 
     def reload(self, itineraries: Sequence[Sequence[Stop]]) -> None:
         """Replace all routes; tasks in none of them are pending, times are worked out anew."""
         w = self.w
-        is_open = w.owner != GONE
-        carried = [np.flatnonzero((w.owner == r) & (w.aboard == 1)) for r in range(self.n)]
-        w.owner[is_open] = FREE
-        w.after[:] = NONE
-        w.before[:] = NONE
+        owner, aboard = w.task["owner"], w.task["aboard"]
+        carried = [np.flatnonzero((owner == r) & (aboard == 1)) for r in range(self.n)]
+        owner[owner != GONE] = FREE
+        w.node["after"][:] = NONE
+        w.node["before"][:] = NONE
         for r, stops in enumerate(itineraries):
             self.load_route(r, stops, [self.tasks[k].number for k in carried[r]])
 
     def stops(self, r: int) -> tuple[Stop, ...]:
         """Itinerary of robot ``r``."""
-        w = self.w
+        after, time = self.w.node["after"], self.w.node["time"]
         found = []
-        x = int(w.after[r])
+        x = int(after[r])
         while x != NONE:
-            found.append(self._stop(x, float(w.time[x])))
-            x = int(w.after[x])
+            found.append(self._stop(x, float(time[x])))
+            x = int(after[x])
         return tuple(found)
 
     def _stop(self, x: int, time: float) -> Stop:
@@ -206,26 +206,30 @@ class RouteTable:
     def add(self, tasks: Sequence[OpenTask]) -> IntArray:
         """Take in tasks that nobody has yet; gives their indices."""
         first, count = len(self.tasks), len(tasks)
-        if first + count > len(self.w.owner):
+        if first + count > len(self.w.task):
             self._grow(max(first + count, 2 * first))
-        w, n = self.w, self.n
-        for k, task in enumerate(tasks, start=first):
-            pick, drop = n + 2 * k, n + 2 * k + 1
-            w.room[pick], w.room[drop] = task.start, task.end
-            w.service[pick], w.service[drop] = task.pickup_time, task.dropoff_time
-            w.release[pick] = task.arrival
-            w.due[drop] = task.deadline
-            self.index[task.number] = k
-        w.owner[first : first + count] = FREE
+        node = self.w.node[self.n + 2 * first : self.n + 2 * (first + count)]
+        room, service, release, due = (
+            node[field] for field in ("room", "service", "release", "due")
+        )
+        for i, task in enumerate(tasks):
+            pick, drop = 2 * i, 2 * i + 1
+            room[pick], room[drop] = task.start, task.end
+            service[pick], service[drop] = task.pickup_time, task.dropoff_time
+            release[pick], due[drop] = task.arrival, task.deadline
+            self.index[task.number] = first + i
+        self.w.task["owner"][first : first + count] = FREE
         self.tasks.extend(tasks)
         return np.arange(first, first + count)
 
     def pending(self) -> IntArray:
         """Indices of the tasks that nobody has."""
-        return np.flatnonzero(self.w.owner == FREE)
+        return np.flatnonzero(self.w.task["owner"] == FREE)
 
     def commit(self, now: float) -> None:
         """Time has come to ``now`` [s]: what has begun cannot be changed any more."""
+        if (self.w.node["time"][: self.n] >= now).all():
+            return  # every robot is committed to be at work then
         self._logged = commit_until(self.w, now, *self._log, self._logged)
 
     def report(self, r: int, time: float) -> None:
@@ -234,13 +238,14 @@ class RouteTable:
         mine = np.flatnonzero(robot[: self._logged] == r)
         if len(mine):
             logged[mine[-1]] = time
-        self.w.time[r] = time
+        self.w.node["time"][r] = time
         refresh(self.w, r)
 
     def relieve(self, robots: Iterable[int], weights: Weights) -> None:
         """Take what is too late off the routes of ``robots``; it is pending then."""
+        time, latest = self.w.node["time"], self.w.node["latest"]
         for r in robots:
-            if self.w.time[r] > self.w.latest[r]:
+            if time[r] > latest[r]:
                 relieve(self.w, r, weights)
 
     def committed(self) -> list[list[Stop]]:
@@ -264,9 +269,8 @@ class RouteTable:
     def _grow(self, m: int) -> None:
         old = self.w
         self.w = _empty_routes(old.travel, old.capacity, m)
-        for name in self.w._fields[2:]:
-            before, now = getattr(old, name), getattr(self.w, name)
-            now[: len(before)] = before
+        self.w.node[: len(old.node)] = old.node
+        self.w.task[: len(old.task)] = old.task
         log = self._empty_log(m)
         for before, now in zip(self._log, log, strict=True):
             now[: self._logged] = before[: self._logged]

@@ -1,0 +1,26 @@
+"""Settings of campaigns on ``ward_rounds.scenic``, for benchmarks."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from mrta_falsify.campaign.settings import CampaignSettings
+from mrta_falsify.campaigns import new_settings
+from mrta_falsify.core.config import Choice, StackConfig
+
+PROGRAM = Path(__file__).parent / "ward_rounds.scenic"
+
+
+def ward_rounds(
+    directory: Path = Path(), *, sampler: str = "random", seed: int = 0, mode: str = "exact"
+) -> CampaignSettings:
+    """A campaign on the kinematic engine."""
+    return new_settings(
+        str(PROGRAM),
+        directory=directory,
+        config=dataclasses.replace(StackConfig(), engine=Choice("kinematic")),
+        sampler=Choice(sampler),
+        seed=seed,
+        mode=mode,
+    )

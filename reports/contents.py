@@ -1,0 +1,114 @@
+"""What a report says, as values; the pages and texts made of them are in other modules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counterfactual:
+    """What a re-run with one thing changed showed."""
+
+    change: str  #: in words, for example "priority rule: distance_to_goal instead of fixed"
+    failure_gone: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailureFamily:
+    """The rule behind a failure."""
+
+    rule: tuple[str, ...]  #: conditions under which runs fail like this, in words
+    precision: str  #: how often they do, on how many fresh samples, with its interval
+    free: tuple[str, ...] = ()  #: dimensions that do not matter
+    passing: tuple[str, ...] = ()  #: neighbours that pass, in words
+    program: str = ""  #: path of the Scenic program that samples the family
+    commands: tuple[tuple[str, str], ...] = ()  #: what it does, and the command
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorKind:
+    """Trials in which the toolkit failed for one reason."""
+
+    reason: str  #: one line
+    ids: tuple[str, ...]
+    text: str = ""  #: of the first of them, in full
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Case:
+    """One failure as the report shows it."""
+
+    id: str
+    signature: str
+    world: World
+    trace: Trace
+    verdicts: tuple[Verdict, ...]
+    facts: tuple[tuple[str, str], ...]  #: label and text: digests, seeds, engine, versions
+    commands: tuple[tuple[str, str], ...]  #: what it does, and the command
+    costmap: Costmap | None = None  #: at time 0
+    layer: str = ""  #: suspected
+    layer_evidence: str = ""  #: a sentence or two on why
+    counterfactuals: tuple[Counterfactual, ...] = ()
+    identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
+    jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
+    removed: tuple[str, ...] = ()  #: by the minimiser, in words
+    counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
+    minimised: Case | None = None
+    family: FailureFamily | None = None  #: None: nobody asked
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mode:
+    """Failures with one signature; some of them in full."""
+
+    signature: str
+    ids: tuple[str, ...]
+    cases: tuple[Case, ...]
+    happened: str = ""  #: in the first of them, in one sentence
+    layers: tuple[str, ...] = ()  #: suspected in its trials, the most frequent first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trials:
+    """All judged trials of a campaign, in order."""
+
+    numbers: tuple[int, ...]
+    scores: tuple[float, ...]
+    failed: tuple[bool, ...]
+    places: np.ndarray  #: (n, 2) where each came closest to trouble [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Report:
+    """Everything the page of a campaign says."""
+
+    title: str
+    headline: str
+    facts: tuple[tuple[str, str], ...]
+    modes: tuple[Mode, ...]
+    trials: Trials
+    errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
+    floor: World | None = None  #: whose floor the coverage map shows
+    stack: str = ""  #: YAML
+    versions: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()  #: what the numbers do not say
+    warnings: tuple[str, ...] = ()  #: what a reader must know first
+    tables: tuple[Table, ...] = ()  #: further tables
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table with a heading."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...] = ()
+    notes: tuple[str, ...] = ()  #: above it

@@ -1,0 +1,60 @@
+"""What became of single tasks, in words."""
+
+from __future__ import annotations
+
+import re
+
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
+
+MOST_TOLD = 6  # tasks of one verdict
+
+
+def tasks_of(verdict: Verdict) -> list[int]:
+    """Numbers of the tasks that a verdict names."""
+    found = [re.fullmatch(r"task(\d+)", name) for name in verdict.who]
+    return [int(match[1]) for match in found if match]
+
+
+def robots_of(tasks: list[int], trace: Trace) -> list[str]:
+    """Robots that had one of ``tasks`` last, in the order of the tasks."""
+    last = {event.task: event.robot for event in trace.events if event.robot >= 0}
+    robots = [trace.robots[last[task]] for task in tasks if task in last]
+    return list(dict.fromkeys(robots))
+
+
+def stories(tasks: list[int], world: World, trace: Trace) -> list[str]:
+    """A sentence about each of ``tasks``; the last one counts those that get none."""
+    told = [story(task, world, trace) for task in tasks[:MOST_TOLD] if task < len(world.tasks)]
+    if len(tasks) > MOST_TOLD:
+        told.append(f"{len(tasks) - MOST_TOLD} further tasks.")
+    return told
+
+
+def story(number: int, world: World, trace: Trace) -> str:
+    """Where a task was to go, who had it, and how far it came.
+
+    Args:
+        number: of the task in ``world``.
+        world: of the run.
+        trace: of the run.
+    """
+    task = world.tasks[number]
+    start, end = (world.rooms[room].name for room in (task.start, task.end))
+    text = f"task{number}, from {start} to {end}, known at {task.arrival:.1f} s and due at "
+    text += f"{task.deadline:.1f} s"
+    events = [event for event in trace.events if event.task == number and event.robot >= 0]
+    given = [event for event in events if event.kind == "assigned"]
+    steps = []
+    if given:
+        plan = f", {given[-1].detail}" if given[-1].detail else ""
+        name = trace.robots[given[-1].robot]
+        steps.append(f"was given to {name} (last at {given[-1].time:.1f} s{plan})")
+    for kind, word in (("picked-up", "picked up"), ("dropped-off", "delivered")):
+        done = next((event for event in events if event.kind == kind), None)
+        if done is None:
+            steps.append(f"had not been {word} when the run ended at {trace.duration:.1f} s")
+            break
+        steps.append(f"was {word} by {trace.robots[done.robot]} at {done.time:.1f} s")
+    return f"{text}: it {', '.join(steps)}."

@@ -1,0 +1,52 @@
+"""Requirements that a program's author wrote: where they stand, and whether they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from scenic.core.distributions import RejectionException
+from scenic.core.requirements import CompiledRequirement, SamplingRequirement
+
+from mrta_falsify.core.errors import FormatError, InputError
+
+
+def requirement_place(requirement: CompiledRequirement) -> str:
+    """``file:line`` of a requirement of the user's; the file's name without its folder."""
+    return f"{Path(requirement_file(requirement)).name}:{requirement.line}"
+
+
+def requirement_file(requirement: CompiledRequirement) -> str:
+    """File that a requirement of the user's stands in, as it was given to Scenic."""
+    code = requirement.proposition.atomics()[0].closure.__code__
+    return str(code.co_filename)
+
+
+def requirement_text(requirement: CompiledRequirement) -> str:
+    """What messages call a requirement: by its name if its author gave it one."""
+    name = str(requirement.name or "")
+    unnamed = not name or name == f"requirement on line {requirement.line}"
+    return "requirement" if unnamed else f"requirement {name!r}"
+
+
+def is_falsified(requirement: SamplingRequirement, sample: Mapping[Any, Any]) -> bool:
+    """Scenic's own answer; a rejection raised inside counts as one.
+
+    Raises:
+        FormatError: the user's expression fails; says where.
+    """
+    try:
+        return bool(requirement.falsifiedBy(sample))
+    except (RejectionException, InputError) as error:
+        if isinstance(error, RejectionException):
+            return True
+        raise
+    except Exception as error:
+        if not isinstance(requirement, CompiledRequirement):
+            raise
+        place = f"{requirement_file(requirement)}:{requirement.line}"
+        raise FormatError(
+            f"{place}: {requirement_text(requirement)} cannot be evaluated: "
+            f"{type(error).__name__}: {error}"
+        ) from error

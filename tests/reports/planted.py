@@ -1,0 +1,81 @@
+"""Campaign directories with a failure of a planted defect in them, as a campaign leaves them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.defects.worlds import PLANTS
+from mrta_falsify.campaign.attribution import suspected_layer
+from mrta_falsify.campaign.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaign.signature import signature
+from mrta_falsify.campaign.store import Campaign, Store, trial_folder
+from mrta_falsify.campaigns import open_campaign
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.world import write_world
+from mrta_falsify.specs.objectives import score
+from mrta_falsify.trial import Job, Judged, judge, quick_stack
+
+
+def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ...]) -> Campaign:
+    """A campaign of one trial: the test world of a defect, run with it.
+
+    Args:
+        directory: for the campaign.
+        defect: planted.
+        specifications: judged.
+    """
+    config = quick_stack(StackConfig(defects=(defect,)))
+    world = PLANTS[defect].world(0)
+    job = Job(world=world, config=config, early_stop=True, specifications=specifications)
+    return stored(directory, job, judge(job))
+
+
+def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
+    """A campaign of one trial, which is there already.
+
+    Args:
+        directory: for the campaign.
+        job: of the trial.
+        judged: what it gave.
+    """
+    world, config, specifications = job.world, job.config, job.specifications
+    settings = CampaignSettings(
+        trials=TrialSettings(
+            scenario="planted",
+            stack=config,
+            specifications=specifications,
+            directory=str(directory.resolve()),
+        ),
+        cube=Cube(dimensions=2),
+    )
+    record = TrialRecord(
+        candidate=Candidate(number=0, u=np.zeros(2)),
+        status="ok",
+        world_digest=world.digest(),
+        verdicts=judged.verdicts,
+        objectives=judged.margins,
+        descriptors=judged.descriptors,
+        score=score(judged.margins),
+        signature=signature(judged.verdicts),
+        layer=suspected_layer(judged.verdicts, judged.outcome.trace),
+        trace_file="trials/0000/trace.zip",
+        trace_digest=judged.outcome.trace.digest,
+        engine=config.engine.name,
+        ended=judged.outcome.ended,
+        sim_time=judged.outcome.sim_time,
+        attempts=1,
+        versions=versions(),
+    )
+    with Store.create(directory, settings) as store:
+        folder = trial_folder(directory, 0)
+        folder.mkdir(parents=True)
+        write_world(world, folder / "world.json")
+        write_trace(judged.outcome.trace, folder / "trace.zip")
+        store.add(record)
+    return open_campaign(directory)

@@ -1,0 +1,357 @@
+"""Reports of campaigns that are not as one would wish them: the bad-input list of reports."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import CliRunner
+
+from mrta_falsify import campaigns, reporting
+from mrta_falsify.campaign.store import SETTINGS, Campaign, Store
+from mrta_falsify.cli import main
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.trial import Job, quick_stack
+from reports.campaign_page import render
+from tests import browser
+from tests.reports.newcomer import lines_of
+from tests.reports.planted import stored
+
+SPEC = "no_deadlock"
+EVIL = "<img src=x onerror=alert(1)>&\"'`|*"
+
+
+@pytest.fixture
+def campaign(stalled, tmp_path):
+    """A campaign directory with one failure."""
+    world, judged = stalled
+    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    job = Job(world=world, config=config, early_stop=True, specifications=(SPEC,))
+    return stored(tmp_path / "campaign", job, judged)
+
+
+def report(*args):
+    return CliRunner().invoke(main, ["report", *map(str, args)])
+
+
+def text_of(campaign):
+    return "\n".join(lines_of((campaign.directory / "report.html").read_text()))
+
+
+def passing(campaign, number):
+    """A record of a trial that holds."""
+    (record,) = campaign.records
+    return dataclasses.replace(
+        record,
+        candidate=dataclasses.replace(record.candidate, number=number),
+        verdicts=(Verdict(spec=SPEC, robustness=0.4, violated=False),),
+        score=0.4,
+        signature="",
+        layer="",
+        trace_file="",
+        world_digest=f"{number:064d}",
+    )
+
+
+def with_records(campaign, directory, *records, stack=None):
+    """A new campaign with the settings of another one."""
+    settings = campaign.settings
+    if stack is not None:
+        trials = dataclasses.replace(settings.trials, stack=stack)
+        settings = dataclasses.replace(settings, trials=trials)
+    with Store.create(directory, settings) as store:
+        for record in records:
+            store.add(record)
+    return campaigns.open_campaign(directory)
+
+
+def test_a_campaign_that_still_runs_is_reported_and_says_so(campaign):
+    with Store.resume(campaign.directory):
+        assert report(campaign.directory).exit_code == 0
+    running = text_of(campaign)
+    assert "The campaign was still running when this page was written (process " in running
+    assert "it shows the 1 trials finished by then" in running
+    assert report(campaign.directory).exit_code == 0
+    assert "still running" not in text_of(campaign)
+
+
+def test_an_empty_campaign_has_a_report(campaign, tmp_path):
+    empty = with_records(campaign, tmp_path / "empty")
+    result = report(empty.directory, "--markdown", tmp_path / "r.md", "--junit", tmp_path / "j.xml")
+    assert result.exit_code == 0, result.stderr
+    assert "No trial has been run yet" in text_of(empty)
+    assert "No trial has been run yet" in (tmp_path / "r.md").read_text()
+    assert ElementTree.parse(tmp_path / "j.xml").getroot().get("tests") == "0"
+
+
+def test_a_campaign_without_failures_claims_no_more_than_that(campaign, tmp_path):
+    fine = with_records(campaign, tmp_path / "fine", passing(campaign, 0), passing(campaign, 1))
+    assert report(fine.directory).exit_code == 0
+    text = text_of(fine)
+    assert "None of 2 trials violates a specification" in text
+    assert "That is not a proof that there is none" in text
+
+
+def test_a_campaign_of_rejected_scenes_and_errors_says_that_nothing_was_judged(campaign, tmp_path):
+    (record,) = campaign.records
+    rows = [
+        TrialRecord(
+            candidate=dataclasses.replace(record.candidate, number=number),
+            status=status,
+            error=f"Traceback\n\x1b[31mworker {number} ended by signal 9\x1b[0m",
+        )
+        for number, status in enumerate(("rejected", "crashed", "timeout"))
+    ]
+    broken = with_records(campaign, tmp_path / "broken", *rows)
+    result = report(broken.directory, "--junit", tmp_path / "j.xml")
+    assert result.exit_code == 0, result.stderr
+    assert "No trial has been judged" in text_of(broken)
+    suite = ElementTree.parse(tmp_path / "j.xml").getroot()  # colours of a terminal are no XML
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("2", "0", "2")
+    assert [e.get("type") for e in suite.iter("error")] == ["crashed", "timeout"]
+
+
+@pytest.mark.parametrize("damage", ["missing", "cut off", "no world"])
+def test_a_failure_without_its_files_is_told_with_a_way_to_run_it_again(campaign, damage):
+    folder = campaign.directory / "trials" / "0000"
+    if damage == "missing":
+        (folder / "trace.zip").unlink()
+    elif damage == "cut off":
+        (folder / "trace.zip").write_bytes((folder / "trace.zip").read_bytes()[:2000])
+    else:
+        (folder / "world.json").write_text('{"name": "half a wor')
+    assert report(campaign.directory, "--markdown", campaign.directory / "r.md").exit_code == 0
+    text = text_of(campaign)
+    assert "robot1 is stuck for good" in text  # from the record
+    assert "Trial 0000 is not shown in full: " in text
+    assert f"mrta-falsify replay {campaign.directory} 0000" in text
+    assert "robot1 is stuck for good" in (campaign.directory / "r.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["explain.json", "minimize.json", "family.json", "verify.json"])
+def test_a_damaged_finding_costs_its_case_and_not_the_report(campaign, name):
+    (campaign.directory / "trials" / "0000" / name).write_text('{"layer": "planner"}')
+    (campaign.directory / "trials" / "0000" / "world.min.json").write_text("{}")
+    result = report(campaign.directory)
+    assert result.exit_code == 0, result.stderr
+    assert "is not shown in full" in text_of(campaign)
+
+
+def test_a_campaign_of_another_version_is_refused_in_words(campaign):
+    path = campaign.directory / SETTINGS
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps({**data, "version": 999}))
+    result = report(campaign.directory)
+    assert result.exit_code == 2
+    assert "has format version 999; this reads" in " ".join(result.stderr.split())
+
+
+def test_trials_of_different_versions_are_pointed_out(campaign, tmp_path):
+    (record,) = campaign.records
+    other = dataclasses.replace(
+        passing(campaign, 1), versions={**record.versions, "numpy": "0.0.1"}
+    )
+    mixed = with_records(campaign, tmp_path / "mixed", record, other)
+    assert report(mixed.directory).exit_code == 0
+    assert "Trials were run by different versions of numpy" in text_of(mixed)
+
+
+class _Tags(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: set[str] = set()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes |= {name for name, _ in attrs}
+
+
+@pytest.fixture
+def evil(stalled, tmp_path):
+    """A campaign in which all that a user names is HTML, XML and Markdown."""
+    world, judged = stalled
+    trace = judged.outcome.trace
+    named = dataclasses.replace(
+        world,
+        name=EVIL,
+        robots=tuple(dataclasses.replace(robot, name=EVIL) for robot in world.robots),
+        rooms=tuple(
+            dataclasses.replace(room, name=f"{EVIL}{i}") for i, room in enumerate(world.rooms)
+        ),
+    )
+    text = json.dumps([codec.encode(verdict) for verdict in judged.verdicts])
+    verdicts = json.loads(text.replace("robot1", json.dumps(EVIL)[1:-1]))
+    outcome = dataclasses.replace(
+        judged.outcome, trace=dataclasses.replace(trace, robots=(EVIL,) * len(trace.robots))
+    )
+    renamed = dataclasses.replace(
+        judged, outcome=outcome, verdicts=tuple(codec.decode(Verdict, v) for v in verdicts)
+    )
+    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    job = Job(world=named, config=config, specifications=(SPEC,))
+    campaign = stored(tmp_path / "evil", job, renamed)
+    (record,) = campaign.records
+    record = dataclasses.replace(record, signature=f"{SPEC}/{EVIL}")
+    crashed = TrialRecord(
+        candidate=dataclasses.replace(record.candidate, number=1), status="crashed", error=EVIL
+    )
+    return dataclasses.replace(campaign, records=(record, crashed))
+
+
+def test_html_in_names_stays_text_in_every_form(evil, campaign):
+    page = render(reporting.report_of(evil))
+    plain = render(reporting.report_of(campaign))
+    ours, theirs = _Tags(), _Tags()
+    ours.feed(plain)
+    theirs.feed(page)
+    extra = ["article", "details", "summary", "section", "h2", "p", "pre", "a"]  # of the error
+    assert set(theirs.tags) <= {*ours.tags, *extra}
+    assert "onerror" not in theirs.attributes
+    assert EVIL in "\n".join(lines_of(page))
+    told = reporting.markdown(evil)
+    assert "<img" not in re.sub(r"(`+).*?\1", "", told)
+    failure = ElementTree.fromstring(reporting.junit(evil)).find("testcase/failure")
+    assert EVIL in failure.get("message")
+    assert failure.get("type") == f"{SPEC}/{EVIL}"
+
+
+@pytest.mark.browser
+def test_html_in_names_runs_nothing_in_a_browser(evil, tmp_path):
+    if browser.find() is None:
+        pytest.skip("no Chromium on this machine")
+    path = reporting.write(evil, tmp_path / "evil.html")
+    with browser.browser() as running:
+        running.open(path)
+        running.value("window.alert = () => { window.caught = true; }")
+        running.value("document.querySelector('.replay').scrollIntoView()")
+        running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+        assert running.value("document.querySelectorAll('img:not(.costmap)').length") == 0
+        assert running.value("window.caught === undefined")
+        assert EVIL in running.value("document.querySelector('.now').textContent")
+        assert running.errors == []
+
+
+def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
+    (record,) = campaign.records
+    records = []
+    for number in range(10_000):
+        row = dataclasses.replace(
+            record if number % 3 == 0 else passing(campaign, number),
+            candidate=dataclasses.replace(record.candidate, number=number),
+            descriptors={"x": number % 97 / 97, "y": number % 89 / 89},
+        )
+        if number % 3 == 0:  # in 700 modes, each with a run of its own to show
+            row = dataclasses.replace(row, signature=f"{record.signature}/{number % 2100}")
+        if number % 100 == 1:
+            row = dataclasses.replace(
+                row, status="crashed", verdicts=(), error=f"Traceback\nerror {number % 300}"
+            )
+        records.append(row)
+    many = _ManyFolders(
+        directory=campaign.directory, settings=campaign.settings, records=tuple(records)
+    )
+    page = render(reporting.report_of(many))
+    assert len(page) < 5_000_000
+    lines = lines_of(page)
+    # errors are not judged
+    assert "3301 of 9900 trials violate a specification, in 693 modes" in lines
+    assert "663 further modes" in lines
+    assert "193 more are left out; the command list has all." in lines
+    assert sum(line.startswith("Trial ") and len(line) < 12 for line in lines) == 20
+    assert any(re.match(r"\d+ trials: error 1$", line) for line in lines)
+
+
+class _ManyFolders(Campaign):
+    """A campaign whose trials all have the files of the first one."""
+
+    def folder(self, record):
+        return self.directory / "trials" / "0000"
+
+
+def test_two_stacks_are_compared_by_mode_and_world_by_world(campaign, tmp_path):
+    (record,) = campaign.records
+    fine = passing(campaign, 1)
+    one = with_records(campaign, tmp_path / "one", record, fine)
+    cured = dataclasses.replace(passing(campaign, 0), world_digest=record.world_digest)
+    other_stack = dataclasses.replace(campaign.settings.trials.stack, planner=Choice("ompl"))
+    two = with_records(campaign, tmp_path / "two", cured, fine, stack=other_stack)
+    result = report(one.directory, "--against", two.directory, "--markdown", tmp_path / "r.md")
+    assert result.exit_code == 0, result.stderr
+    text = text_of(one)
+    assert "The stacks differ in planner: astar against ompl." in text
+    assert (
+        f"Of 2 worlds that both have run, 0 fail in both, 1 only in {one.directory}, 0 only in "
+        f"{two.directory}, 1 in neither."
+    ) in text
+    assert "0000: passes" in text
+    told = (tmp_path / "r.md").read_text()
+    assert "The stacks differ in planner: astar against ompl." in told
+    assert "| 0000: passes |" in told
+
+
+def test_campaigns_on_other_scenarios_are_compared_with_a_warning(campaign, tmp_path):
+    settings = campaign.settings
+    trials = dataclasses.replace(settings.trials, scenario="elsewhere", params={"n": 3})
+    with Store.create(tmp_path / "other", dataclasses.replace(settings, trials=trials)) as store:
+        store.add(passing(campaign, 5))
+    assert report(campaign.directory, "--against", tmp_path / "other").exit_code == 0
+    text = text_of(campaign)
+    assert "Not only the stack differs, also: scenario, parameters." in text
+    assert "No world was run under both" in text
+
+
+def test_what_against_names_must_be_a_campaign(campaign, tmp_path):
+    result = report(campaign.directory, "--against", tmp_path)
+    assert result.exit_code == 2
+    assert "is not a campaign directory" in " ".join(result.stderr.split())
+
+
+def test_the_family_and_its_precision_stand_in_both_reports(campaign):
+    folder = campaign.directory / "trials" / "0000"
+    sentence = "97 of 100 fresh samples of the family fail with this signature (95% interval ...)."
+    (folder / "family.scenic").write_text("model scenic_worlds.model\n")
+    (folder / "family.json").write_text(
+        json.dumps(
+            {
+                "conditions": [],
+                "rule": ["walker.speed from 1.1 to 1.4"],
+                "sentence": sentence,
+                "free": ["cart.position.y"],
+                "passing": ["walker.speed = 1.02"],
+                "program": "moved/away.scenic",
+            }
+        )
+    )
+    assert report(campaign.directory, "--markdown", campaign.directory / "r.md").exit_code == 0
+    page, told = text_of(campaign), (campaign.directory / "r.md").read_text()
+    for text in (page, told):
+        assert sentence in text
+        assert "walker.speed from 1.1 to 1.4" in text
+        assert str(folder / "family.scenic") in text
+    assert "walker.speed = 1.02" in page
+    assert f"mrta-falsify sample {folder / 'family.scenic'} -o family_samples" in page
+
+
+def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
+    (record,) = campaign.records
+    rows = [
+        dataclasses.replace(record, candidate=dataclasses.replace(record.candidate, number=i))
+        for i in range(4)
+    ]
+    many = _ManyFolders(
+        directory=campaign.directory, settings=campaign.settings, records=tuple(rows)
+    )
+    found = reporting.report_of(many)
+    whole = render(found)
+    assert whole.count("<article ") == 4
+    some = render(found, most_bytes=(len(whole) - 20_000) // 2)
+    assert 1 <= some.count("<article ") < 4
+    assert "4 trials, 1 of them in full below" in "\n".join(lines_of(render(found, most_bytes=1)))
