@@ -47,6 +47,7 @@ def test_two_dask_workers_give_the_records_of_the_serial_executor(tmp_path, sche
     assert run(tmp_path / "dask", chosen, on_dask(scheduler), budget=25) == expected
 
 
+@pytest.mark.slow
 def test_a_crash_and_a_hang_on_a_worker_cost_one_trial_each(tmp_path, scheduler):
     chosen = settings(crash=[2], hang=[4], time_limit=1.0)
     records = run(tmp_path, chosen, on_dask(scheduler), budget=8)

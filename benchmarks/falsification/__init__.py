@@ -1,0 +1,1 @@
+"""Does the search find what is there to be found?"""

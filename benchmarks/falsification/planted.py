@@ -1,0 +1,121 @@
+"""Planted defects: how many simulations until a campaign finds each, and is the layer named right?
+
+    python -m benchmarks.falsification.planted DIR [--budget 150] [--seed 0] [--only NAME ...]
+
+For each defect one campaign with ``auto`` on the kinematic engine runs on the scenario that
+stresses what the defect breaks (``PAIRS``), failure by failure, until a world fails that the stack
+without the defect passes: only that is the defect's doing. ``explain`` then says which layer it
+suspects. The other failures on the way are the default stack's own and are counted.
+
+Campaigns are kept in DIR and results appended to DIR/planted.jsonl; a second call goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time as clock
+from pathlib import Path
+from typing import Any
+
+from mrta_falsify import campaigns
+from mrta_falsify.campaign.settings import Limits
+from mrta_falsify.campaigns import open_store, stored_world
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.explaining import explain
+from mrta_falsify.trial import Job, campaign_specifications, judge
+
+#: defect -> shipped scenario that stresses what it breaks
+PAIRS: dict[str, str] = {
+    "cluster_rows_wrong_robot": "opposing_flows",
+    "follower_zero_command": "opposing_flows",
+    "queue_release_loses_exclusion": "hot_room",
+    "room_freed_while_parked": "hot_room",
+    "same_room_twice_stalls": "burst_of_tasks",
+    "costmap_blind_to_furniture": "bed_in_the_doorway",
+    "humans_unseen_beyond_two": "rush_of_visitors",
+    "planner_failure_blocks_all": "blockage_mid_run",
+    "fourth_waiter_dropped": "hot_room",
+    "fixed_priority_starves": "narrow_doors",
+    "late_feedback_unsat": "burst_of_tasks",
+    "no_plan_when_infeasible": "burst_of_tasks",
+}
+
+
+def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) -> dict[str, Any]:
+    """One row: simulations until the defect showed, and the layer that was named."""
+    began = clock.monotonic()
+    config = StackConfig(engine=Choice("kinematic"), defects=(defect,))
+    settings = campaigns.new_settings(
+        PAIRS[defect], directory=directory, config=config, sampler=Choice("auto"), seed=seed
+    )
+    row: dict[str, Any] = {"defect": defect, "scenario": PAIRS[defect], "budget": budget}
+    row |= {"found_at": None, "own_failures": 0}
+    judged: set[int] = set()
+    while row["found_at"] is None:
+        limits = Limits(budget=budget, stop_after=len(judged) + 1)
+        with open_store(directory, settings) as store:
+            result = campaigns.run(store, limits, campaigns.local_workers(workers))
+        new = [r for r in result.campaign.records if r.failed and r.number not in judged]
+        for record in new:
+            judged.add(record.number)
+            if _passes_without(result.campaign, record, config):
+                named = explain(result.campaign, record, max_runs=16)
+                row["found_at"] = record.number + 1
+                row["violated"] = [v.spec for v in record.verdicts if v.violated]
+                row |= {"layer": DEFECTS[defect].layer, "named": named.layer, "guess": named.guess}
+                break
+            row["own_failures"] += 1
+        row["ran"] = result.progress.ran
+        if result.ended == "interrupted":
+            raise KeyboardInterrupt
+        if result.ended != "stop-after":
+            break
+    row["wall_s"] = round(clock.monotonic() - began, 1)
+    return row
+
+
+def _passes_without(campaign: Any, record: TrialRecord, config: StackConfig) -> bool:
+    """Whether the stack without its defect passes the same world."""
+    sound = dataclasses.replace(config, defects=())
+    world = stored_world(campaign, record)
+    job = Job(world=world, config=sound, specifications=campaign_specifications(), early_stop=True)
+    return not judge(job, keep_trace=False).failed
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("directory", type=Path)
+    parser.add_argument("--budget", type=int, default=150)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", nargs="*", default=list(PAIRS))
+    arguments = parser.parse_args()
+    arguments.directory.mkdir(parents=True, exist_ok=True)
+    path = arguments.directory / "planted.jsonl"
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    for defect in arguments.only:
+        if any(row["defect"] == defect for row in rows):
+            continue
+        row = find(
+            defect,
+            arguments.directory / defect,
+            budget=arguments.budget,
+            seed=arguments.seed,
+            workers=arguments.workers,
+        )
+        rows.append(row)
+        with path.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        print(json.dumps(row), flush=True)
+    found = [row for row in rows if row["found_at"]]
+    named = sum(row["named"] == row["layer"] for row in found)
+    print(f"{len(found)} of {len(rows)} found, layer named right for {named}")
+
+
+if __name__ == "__main__":
+    main()
