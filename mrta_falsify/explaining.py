@@ -60,6 +60,7 @@ class Change:
     layer: str  #: that is replaced
     text: str  #: in words
     config: StackConfig
+    restores: bool = False  #: the shipped layer comes back in place of another
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +71,7 @@ class Finding:
     change: str
     failure_gone: bool
     detail: str = ""
+    restores: bool = False  #: see :class:`Change`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +182,7 @@ def changes_of(config: StackConfig) -> list[Change]:
             text = f"{_spaced(layer)}: the shipped {ours.name} instead of the one under test"
             other: dict[str, Any] = {layer: ours}
             changed = dataclasses.replace(config, defects=kept, **other)
-            changes.append(Change(layer=layer, text=text, config=changed))
+            changes.append(Change(layer=layer, text=text, config=changed, restores=True))
             continue
         for name in registry.names(layer):
             if name == choice.name or name in LEFT_OUT:
@@ -199,12 +201,18 @@ def _spaced(layer: str) -> str:
 def verdict_on(findings: Sequence[Finding], guess: str) -> tuple[str, str]:
     """The suspected layer, and why.
 
-    A single layer whose change removes the failure is it. Of several, the one that the trace
-    points to; otherwise the first in the order of the pipeline, since what comes later acts on
-    what it is given.
+    A single layer whose change removes the failure is it. Of several, those count that are not
+    the shipped ones and were replaced by them: another implementation moves every robot
+    otherwise, so that it may remove a failure by chance. Of these, the one that the trace points
+    to; otherwise the first in the order of the pipeline, since what comes later acts on what it
+    is given.
     """
-    cures = [finding.layer for finding in findings if finding.failure_gone]
+    gone = [finding for finding in findings if finding.failure_gone]
+    restored = [finding for finding in gone if finding.restores]
+    cures = {finding.layer for finding in restored or gone}
     layers = [layer for layer in SUSPECTS if layer in cures]
+    if restored and len(layers) == 1 and len({finding.layer for finding in gone}) > 1:
+        return layers[0], "the shipped one in its place removes the failure"
     if not layers:
         return guess, "no single change removes the failure; named by what the trace shows"
     if len(layers) == 1:
@@ -283,7 +291,13 @@ def _with(
             ended = f"nothing violated until {time:.1f} s"
             break
     violated = violated or any(s.verdict().violated for s in own)
-    return Finding(layer=change.layer, change=change.text, failure_gone=not violated, detail=ended)
+    return Finding(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=not violated,
+        detail=ended,
+        restores=change.restores,
+    )
 
 
 def _in_a_copy(run: Callable[[], Finding]) -> Finding:

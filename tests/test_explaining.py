@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from benchmarks.defects import worlds
@@ -67,6 +69,16 @@ def test_one_layer_is_named_from_what_cured_the_failure(cured, guess, expected):
         for layer in ("queue_policy", "planner", "controller")
     ]
     assert verdict_on(findings, guess)[0] == expected
+
+
+def test_the_shipped_layer_in_place_of_another_says_more_than_one_that_does_all_otherwise():
+    findings = [
+        Finding(layer="waypoint_generator", change="another one", failure_gone=True),
+        Finding(layer="controller", change="the shipped one", failure_gone=True, restores=True),
+    ]
+    assert verdict_on(findings, "waypoint_generator")[0] == "controller"
+    stays = [findings[0], dataclasses.replace(findings[1], failure_gone=False)]
+    assert verdict_on(stays, "controller")[0] == "waypoint_generator"
 
 
 def test_the_trace_alone_gives_a_first_guess(stalled):
