@@ -14,20 +14,27 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from verifai.features import Box, DiscreteBox, Struct
-from verifai.samplers.cross_entropy import CrossEntropySampler
-from verifai.samplers.domain_sampler import SplitSampler
-from verifai.samplers.feature_sampler import default_sampler_params
-from verifai.samplers.halton import HaltonSampler
-from verifai.samplers.multi_armed_bandit import MultiArmedBanditSampler
-from verifai.samplers.random_sampler import RandomSampler
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import candidate_seed
 from samplers.asking import Counter
+
+try:
+    from verifai.features import Box, DiscreteBox, Struct
+    from verifai.samplers.cross_entropy import CrossEntropySampler
+    from verifai.samplers.domain_sampler import SplitSampler
+    from verifai.samplers.feature_sampler import default_sampler_params
+    from verifai.samplers.halton import HaltonSampler
+    from verifai.samplers.multi_armed_bandit import MultiArmedBanditSampler
+    from verifai.samplers.random_sampler import RandomSampler
+except ImportError:  # said when one of them is built
+    HAS_VERIFAI = False
+else:
+    HAS_VERIFAI = True
 
 STRIDE = 409  # points of Halton's sequence between the starts of two seeds
 
@@ -47,6 +54,11 @@ class VerifaiSampler:
     name = ""  #: in VerifAI
 
     def __init__(self, options: VerifaiOptions) -> None:
+        if not HAS_VERIFAI:
+            raise ConfigError(
+                f"sampler verifai_{self.name} needs VerifAI: pip install --no-deps verifai==2.2.0, "
+                "and the extra mrta-falsify[verifai]"
+            )
         self._options = options
         self._counter = Counter(f"verifai_{self.name}", options.seed)
         cube = options.cube

@@ -347,7 +347,8 @@ def test_a_report_that_cannot_be_written_is_refused(cli, campaign, tmp_path, opt
     (tmp_path / "taken").mkdir()
     result = cli("report", str(campaign), option, "taken")
     assert result.exit_code == 2
-    assert result.stderr == "error: taken: cannot be used: Is a directory\n"
+    verb = "written" if option == "-o" else "used"
+    assert result.stderr == f"error: taken: cannot be {verb}: Is a directory\n"
 
 
 def test_a_comparison_is_not_written_into_a_file(cli, tmp_path):
