@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 FIXED_WORLD = "aws_hospital_day"
 SCENARIO = "hospital_day"
 #: a fault of a published system, switched on, in a scenario that brings it out
-PLANTED, PLANTED_SCENARIO = "room_freed_while_parked", "hot_room"
+PLANTED, PLANTED_SCENARIO = "same_room_twice_stalls", "burst_of_tasks"
 TRIALS = 8  # of the default stack
 PLANTED_TRIALS = 12  # at most
 
