@@ -1,10 +1,11 @@
 """Labels by continuation: what never resolves is a deadlock, whoever may claim what.
 
-Nothing here uses blocked-by edges or the oracle. From the moment under question no outside
-event happens any more (no new task, blockage or outage; those in force run their course,
-people walk on) and the same run goes on for 600 s. Robots that then still have a goal and
-made no progress in all that time (``specs.progress``) are stuck. One of them is a *member* if the
-others it is stuck with go free once it is gone; the rest are victims.
+Nothing here uses blocked-by edges or the oracle's claims; what counts as progress and who is a
+member (``specs.progress``, ``specs.standoff.groups_of``) are definitions that both share. From the
+moment under question no outside event happens any more (no new task, blockage or outage; those in
+force run their course, people walk on) and the same run goes on for 600 s. Robots that then still
+have a goal and made no progress in all that time are stuck. One of them is a *member* if the others
+it is stuck with go free once it is gone; the rest are victims.
 
 The *onset* of a deadlock is the earliest time from which none of its members ever makes
 progress again or goes anywhere: the last time at which a member got nearer to its goal, or
@@ -18,9 +19,6 @@ the moment, so that nothing is simulated twice.
 from __future__ import annotations
 
 import dataclasses
-import json
-import os
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +28,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.progress import Progress
+from mrta_falsify.specs.standoff import groups_of
+from simulator_interface.forking import answer_of_a_copy
 from simulator_interface.simulate import Episode
 
 CONTINUE = 600.0  # s
@@ -128,7 +128,7 @@ def label(
     freed = {i: parts.without(i, stuck) if len(stuck) > 1 else set() for i in sorted(stuck)}
     frames.close()
     found = []
-    for members, group in _deadlocks(stuck, freed):
+    for members, group in groups_of(stuck, freed):
         arrived = max(fate.arrived[i] for i in members)
         stands = arrived <= moment + SETTLED
         onset = max(fate.progress[i] for i in members)
@@ -210,7 +210,7 @@ class _Forks:
                 "ended": time,
             }
 
-        return _Fate(**_in_a_fork(run))
+        return _Fate(**answer_of_a_copy(run))
 
     def without(self, gone: int, stuck: set[int]) -> set[int]:
         """Stuck robots that leave their place once ``gone`` has vanished."""
@@ -233,45 +233,4 @@ class _Forks:
                     break
             return {"freed": sorted(freed)}
 
-        return set(_in_a_fork(run)["freed"])
-
-
-def _in_a_fork(run: Callable[[], dict]) -> dict:
-    """``run()`` in a copy of this process; its JSON-shaped answer."""
-    reader, writer = os.pipe()
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            os.close(reader)
-            with os.fdopen(writer, "w") as pipe:
-                json.dump(run(), pipe)
-            code = 0
-        finally:
-            os._exit(code)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        text = pipe.read()
-    _, status = os.waitpid(child, 0)
-    if status:
-        raise RuntimeError("a continuation failed; its traceback is above")
-    return json.loads(text)
-
-
-def _deadlocks(
-    stuck: set[int], freed: dict[int, set[int]]
-) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Members and group of each deadlock: members are those without whom the others go free."""
-    groups: list[set[int]] = []
-    for i in sorted(stuck):
-        joined = {i} | freed[i]
-        for group in [group for group in groups if group & joined]:
-            joined |= group
-            groups.remove(group)
-        groups.append(joined)
-    found = []
-    for group in groups:
-        members = tuple(i for i in sorted(group) if freed[i] >= group - {i})
-        # No single robot frees the rest: then all of them hold it together.
-        found.append((members or tuple(sorted(group)), tuple(sorted(group))))
-    return found
+        return set(answer_of_a_copy(run)["freed"])

@@ -28,7 +28,7 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.specs.deadlock import NoDeadlock
 from mrta_falsify.specs.motion import Standstill
 from mrta_falsify.specs.progress import Progress
-from simulator_interface.forecast import EpisodeForecast
+from simulator_interface.forecast import offer_forecasts
 from simulator_interface.simulate import Episode
 
 SUSPICIOUS = 8.0  # s of standing with a goal that make an unclaimed run worth a label
@@ -83,7 +83,7 @@ def _run(case: Case) -> tuple[dict[str, Any] | None, float | None, str]:
     still = Standstill(len(case.world.robots), radius=PLACE)
     ended, frame, since = "horizon", None, np.zeros(0)
     frames = episode.frames()
-    oracle.foresee(EpisodeForecast(episode, frames))
+    offer_forecasts((oracle,), episode, frames)
     for frame in frames:
         oracle.update(frame)
         since = still.update(frame.sensed.pose, frame.sensed.time)

@@ -21,10 +21,12 @@ from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
     FiniteRange,
+    count_option,
     format_option,
     param_option,
     spec_option,
     stack_options,
+    trial_arguments,
 )
 
 if TYPE_CHECKING:
@@ -358,8 +360,7 @@ def list_(directory: Path, failed: bool, style: str) -> int:
 
 
 @main.command()
-@click.argument("directory", type=FILE)
-@click.argument("name", metavar="ID")
+@trial_arguments
 @format_option
 def show(directory: Path, name: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
@@ -392,16 +393,8 @@ def show(directory: Path, name: str, style: str) -> int:
 
 
 @main.command()
-@click.argument("directory", type=FILE)
-@click.argument("name", metavar="ID")
-@click.option(
-    "--verify",
-    type=click.IntRange(1, 1000),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="Run it so many times.",
-)
+@trial_arguments
+@count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
 @format_option
 def replay(directory: Path, name: str, verify: int, style: str) -> int:
     """Run a stored trial again and compare digests. Exit code 1: they differ."""
@@ -448,13 +441,12 @@ def _print_replay(result: Replay) -> None:
 @main.command()
 @click.argument("directory", type=FILE)
 @stack_options
-@click.option(
+@count_option(
     "--jittered",
-    type=click.IntRange(0, 100),
+    0,
+    100,
     default=2,
-    show_default=True,
-    metavar="N",
-    help="Runs beside each failure with starts, pace and times a little different.",
+    text="Runs beside each failure with starts, pace and times a little different.",
 )
 @format_option
 def corpus(
@@ -634,13 +626,12 @@ def _print_comparison(rows: list[dict[str, Any]]) -> None:
 @click.option(
     "--against", type=FILE, metavar="DIR2", help="Compare with a campaign on another stack."
 )
-@click.option(
+@count_option(
     "--cases",
-    type=click.IntRange(1, 1000),
+    1,
+    1000,
     default=20,
-    show_default=True,
-    metavar="N",
-    help="Failures to show in full at most, as far as the page has room.",
+    text="Failures to show in full at most, as far as the page has room.",
 )
 def report(
     directory: Path,
@@ -675,15 +666,13 @@ def report(
 
 
 @main.command()
-@click.argument("directory", type=FILE)
-@click.argument("name", metavar="ID")
-@click.option(
+@trial_arguments
+@count_option(
     "--max-runs",
-    type=click.IntRange(1, 1000),
+    1,
+    1000,
     default=40,
-    show_default=True,
-    metavar="N",
-    help="Re-runs at most: one per changed layer, the rest with small differences.",
+    text="Re-runs at most: one per changed layer, the rest with small differences.",
 )
 @format_option
 def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
@@ -718,15 +707,13 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
 
 
 @main.command()
-@click.argument("directory", type=FILE)
-@click.argument("name", metavar="ID")
-@click.option(
+@trial_arguments
+@count_option(
     "--max-runs",
-    type=click.IntRange(1, 10000),
+    1,
+    10000,
     default=100,
-    show_default=True,
-    metavar="N",
-    help="Simulations at most; a second call with more goes on.",
+    text="Simulations at most; a second call with more goes on.",
 )
 @format_option
 def minimize(directory: Path, name: str, max_runs: int, style: str) -> int:

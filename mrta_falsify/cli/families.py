@@ -10,27 +10,24 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
-from mrta_falsify.cli.options import FILE, format_option
+from mrta_falsify.cli.options import FILE, count_option, format_option, trial_arguments
 
 
 @main.command()
-@click.argument("directory", type=FILE)
-@click.argument("name", metavar="ID")
-@click.option(
+@trial_arguments
+@count_option(
     "--max-runs",
-    type=click.IntRange(10, 10000),
+    10,
+    10000,
     default=300,
-    show_default=True,
-    metavar="N",
-    help="Simulations at most, fresh samples and those of earlier calls included.",
+    text="Simulations at most, fresh samples and those of earlier calls included.",
 )
-@click.option(
+@count_option(
     "--fresh",
-    type=click.IntRange(1, 10000),
+    1,
+    10000,
     default=100,
-    show_default=True,
-    metavar="N",
-    help="Samples on which the rule is tested; at most half of --max-runs.",
+    text="Samples on which the rule is tested; at most half of --max-runs.",
 )
 @click.option(
     "-o",

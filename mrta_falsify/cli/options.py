@@ -76,3 +76,23 @@ def param_option(command: Command) -> Command:
         metavar="NAME=VALUE",
         help="Override a global parameter of the Scenic program. Repeatable.",
     )(command)
+
+
+def trial_arguments(command: Command) -> Command:
+    """A campaign's directory and a trial in it, as ``directory`` and ``name``."""
+    command = click.argument("name", metavar="ID")(command)
+    return click.argument("directory", type=FILE)(command)
+
+
+def count_option(
+    flag: str, low: int, high: int, *, default: int, text: str
+) -> Callable[[Command], Command]:
+    """``flag N``, a whole number from ``low`` to ``high``."""
+    return click.option(
+        flag,
+        type=click.IntRange(low, high),
+        default=default,
+        show_default=True,
+        metavar="N",
+        help=text,
+    )

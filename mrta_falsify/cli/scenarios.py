@@ -10,7 +10,7 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
-from mrta_falsify.cli.options import FILE, format_option, param_option, stack_options
+from mrta_falsify.cli.options import FILE, count_option, format_option, param_option, stack_options
 from mrta_falsify.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,13 +33,8 @@ def _mode_option(command: Any) -> Any:
 
 
 def _attempts_option(command: Any) -> Any:
-    return click.option(
-        "--max-attempts",
-        type=click.IntRange(1, 1_000_000),
-        default=3000,
-        show_default=True,
-        metavar="N",
-        help="Scenes to try for each candidate.",
+    return count_option(
+        "--max-attempts", 1, 1_000_000, default=3000, text="Scenes to try for each candidate."
     )(command)
 
 

@@ -206,7 +206,7 @@ class NoDeadlock:
         """Ask for a forecast if somebody may be stuck about whom nothing is known yet."""
         time, options = frame.sensed.time, self._options
         is_last = time > self._world.horizon - EVALUATE_EVERY
-        known = {i for found in self._found for i in (*found.members, *found.group)}
+        known = {i for found in self._found for i in found.group}
         closed_for = time - self._closed_since + STILL_FOR
         stands_for = time - since
         busy = {i for i, own in edges.items() if own[0].cause != "task"}

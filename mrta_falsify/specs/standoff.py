@@ -24,7 +24,7 @@ AT_REST_FOR = 30.0  # s without any motion in the building: three times our stac
 ROBOTS_REST_FOR = 60.0  # s the same while people walk
 SAME_POSE = 1e-3  # m, rad
 PLACE = 0.5  # m; who stays within this of one place stands, even if it shuffles ...
-LAST_LOOKS = 300  # ... in these last looks of a forecast, a minute at 10 Hz
+AT_LAST = 60.0  # s ... for so long at the end of a forecast
 SHOWN = 1.5  # s after which a deadlock shows in the blocked-by edges, for the evidence
 ASK_SOONEST = 1.0  # s between two questions about a robot
 ASK_AGAIN = 30.0  # s after which who moves in vain is asked about again
@@ -74,7 +74,7 @@ class GoingOn:
         self._before = progress.last.copy()
         self._freed: dict[int, float] = {}
         self._with_goal = np.zeros(len(self._before), dtype=np.bool_)
-        self._way: list[Array] = []
+        self._way: deque[tuple[float, Array]] = deque()  # of the last minute
         self._at_rest = False
         self._time = 0.0
 
@@ -88,14 +88,16 @@ class GoingOn:
         for i in self._asked:
             if i not in self._freed and (last[i] > self._before[i] or not self._with_goal[i]):
                 self._freed[i] = time
-        self._way.append(frame.sensed.pose[:, :2].copy())
+        self._way.append((time, frame.sensed.pose[:, :2].copy()))
+        while self._way[0][0] <= time - AT_LAST:
+            self._way.popleft()
         self._at_rest = time >= self._settled and self._rest.is_lasting(frame)
         return self._at_rest or time >= self._until or len(self._freed) == len(self._asked)
 
     def answer(self) -> dict[str, Any]:
         """Last progress of who stands for good, and when who was asked about went on [s]."""
         last = self._progress.last
-        late = np.array(self._way)[-LAST_LOOKS:]
+        late = np.array([position for _, position in self._way])
         stands = (np.hypot(*(late - late[-1]).transpose(2, 0, 1)) <= PLACE).all(axis=0)
         stands |= self._at_rest
         quiet = self._time - last >= AT_REST_FOR
