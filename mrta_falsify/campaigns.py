@@ -143,7 +143,12 @@ def open_executor(settings: CampaignSettings, choice: Choice) -> Iterator[Execut
 
 def local_workers(wanted: int | None) -> Choice:
     """Executor of ``wanted`` local processes; as many as this process may use cores if None."""
-    return Choice("processes", {"workers": wanted or len(os.sched_getaffinity(0))})
+    return Choice("processes", {"workers": cores(wanted)})
+
+
+def cores(wanted: int | None) -> int:
+    """``wanted`` processes; as many as this one may use cores if None."""
+    return wanted or len(os.sched_getaffinity(0))
 
 
 def chosen_executor(name: str | None, workers: int | None) -> Choice:

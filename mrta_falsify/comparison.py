@@ -1,21 +1,34 @@
-"""Samplers on the same scenario: how often and how soon they find a failure, and how many kinds."""
+"""Samplers on the same scenario: how often and how soon they find a failure, and how many kinds.
+
+A comparison is many short searches, so whole searches run side by side, one in a process: a
+search then never waits for workers, and nothing is computed beyond its first failure.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 from mrta_falsify import campaigns
 from mrta_falsify.campaign import survival
+from mrta_falsify.campaign.runner import Progress
 from mrta_falsify.campaign.settings import CampaignSettings, Limits
 from mrta_falsify.campaign.store import SETTINGS, Campaign, StoreError, write_atomically
 from mrta_falsify.campaign.survival import Search
 from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import HarnessError
 
 MARK = "comparison.json"  # says what is compared; makes a directory one of comparisons
 
@@ -31,6 +44,11 @@ class Plan:
     first_seed: int = 0
     stop_after: int = 1  #: failures, 0: run the budget out
 
+    @property
+    def limits(self) -> Limits:
+        """Of each search."""
+        return Limits(budget=self.budget, stop_after=self.stop_after)
+
     def searches(self, directory: Path) -> list[tuple[str, int, Path]]:
         """Sampler, seed and directory of each search; repeats outside, so that pieces compare."""
         seeds = range(self.first_seed, self.first_seed + self.repeats)
@@ -42,8 +60,8 @@ class Plan:
 def run(
     plan: Plan,
     directory: Path,
-    executor: Choice,
     *,
+    workers: int = 1,
     on_search: Callable[[int, int, str], None] = lambda done, total, text: None,
 ) -> bool:
     """Run the searches that are missing; call again to go on.
@@ -51,7 +69,7 @@ def run(
     Args:
         plan: what to run.
         directory: of the comparison.
-        executor: for each search in turn.
+        workers: searches at a time, each in a process of its own.
         on_search: called after each with the number done, the total and a line about it.
 
     Returns:
@@ -59,20 +77,73 @@ def run(
 
     Raises:
         StoreError: ``directory``, or a search in it, belongs to another plan.
+        HarnessError: a process died; what it had finished is kept.
     """
     _mark(plan, directory)
     searches = plan.searches(directory)
-    for done, (name, seed, folder) in enumerate(searches, start=1):
-        settings = _settings(plan, name, seed, folder)
-        with campaigns.open_store(folder, settings) as store:
-            limits = Limits(budget=plan.budget, stop_after=plan.stop_after)
-            result = campaigns.run(store, limits, executor)
-        if result.ended == "interrupted":
-            return False
-        progress = result.progress
-        found = f"failure at {progress.first_failure}" if progress.first_failure else "no failure"
-        on_search(done, len(searches), f"{name}, seed {seed}: {found} in {progress.ran} trials")
+    missing = [search for search in searches if not _has_ended(plan, search[2])]
+    done = len(searches) - len(missing)
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_the_parent
+    )
+    try:
+        asked = {
+            pool.submit(_search, _settings(plan, name, seed, folder), plan.limits): (name, seed)
+            for name, seed, folder in missing
+        }
+        for future in as_completed(asked):
+            name, seed = asked[future]
+            text = future.result()
+            if text is None:
+                return False
+            done += 1
+            on_search(done, len(searches), f"{name}, seed {seed}: {text}")
+    except KeyboardInterrupt:
+        return False
+    except BrokenProcessPool:
+        raise HarnessError(
+            f"{directory}: a process that ran searches has died; go on with --resume"
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
     return True
+
+
+def _search(settings: CampaignSettings, limits: Limits) -> str | None:
+    """Run one search, or what is missing of it, here; a line about it, None after Ctrl-C."""
+    with campaigns.open_store(Path(settings.trials.directory), settings) as store:
+        result = campaigns.run(store, limits, Choice("serial"))
+    if result.ended == "interrupted":
+        return None
+    progress = result.progress
+    found = f"failure at {progress.first_failure}" if progress.first_failure else "no failure"
+    return f"{found} in {progress.ran} trials"
+
+
+def _has_ended(plan: Plan, folder: Path) -> bool:
+    """Whether the stored trials of a search are all that its limits ask for."""
+    if not (folder / SETTINGS).exists():
+        return False
+    progress = Progress(plan.limits)
+    for number, record in enumerate(campaigns.open_campaign(folder).records):
+        if record.number != number:
+            return False
+        progress.take(record)
+        if plan.stop_after and progress.failed >= plan.stop_after:
+            return True
+    return progress.ran >= plan.budget
+
+
+def _end_with_the_parent() -> None:
+    """End this process when the one that started it is gone, however that ended."""
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def check_is_comparison(directory: Path) -> None:
@@ -125,75 +196,96 @@ def _settings(plan: Plan, name: str, seed: int, folder: Path) -> CampaignSetting
 # --- what came of it -----------------------------------------------------------------------
 
 
-def told(campaign: Campaign, plan: Plan) -> tuple[Search, Search, int, int]:
-    """A search in simulations and in seconds of computing, its trials and its failure modes.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """What one search came to."""
 
-    Only the trials up to the first failure count for the searches; trials that other workers
-    happened to have finished by then do not.
+    simulations: Search
+    seconds: Search  #: of computing
+    trials: int  #: simulated, those after the first failure included
+    modes: frozenset[str]  #: signatures of its failures
+
+
+def told(campaign: Campaign, plan: Plan) -> Told:
+    """What a search came to within the plan's budget.
+
+    Only the trials up to the first failure count for how long it took.
     """
-    simulations, seconds, signatures, ran = 0, 0.0, set(), 0
+    simulations, seconds, signatures = 0, 0.0, set()
     found: tuple[Search, Search] | None = None
     for record in campaign.records:
         seconds += record.scene_s + record.wall_s
         if record.status == "rejected":
             continue
         simulations += 1
-        ran += 1
         if record.failed:
             signatures.add(record.signature)
-            if found is None:
-                found = (
-                    Search(spent=simulations, found=True),
-                    Search(spent=seconds, found=True),
-                )
-        if ran >= plan.budget:
+            found = found or (
+                Search(spent=simulations, found=True),
+                Search(spent=seconds, found=True),
+            )
+        if simulations >= plan.budget:
             break
     missed = (Search(spent=simulations, found=False), Search(spent=seconds, found=False))
-    return (*(found or missed), ran, len(signatures))
+    by_simulations, by_seconds = found or missed
+    return Told(
+        simulations=by_simulations,
+        seconds=by_seconds,
+        trials=simulations,
+        modes=frozenset(signatures),
+    )
 
 
-def table(plan: Plan, directory: Path) -> list[dict[str, Any]]:
-    """One row per sampler: falsification rate, simulations to first failure, modes.
-
-    The log-rank p-value compares with the first sampler of the plan.
-    """
-    by_sampler: dict[str, list[tuple[Search, Search, int, int]]] = {}
+def results(plan: Plan, directory: Path) -> dict[str, list[Told]]:
+    """What the searches that have begun came to, by sampler, in the plan's order."""
+    found: dict[str, list[Told]] = {name: [] for name in plan.samplers}
     for name, _, folder in plan.searches(directory):
         if (folder / SETTINGS).exists():
             campaign = campaigns.open_campaign(folder)
             if campaign.records:
-                by_sampler.setdefault(name, []).append(told(campaign, plan))
-    rows = []
-    reference = by_sampler.get(plan.samplers[0], [])
-    for name in plan.samplers:
-        found = by_sampler.get(name, [])
-        if found:
-            rows.append(_row(name, found, reference, plan.budget))
-    return rows
+                found[name].append(told(campaign, plan))
+    return {name: rows for name, rows in found.items() if rows}
+
+
+def table(found: Mapping[str, Sequence[Told]], budget: int) -> list[dict[str, Any]]:
+    """One row per sampler: falsification rate, simulations to first failure, modes.
+
+    The log-rank p-value compares with the first sampler.
+
+    Args:
+        found: by sampler, as of :func:`results`.
+        budget: simulations per search.
+    """
+    reference = next(iter(found.values()), [])
+    return [_row(name, rows, reference, budget) for name, rows in found.items()]
+
+
+def curves(found: Mapping[str, Sequence[Told]]) -> dict[str, tuple[Array, Array]]:
+    """Share of searches without a failure over simulations, by sampler (Kaplan-Meier)."""
+    return {
+        name: survival.survival_curve([row.simulations for row in rows])
+        for name, rows in found.items()
+    }
 
 
 def _row(
-    name: str,
-    found: Sequence[tuple[Search, Search, int, int]],
-    reference: Sequence[tuple[Search, Search, int, int]],
-    budget: int,
+    name: str, found: Sequence[Told], reference: Sequence[Told], budget: int
 ) -> dict[str, Any]:
-    simulations = [row[0] for row in found]
-    seconds = [row[1] for row in found]
-    trials = sum(row[2] for row in found)
+    simulations = [row.simulations for row in found]
+    seconds = [row.seconds for row in found]
+    trials = sum(row.trials for row in found)
     mean = survival.restricted_mean_interval(simulations, budget)
-    longest = max(row[1].spent for row in (*found, *reference))
-    rate = survival.found_share(simulations)
+    longest = max(row.seconds.spent for row in (*found, *reference))
     return {
         "sampler": name,
         "searches": len(found),
-        "falsification_rate": dataclasses.asdict(rate),
+        "falsification_rate": dataclasses.asdict(survival.found_share(simulations)),
         "simulations_to_failure": {
             "restricted_mean": dataclasses.asdict(mean),
             "median": survival.median(simulations),
         },
         "seconds_to_failure": survival.restricted_mean(seconds, longest),
-        "log_rank_p": survival.log_rank(simulations, [row[0] for row in reference]),
+        "log_rank_p": survival.log_rank(simulations, [row.simulations for row in reference]),
         "trials": trials,
-        "modes_per_1000": 1000.0 * sum(row[3] for row in found) / max(trials, 1),
+        "modes_per_1000": 1000.0 * sum(len(row.modes) for row in found) / max(trials, 1),
     }

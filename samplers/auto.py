@@ -15,8 +15,11 @@ from samplers.cross_entropy import CrossEntropySampler
 from samplers.evolution import EvolutionSampler
 from samplers.local_search import LocalSearchSampler
 from samplers.sobol import SobolSampler
+from samplers.surrogate import SurrogateSampler
 
-ARMS = ("sobol", "evolution", "local_search", "cross_entropy")
+ARMS = ("surrogate", "evolution", "local_search", "cross_entropy", "sobol")
+#: share that the model of all results has for certain: on smooth margins nothing comes near it
+CERTAIN = {"surrogate": 0.5}
 
 
 class AutoSampler:
@@ -34,8 +37,8 @@ class AutoSampler:
 
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
-        initial: int = quantity(low=1, default=16)  #: proposals from the even spread at first
-        floor: float = quantity(low=0.0, high=0.25, default=0.1)  #: least share of an arm
+        initial: int = quantity(low=1, default=8)  #: proposals from the even spread at first
+        floor: float = quantity(low=0.0, high=0.1, default=0.04)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
 
     def __init__(self, options: Options) -> None:
@@ -47,6 +50,9 @@ class AutoSampler:
             "evolution": EvolutionSampler(EvolutionSampler.Options(cube=cube, seed=seed)),
             "local_search": LocalSearchSampler(LocalSearchSampler.Options(cube=cube, seed=seed)),
             "cross_entropy": CrossEntropySampler(CrossEntropySampler.Options(cube=cube, seed=seed)),
+            "surrogate": SurrogateSampler(
+                SurrogateSampler.Options(cube=cube, seed=seed, initial=2, explore=0.0)
+            ),
         }
         self._reward = dict.fromkeys(ARMS, 1.0)
         self._cost = dict.fromkeys(ARMS, 1.0)
@@ -64,8 +70,8 @@ class AutoSampler:
         if self._counter.next < self._options.initial:
             return "sobol"
         value = np.array([self._reward[name] / self._cost[name] for name in ARMS])
-        floor = self._options.floor
-        share = floor + (1.0 - floor * len(ARMS)) * value / value.sum()
+        certain = np.array([CERTAIN.get(name, self._options.floor) for name in ARMS])
+        share = certain + (1.0 - certain.sum()) * value / value.sum()
         return str(self._counter.stream().choice(ARMS, p=share / share.sum()))
 
     def tell(self, feedback: Feedback) -> None:

@@ -34,9 +34,34 @@ def test_what_is_no_comparison_is_not_gone_on_with(tmp_path, there):
 
 
 def test_a_comparison_that_was_begun_is_known_again(tmp_path):
-    assert comparison.run(plan(), tmp_path, Choice("processes"))
+    assert comparison.run(plan(), tmp_path)
     comparison.check_is_comparison(tmp_path)
-    assert comparison.run(plan(), tmp_path, Choice("processes"))
+    assert comparison.run(plan(), tmp_path)
+
+
+def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_path):
+    whole = dataclasses.replace(plan(), samplers=("random", "sobol"), repeats=2, budget=15)
+    tables = []
+    for workers in (1, 2):
+        folder = tmp_path / f"{workers}"
+        folder.mkdir()
+        assert comparison.run(whole, folder, workers=workers)
+        found = comparison.results(whole, folder)
+        assert [len(rows) for rows in found.values()] == [2, 2]
+        rows = comparison.table(found, whole.budget)
+        tables.append([{k: v for k, v in row.items() if k != "seconds_to_failure"} for row in rows])
+    assert tables[0] == tables[1]
+
+
+def test_only_searches_that_are_missing_or_cut_short_are_run(tmp_path):
+    whole = dataclasses.replace(plan(), repeats=3, budget=6, stop_after=0)
+    assert comparison.run(dataclasses.replace(whole, repeats=1), tmp_path)
+    assert comparison.run(dataclasses.replace(whole, repeats=2, budget=4), tmp_path)
+    lines = []
+    assert comparison.run(whole, tmp_path, on_search=lambda done, total, text: lines.append(text))
+    assert [line.split(":")[0] for line in lines] == ["random, seed 1", "random, seed 2"]
+    ran = [rows.trials for rows in comparison.results(whole, tmp_path)["random"]]
+    assert ran == [6, 6, 6]
 
 
 @pytest.mark.parametrize(
@@ -49,6 +74,6 @@ def test_a_comparison_that_was_begun_is_known_again(tmp_path):
     ],
 )
 def test_a_comparison_of_something_else_is_not_gone_on_with(tmp_path, changes, name):
-    comparison.run(plan(), tmp_path, Choice("processes"))
+    comparison.run(plan(), tmp_path)
     with pytest.raises(StoreError, match=f"compares samplers with other {name}"):
-        comparison.run(plan(**changes), tmp_path, Choice("processes"))
+        comparison.run(plan(**changes), tmp_path)

@@ -546,6 +546,7 @@ def compare(
     """Compare samplers: falsification rate, simulations to the first failure, failure modes."""
     from mrta_falsify import app, campaigns, comparison  # noqa: PLC0415
     from mrta_falsify.core import registry  # noqa: PLC0415
+    from reports.figure_searches import write_searches  # noqa: PLC0415
 
     names = tuple(name.strip() for name in samplers.split(",") if name.strip())
     for name in names:
@@ -576,14 +577,25 @@ def compare(
     finished = comparison.run(
         plan,
         directory,
-        campaigns.local_workers(workers),
+        workers=campaigns.cores(workers),
         on_search=lambda done, total, text: output.say(f"{done}/{total} {text}"),
     )
-    rows = comparison.table(plan, directory)
+    found = comparison.results(plan, directory)
+    rows = comparison.table(found, budget)
+    picture = directory / "comparison.png"
+    write_searches({Path(scenario).stem: comparison.curves(found)}, budget, picture)
     if style == "json":
-        output.print_json({"finished": finished, "budget": budget, "samplers": app.finite(rows)})
+        output.print_json(
+            {
+                "finished": finished,
+                "budget": budget,
+                "samplers": app.finite(rows),
+                "picture": str(picture),
+            }
+        )
     else:
         _print_comparison(rows)
+        output.say(f"picture    {picture}")
     return ExitCode.DONE if finished else ExitCode.INTERRUPTED
 
 

@@ -1,0 +1,243 @@
+"""Bayesian search: a model of each margin, and the scene most likely to violate one."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import log_ndtr, logsumexp
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.feedback import Cube, Feedback
+from samplers.asking import Counter, Memory, Mutator
+
+PARENTS = 8
+STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
+LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
+LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
+NOISES = (0.02, 0.2, 0.6)  # share of the variance that points do not explain
+REFIT = 10  # weights are chosen anew when a tenth more results are known
+BESIDE = 0.1  # distance in the cube within which a known failure repels
+SPARE = 1e-6  # margins that vary less than this say nothing
+
+
+class SurrogateSampler:
+    """Gaussian processes, one per specification, choose among many children of good scenes.
+
+    The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
+    additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
+    from dozens of results. Its few weights are those of largest marginal likelihood on a small
+    grid. Of a few hundred candidates, mostly children of the best scenes as
+    :class:`~samplers.evolution.EvolutionSampler` makes them, the one is proposed that is most
+    likely to violate some specification, less so beside failures that are known (local
+    penalisation, Gonzalez et al. 2016).
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Options of :class:`SurrogateSampler`."""
+
+        cube: Cube = Cube()
+        seed: int = quantity(low=0, default=0)
+        initial: int = quantity(low=2, default=10)  #: uniform proposals at first
+        candidates: int = quantity(low=2, default=300)  #: that a proposal is chosen from
+        memory: int = quantity(low=8, default=160)  #: results the models are made from
+        explore: float = quantity(low=0.0, high=1.0, default=0.05)  #: chance of a uniform proposal
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._counter = Counter("surrogate", options.seed)
+        self._mutator = Mutator(options.cube)
+        self._features = _Features(options.cube)
+        self._best = Memory(PARENTS)
+        self._kept = Memory(options.memory // 2)
+        self._recent: list[Feedback] = []
+        self._models: dict[str, _Model] = {}
+        self._refit_at = 0
+
+    def ask(self) -> Proposal:
+        """The next proposal."""
+        random = self._counter.stream()
+        options = self._options
+        young = self._best.told < options.initial or not options.cube.dimensions
+        if young or random.random() < options.explore:
+            return self._counter.proposal(random.random(options.cube.dimensions))
+        candidates = self._candidates(random)
+        return self._counter.proposal(candidates[int(np.argmax(self._promise(candidates)))])
+
+    def tell(self, feedback: Feedback) -> None:
+        """Take in a result; also of a point that somebody else proposed."""
+        if feedback.fate != "judged":
+            return
+        self._best.add(feedback)
+        self._kept.add(feedback)
+        self._recent.append(feedback)
+        del self._recent[: -self._options.memory // 2]
+
+    def results(self) -> list[Feedback]:
+        """What the models are made from: the best results and the last ones."""
+        known = {feedback.number: feedback for feedback in (*self._kept.best, *self._recent)}
+        return [known[number] for number in sorted(known)]
+
+    def _candidates(self, random: np.random.Generator) -> Array:
+        """Children of the best scenes, and one in five a uniform draw, ``(n, k)``."""
+        parents, rows = self._best.best, []
+        for i in range(self._options.candidates):
+            if i % 5 == 0:
+                rows.append(random.random(self._options.cube.dimensions))
+                continue
+            first, second = random.integers(len(parents), size=2)
+            u = parents[int(min(first, second))].u
+            if random.random() < 0.3:
+                u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
+            step = float(np.exp(random.uniform(*np.log(STEPS))))
+            rows.append(self._mutator.child(u, step, random))
+        return np.array(rows)
+
+    def _promise(self, candidates: Array) -> Array:
+        """Logarithm of about the chance of a new violation, ``(n,)``."""
+        results = self.results()
+        points = np.array([feedback.u for feedback in results])
+        seen, asked = self._features.of(points), self._features.of(candidates)
+        inside, across = _Parts.between(seen, seen), _Parts.between(seen, asked)
+        prior = _Parts.of_points(asked)
+        refit = self._best.told >= self._refit_at
+        if refit:
+            self._refit_at = self._best.told + max(1, self._best.told // REFIT)
+        chances = [np.full(len(candidates), -50.0)]
+        for name in sorted({name for feedback in results for name in feedback.objectives}):
+            margins = np.array([feedback.objectives.get(name, 1.0) for feedback in results])
+            if np.ptp(margins) <= SPARE:
+                continue
+            centre, scale = float(margins.mean()), float(margins.std())
+            values = (margins - centre) / scale
+            if refit or name not in self._models:
+                self._models[name] = _likeliest(inside, values)
+            mean, deviation = self._models[name].predict(inside, across, prior, values)
+            chances.append(log_ndtr(-(centre + scale * mean) / (scale * deviation)))
+        promise: Array = logsumexp(np.array(chances), axis=0)
+        failed = [i for i, feedback in enumerate(results) if feedback.failed]
+        if failed:
+            beside = np.exp(-across.apart[failed].min(axis=0) / (2.0 * BESIDE**2))
+            promise = promise + np.log1p(-np.minimum(beside, 1.0 - 1e-9))
+        return promise
+
+
+# --- models --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Points:
+    """Points as the kernel sees them."""
+
+    linear: Array  #: (n, f) centred; levels of discrete coordinates as indicators
+    blocks: tuple[Array, ...]  #: by object, (n, f_b): coordinates, indicators over root two
+
+
+class _Features:
+    """Points of the cube as :class:`_Points`."""
+
+    def __init__(self, cube: Cube) -> None:
+        self._cube = cube
+        self._blocks = cube.blocks()
+
+    def of(self, points: Array) -> _Points:
+        """``points`` ``(n, k)``."""
+        linear, blocks = [], []
+        for block in self._blocks:
+            columns = []
+            for i in block:
+                levels, u = self._cube.level(i), points[:, i]
+                if levels == 0:
+                    columns.append(u[:, None])
+                    linear.append((u[:, None] - 0.5) * np.sqrt(12.0))
+                else:
+                    level = np.minimum((u * levels).astype(np.int64), levels - 1)
+                    ones = np.eye(levels)[level]
+                    columns.append(ones / np.sqrt(2.0))
+                    linear.append((ones - 1.0 / levels) * np.sqrt(levels))
+            blocks.append(np.concatenate(columns, axis=1))
+        return _Points(np.concatenate(linear, axis=1), tuple(blocks))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parts:
+    """The parts of the kernel between two sets of points, ``(n, m)`` each."""
+
+    linear: Array  #: about 1 for a point with itself
+    smooth: dict[float, Array]  #: mean over objects of a squared-exponential, by length scale
+    apart: Array  #: squared distance over all objects
+
+    @classmethod
+    def between(cls, some: _Points, others: _Points) -> _Parts:
+        """Parts between all pairs."""
+        width = max(some.linear.shape[1], 1)
+        smooth = {length: np.zeros((len(some.linear), len(others.linear))) for length in LENGTHS}
+        apart = np.zeros((len(some.linear), len(others.linear)))
+        for mine, theirs in zip(some.blocks, others.blocks, strict=True):
+            squares = (mine**2).sum(axis=1)[:, None] + (theirs**2).sum(axis=1)[None, :]
+            squares = np.maximum(squares - 2.0 * (mine @ theirs.T), 0.0)
+            apart += squares
+            for length in LENGTHS:
+                smooth[length] += np.exp(-squares / (2.0 * length**2)) / len(some.blocks)
+        return cls(some.linear @ others.linear.T / width, smooth, apart)
+
+    @classmethod
+    def of_points(cls, points: _Points) -> _Parts:
+        """Parts of each point with itself, ``(n,)``."""
+        ones = np.ones(len(points.linear))
+        linear = (points.linear**2).sum(axis=1) / max(points.linear.shape[1], 1)
+        return cls(linear, dict.fromkeys(LENGTHS, ones), np.zeros(len(points.linear)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """Weights of the kernel; the values that it explains have mean 0 and variance 1."""
+
+    linear: float  #: share of the linear part
+    length: float  #: of the smooth part
+    noise: float  #: share that the point does not explain
+
+    def kernel(self, parts: _Parts) -> Array:
+        """Covariances of what the point explains."""
+        smooth = (1.0 - self.linear) * parts.smooth[self.length]
+        return (1.0 - self.noise) * (self.linear * parts.linear + smooth)
+
+    def factor(self, inside: _Parts) -> Array:
+        """Lower Cholesky factor ``(n, n)`` of the covariance of results."""
+        covariance = self.kernel(inside)
+        return np.asarray(np.linalg.cholesky(covariance + self.noise * np.eye(len(covariance))))
+
+    def log_likelihood(self, inside: _Parts, values: Array) -> float:
+        """Log marginal likelihood of ``values`` ``(n,)``, but for a constant."""
+        lower = self.factor(inside)
+        solved = solve_triangular(lower, values, lower=True)
+        return float(-0.5 * solved @ solved - np.log(np.diag(lower)).sum())
+
+    def predict(
+        self, inside: _Parts, across: _Parts, prior: _Parts, values: Array
+    ) -> tuple[Array, Array]:
+        """Mean and standard deviation ``(m,)`` of a result at each point asked about.
+
+        Args:
+            inside: parts between the results.
+            across: parts between results and the points asked about.
+            prior: parts of the latter with themselves.
+            values: of the results ``(n,)``.
+        """
+        solved = solve_triangular(
+            self.factor(inside), np.column_stack([self.kernel(across), values]), lower=True
+        )
+        shrunk, weights = solved[:, :-1], solved[:, -1]
+        variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), 0.0) + self.noise
+        return shrunk.T @ weights, np.sqrt(variance)
+
+
+def _likeliest(inside: _Parts, values: Array) -> _Model:
+    """The model of the grid with the largest marginal likelihood."""
+    models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, NOISES)]
+    return max(models, key=lambda model: model.log_likelihood(inside, values))

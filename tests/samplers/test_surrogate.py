@@ -1,0 +1,77 @@
+"""What the models of the surrogate sampler learn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core.feedback import Cube, Feedback
+from mrta_falsify.core.seeding import stream
+from samplers.surrogate import SurrogateSampler
+
+
+def drive(sampler, margin_of, count):
+    """Results of ``count`` proposals; the margin is a function of the point."""
+    told = []
+    for _ in range(count):
+        proposal = sampler.ask()
+        margin = float(np.clip(margin_of(proposal.u), -1.0, 1.0))
+        told.append(
+            Feedback(
+                number=proposal.number,
+                u=proposal.u,
+                score=margin,
+                objectives={"deadlines": margin, "no_deadlock": 1.0},
+                failed=margin < 0.0,
+                signature="deadlines/1" if margin < 0.0 else "",
+            )
+        )
+        sampler.tell(told[-1])
+    return told
+
+
+def slope(seed, dimensions):
+    """A margin that falls along a random direction, below 0 for one uniform point in 200."""
+    random = stream(seed, "test/slope")
+    weights = random.normal(size=dimensions)
+    values = random.random((4000, dimensions)) @ weights
+    edge = np.quantile(values, 0.005)
+    return lambda u: float(u @ weights - edge) / 6.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slope_in_twenty_dimensions_is_learnt_from_a_few_dozen_results(seed):
+    cube = Cube(dimensions=20, groups=tuple(i // 2 for i in range(20)))
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=seed))
+    told = drive(sampler, slope(seed, 20), 45)
+    assert any(result.failed for result in told)
+
+
+def test_a_discrete_coordinate_is_learnt_by_its_levels():
+    cube = Cube(dimensions=4, levels=(6, 0, 0, 0))
+
+    def margin(u):
+        return 0.5 - 0.6 * (int(u[0] * 6) == 3) + 0.2 * (u[1] - 0.5)
+
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=2))
+    told = drive(sampler, margin, 60)
+    late = [int(result.u[0] * 6) for result in told[30:]]
+    assert late.count(3) > 0.6 * len(late)
+
+
+def test_failures_that_are_known_are_not_proposed_again():
+    cube = Cube(dimensions=3)
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=0))
+    told = drive(sampler, lambda u: float(u[0] - 0.3), 80)
+    failed = np.array([result.u for result in told if result.failed])
+    apart = np.linalg.norm(failed[:, None] - failed[None], axis=2)
+    nearest = (apart + 9.0 * np.eye(len(failed))).min(axis=1)
+    assert len(failed) > 30
+    assert np.median(nearest) > 0.05
+
+
+def test_no_more_results_than_asked_for_are_in_the_models():
+    cube = Cube(dimensions=3)
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=0, memory=20))
+    drive(sampler, lambda u: float(u.sum()), 90)
+    assert len(sampler.results()) <= 20
