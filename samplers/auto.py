@@ -19,7 +19,7 @@ from samplers.surrogate import SurrogateSampler
 
 ARMS = ("surrogate", "evolution", "local_search", "cross_entropy", "sobol")
 #: share that the model of all results has for certain: on smooth margins nothing comes near it
-CERTAIN = {"surrogate": 0.5}
+CERTAIN = {"surrogate": 0.65}
 
 
 class AutoSampler:

@@ -19,7 +19,9 @@ PARENTS = 8
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
-NOISES = (0.02, 0.2, 0.6)  # share of the variance that points do not explain
+ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain
+CLOSE = 0.1  # distance in the cube at which they do: about the same scene, about the same run
+NUGGET = 1e-6  # so that equal points do not make the covariance singular
 REFIT = 10  # weights are chosen anew when a tenth more results are known
 BESIDE = 0.1  # distance in the cube within which a known failure repels
 SPARE = 1e-6  # margins that vary less than this say nothing
@@ -200,17 +202,18 @@ class _Model:
 
     linear: float  #: share of the linear part
     length: float  #: of the smooth part
-    noise: float  #: share that the point does not explain
+    rough: float  #: share of the part that only points close by explain
 
     def kernel(self, parts: _Parts) -> Array:
-        """Covariances of what the point explains."""
+        """Covariances of results."""
         smooth = (1.0 - self.linear) * parts.smooth[self.length]
-        return (1.0 - self.noise) * (self.linear * parts.linear + smooth)
+        far = (1.0 - self.rough) * (self.linear * parts.linear + smooth)
+        return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
 
     def factor(self, inside: _Parts) -> Array:
         """Lower Cholesky factor ``(n, n)`` of the covariance of results."""
         covariance = self.kernel(inside)
-        return np.asarray(np.linalg.cholesky(covariance + self.noise * np.eye(len(covariance))))
+        return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
     def log_likelihood(self, inside: _Parts, values: Array) -> float:
         """Log marginal likelihood of ``values`` ``(n,)``, but for a constant."""
@@ -233,11 +236,11 @@ class _Model:
             self.factor(inside), np.column_stack([self.kernel(across), values]), lower=True
         )
         shrunk, weights = solved[:, :-1], solved[:, -1]
-        variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), 0.0) + self.noise
+        variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), NUGGET)
         return shrunk.T @ weights, np.sqrt(variance)
 
 
 def _likeliest(inside: _Parts, values: Array) -> _Model:
     """The model of the grid with the largest marginal likelihood."""
-    models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, NOISES)]
+    models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS)]
     return max(models, key=lambda model: model.log_likelihood(inside, values))

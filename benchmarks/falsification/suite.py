@@ -1,0 +1,305 @@
+"""The benchmark suite: how samplers do on frozen scenario and stack pairs.
+
+    python -m benchmarks.falsification.suite rates DIR [--trials 200]
+    python -m benchmarks.falsification.suite search DIR [--samplers random auto ...] [--repeats 10]
+    python -m benchmarks.falsification.suite modes DIR [--budget 200]
+    python -m benchmarks.falsification.suite confirm DIR
+    python -m benchmarks.falsification.suite table DIR [-o OUT]
+
+``rates`` draws uniform worlds and counts failures: what makes a pair easy or hard. ``search`` is
+``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
+that runs its budget out; ``confirm`` runs each search's first failure again in PyBullet; ``table``
+sums up what is in DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default
+all of the hard half.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import statistics
+import sys
+import time as clock
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from mrta_falsify import campaigns, comparison
+from mrta_falsify.campaign.settings import Limits
+from mrta_falsify.campaign.statistics import failure_probability
+from mrta_falsify.campaign.store import SETTINGS
+from mrta_falsify.campaigns import open_campaign, open_store, stored_world
+from mrta_falsify.comparison import Plan, Told
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.trial import Job, campaign_specifications, judge
+from reports.figure_searches import Curve, write_searches
+
+HERE = Path(__file__).parent
+SUITE = HERE / "suite.yaml"
+CONFIRMED = "confirmed.jsonl"
+ALL = "all pairs"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """One scenario on one stack."""
+
+    name: str
+    scenario: str  #: in scenarios/, without its ending
+    half: Literal["easy", "hard"]
+    defects: tuple[str, ...] = ()
+    layers: dict[str, str] = dataclasses.field(default_factory=dict)
+    specifications: tuple[str, ...] = ()
+
+    @property
+    def stack(self) -> StackConfig:
+        """On the kinematic engine."""
+        layers = {name: Choice(value) for name, value in self.layers.items()}
+        sound = StackConfig(engine=Choice("kinematic"), defects=self.defects)
+        return codec.decode(
+            StackConfig, codec.encode(sound) | codec.encode(layers), where=self.name
+        )
+
+    def plan(self, directory: Path, options: argparse.Namespace, *, stop_after: int = 1) -> Plan:
+        """Searches on this pair."""
+        settings = campaigns.new_settings(
+            str(HERE / "scenarios" / f"{self.scenario}.scenic"),
+            directory=directory,
+            config=self.stack,
+            specifications=self.specifications,
+            window=1,  # a search runs in one process: nothing has to run ahead
+        )
+        return Plan(
+            settings=settings,
+            samplers=tuple(options.samplers),
+            repeats=options.repeats,
+            budget=options.budget,
+            first_seed=options.seed,
+            stop_after=stop_after,
+        )
+
+
+def read_suite() -> dict[str, Pair]:
+    """The pairs by name."""
+    data = yaml.safe_load(SUITE.read_text(encoding="utf-8"))
+    pairs = [codec.decode(Pair, pair, where=str(SUITE)) for pair in data["pairs"]]
+    return {pair.name: pair for pair in pairs}
+
+
+# --- searches --------------------------------------------------------------------------------
+
+
+def rates(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
+    """Uniform draws, run until decided: share of failures and cost of a trial."""
+    for pair in pairs:
+        folder = options.directory / "rates" / pair.name
+        plan = pair.plan(folder, options, stop_after=0)
+        trials = dataclasses.replace(plan.settings.trials, mode="exact", seed=options.seed)
+        settings = dataclasses.replace(plan.settings, trials=trials, sampler=Choice("random"))
+        limits = Limits(budget=options.trials)
+        settings = dataclasses.replace(settings, window=8)
+        with open_store(folder, settings) as store:
+            result = campaigns.run(store, limits, campaigns.local_workers(options.workers))
+        if result.ended == "interrupted":
+            raise KeyboardInterrupt
+        print(json.dumps(rate_row(pair.name, result.campaign.records)), flush=True)
+
+
+def rate_row(name: str, records: Sequence[TrialRecord]) -> dict[str, Any]:
+    """Share of failures with its interval, and what a trial took."""
+    judged = [record for record in records if record.status == "ok"]
+    failed = [record for record in judged if record.failed]
+    share = failure_probability(len(failed), len(judged))
+    specs = [v.spec for record in failed for v in record.verdicts if v.violated]
+    return {
+        "pair": name,
+        "k": len(judged[0].candidate.u),
+        "trials": len(judged),
+        "failed": len(failed),
+        "share": [round(v, 4) for v in (share.estimate, share.low, share.high)],
+        "modes": len({record.signature for record in failed}),
+        "by": {spec: specs.count(spec) for spec in sorted(set(specs))},
+        "best": round(min(record.score for record in judged), 4),
+        "sim_s": round(statistics.median(record.sim_time for record in judged), 1),
+        "wall_s": round(statistics.median(r.scene_s + r.wall_s for r in judged), 2),
+    }
+
+
+def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = False) -> None:
+    """Searches of each pair, side by side; with ``modes`` they do not stop at a failure."""
+    began = clock.monotonic()
+    for pair in pairs:
+        folder = options.directory / ("modes" if modes else "searches") / pair.name
+        folder.mkdir(parents=True, exist_ok=True)
+        plan = pair.plan(folder, options, stop_after=0 if modes else 1)
+
+        def say(done: int, total: int, text: str, name: str = pair.name) -> None:
+            minutes = (clock.monotonic() - began) / 60.0
+            print(f"{minutes:5.1f} min  {name} {done}/{total}  {text}", flush=True)
+
+        if not comparison.run(plan, folder, workers=options.workers, on_search=say):
+            raise KeyboardInterrupt
+
+
+def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
+    """Run the first failure of each search again in PyBullet, to the end of the episode."""
+    path = options.directory / CONFIRMED
+    rows = read_lines(path)
+    known = {(row["pair"], row["search"]) for row in rows}
+    for pair in pairs:
+        root = options.directory / "searches" / pair.name
+        for settings in sorted(root.glob(f"*/*/{SETTINGS}")):
+            name = str(settings.parent.relative_to(root))
+            campaign = open_campaign(settings.parent)
+            failed = [record for record in campaign.records if record.failed]
+            if not failed or (pair.name, name) in known:
+                continue
+            stack = dataclasses.replace(pair.stack, engine=Choice("bullet"))
+            job = Job(
+                world=stored_world(campaign, failed[0]),
+                config=stack,
+                specifications=pair.specifications or campaign_specifications(),
+            )
+            judged = judge(job, keep_trace=False)
+            quick = sorted(v.spec for v in failed[0].verdicts if v.violated)
+            physics = sorted(v.spec for v in judged.verdicts if v.violated)
+            row = {
+                "pair": pair.name,
+                "search": name,
+                "score": round(failed[0].score, 4),
+                "kinematic": quick,
+                "bullet": physics,
+                "confirmed": judged.failed,
+            }
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            print(json.dumps(row), flush=True)
+
+
+# --- what came of it -----------------------------------------------------------------------------
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """Rows of a file of JSON lines; none if it is not there."""
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
+    """Rows per pair and for all pairs together, as JSON, and survival curves."""
+    rows: dict[str, list[dict[str, Any]]] = {}
+    panels: dict[str, dict[str, Curve]] = {}
+    pooled: dict[str, list[Told]] = {}
+    for pair in pairs:
+        plan = pair.plan(options.directory, options)
+        found = comparison.results(plan, options.directory / "searches" / pair.name)
+        if not found:
+            continue
+        rows[pair.name] = comparison.table(found, options.budget)
+        panels[pair.name] = comparison.curves(found)
+        for name, told in found.items():
+            pooled.setdefault(name, []).extend(told)
+    rows[ALL] = comparison.table(pooled, options.budget)
+    panels[ALL] = comparison.curves(pooled)
+    out = {
+        "budget": options.budget,
+        "searches": rows,
+        "modes": modes_table(pairs, options),
+        "confirmation": confirmation(options.directory),
+    }
+    options.output.mkdir(parents=True, exist_ok=True)
+    path = options.output / "results.json"
+    path.write_text(json.dumps(out, indent=1) + "\n", encoding="utf-8")
+    write_searches(panels, options.budget, options.output / "searches.png")
+    print_rows(rows)
+    print(json.dumps({name: out[name] for name in ("modes", "confirmation")}, indent=1))
+
+
+def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Distinct failure modes per 1000 simulations, of searches that ran their budget out."""
+    rows = []
+    for pair in pairs:
+        root = options.directory / "modes" / pair.name
+        for folder in sorted(path.parent for path in root.glob(f"*/*/{SETTINGS}")):
+            records = [r for r in open_campaign(folder).records if r.status == "ok"]
+            failed = [record for record in records if record.failed]
+            modes = len({record.signature for record in failed})
+            rows.append(
+                {
+                    "pair": pair.name,
+                    "sampler": folder.parent.name,
+                    "seed": int(folder.name),
+                    "trials": len(records),
+                    "failed": len(failed),
+                    "modes": modes,
+                    "modes_per_1000": round(1000.0 * modes / len(records), 1),
+                }
+            )
+    return rows
+
+
+def confirmation(directory: Path) -> dict[str, Any]:
+    """Share of the searches' failures that physics confirms."""
+    rows = read_lines(directory / CONFIRMED)
+    by_pair: dict[str, list[bool]] = {}
+    for row in rows:
+        by_pair.setdefault(row["pair"], []).append(row["confirmed"])
+    return {
+        "failures": len(rows),
+        "confirmed": sum(row["confirmed"] for row in rows),
+        "by_pair": {name: f"{sum(of)} of {len(of)}" for name, of in by_pair.items()},
+    }
+
+
+def print_rows(rows: dict[str, list[dict[str, Any]]]) -> None:
+    """The searches as a table in Markdown."""
+    print("| Pair | Sampler | Found | Simulations to failure | Seconds | Log-rank p |")
+    print("|---|---|---|---|---|---|")
+    for pair, of in rows.items():
+        for row in of:
+            rate, mean = row["falsification_rate"], row["simulations_to_failure"]
+            mean = mean["restricted_mean"]
+            print(
+                f"| {pair} | `{row['sampler']}` | {rate['value']:.0%} of {row['searches']} "
+                f"[{rate['low']:.0%}, {rate['high']:.0%}] | {mean['value']:.1f} "
+                f"[{mean['low']:.1f}, {mean['high']:.1f}] | {row['seconds_to_failure']:.0f} | "
+                f"{row['log_rank_p']:.2g} |"
+            )
+
+
+def main() -> None:
+    """Command line."""
+    suite = read_suite()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("rates", "search", "modes", "confirm", "table"))
+    parser.add_argument("directory", type=Path)
+    parser.add_argument("--pairs", nargs="+", choices=list(suite), help="default: the hard half")
+    parser.add_argument("--samplers", nargs="+", default=["random", "auto"])
+    parser.add_argument("--repeats", type=int, default=10)
+    parser.add_argument("--budget", type=int, default=100)
+    parser.add_argument("--trials", type=int, default=200, help="of rates")
+    parser.add_argument("--seed", type=int, default=0, help="of the first repeat")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("-o", "--output", type=Path, default=HERE / "results")
+    options = parser.parse_args()
+    names = options.pairs or [name for name, pair in suite.items() if pair.half == "hard"]
+    pairs = [suite[name] for name in names]
+    does: dict[str, Any] = {"rates": rates, "search": search, "confirm": confirm, "table": table}
+    try:
+        if options.what == "modes":
+            search(pairs, options, modes=True)
+        else:
+            does[options.what](pairs, options)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
