@@ -6,6 +6,7 @@ Module-level and free of closures over processes, so that a spawned worker can r
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -93,21 +94,12 @@ def _run_episode(
     stop: Callable[[Frame], str] | None = None,
 ) -> Outcome:
     """Our own loop, or Scenic's over the same loop for a scripted world."""
+    episode = functools.partial(simulate, job.world, job.config)
     if job.world.scripted and job.scene is not None:
         from simulator_interface.scenic_simulator import simulate_scene  # noqa: PLC0415 - Scenic
 
-        return simulate_scene(
-            job.scene,
-            job.world,
-            job.config,
-            specifications=specifications,
-            keep_trace=keep_trace,
-            on_progress=on_progress,
-            stop=stop,
-        )
-    return simulate(
-        job.world,
-        job.config,
+        episode = functools.partial(simulate_scene, job.scene, job.world, job.config)
+    return episode(
         specifications=specifications,
         keep_trace=keep_trace,
         on_progress=on_progress,

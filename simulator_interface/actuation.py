@@ -43,6 +43,7 @@ class Actuation:
             axis=1,
         ).reshape(n, 4)
         self._spread = np.array([robot.wheel_slip for robot in robots])
+        self._slipping = np.flatnonzero(self._spread).tolist()
         self._random = [stream(seed, f"wheel_slip/{robot.name}") for robot in robots]
         self._slip = np.zeros((n, 2))
         #: (N, 3) twist to be had now: forward, left [m/s], turn rate [rad/s]
@@ -53,7 +54,7 @@ class Actuation:
     def begin_tick(self, dt: float) -> None:
         """Draw the wheel slip of the next control period ``dt`` [s]."""
         keep = math.exp(-dt / SLIP_TIME)
-        for i in np.flatnonzero(self._spread):
+        for i in self._slipping:
             fresh = self._random[i].normal(size=2) * self._spread[i]
             self._slip[i] = keep * self._slip[i] + math.sqrt(1.0 - keep**2) * fresh
             self.loss[i] = np.minimum(np.abs(self._slip[i]), MAX_LOSS)

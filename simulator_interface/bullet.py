@@ -509,7 +509,7 @@ class BulletEngine:
         return float(gaps.polygon_point_gap(placed, corners, x, y) - radius)
 
     def _is_taken(self, polygon: Array) -> bool:
-        return self._observer.is_taken(polygon, self._pose, self._human)
+        return self._observer.is_taken(polygon, self._pose, self._read_velocity(), self._human)
 
     def _note_overlaps(self, human: int) -> None:
         """Who appears on top of a robot must not throw it: no collision until it has left."""

@@ -42,6 +42,9 @@ class Crowd:
     _resting: tuple[int, ...] = ()
     _added: tuple[Blockage, ...] = ()
     _staged: tuple[BoolArray, Array] | None = None
+    _present: BoolArray = field(init=False)  #: (H,) at ``_present_at``, with ``_present_inside``
+    _present_at: float = np.nan
+    _present_inside: BoolArray | None = None
     _radius: Array = field(init=False)
     _reacts: BoolArray = field(init=False)
     _robot_radius: Array = field(init=False)
@@ -54,6 +57,7 @@ class Crowd:
 
     def _read_people(self) -> None:
         humans = self.world.humans
+        self._present_inside = None
         self._radius = np.array([human.radius for human in humans])
         self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
 
@@ -115,13 +119,11 @@ class Crowd:
     def stage(self) -> Stage | None:
         """What the engine must be told before the next tick, None: nothing."""
         errands = self.errands
-        now = (errands.inside, errands.furnishings.pose)
-        known = self._staged is not None and all(
-            a is b for a, b in zip(now, self._staged, strict=True)
-        )
-        if known and not self._added:
+        inside, pose = errands.inside, errands.furnishings.pose
+        known = self._staged
+        if known is not None and known[0] is inside and known[1] is pose and not self._added:
             return None
-        self._staged = now
+        self._staged = (inside, pose)
         stage = Stage(
             inside=errands.inside,
             placed=errands.placed,
@@ -133,7 +135,11 @@ class Crowd:
 
     def present(self, time: float) -> BoolArray:
         """Who ``(H,)`` is in the building at ``time`` [s]."""
-        return present_humans(self.world, time) & self.errands.inside
+        inside = self.errands.inside
+        if time != self._present_at or inside is not self._present_inside:
+            self._present_at, self._present_inside = time, inside
+            self._present = present_humans(self.world, time) & inside
+        return self._present
 
     # --- a tick ----------------------------------------------------------------------------------
 
@@ -160,10 +166,11 @@ class Crowd:
             if i not in self._at_work:
                 targets[i] = self._walking.target(walker, position[i], sensed.time)
                 desired[i] = walker.speed if len(walker.way) else 0.0
-        heading = sensed.pose[:, 2]
-        forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-        robot_velocity = forward * sensed.velocity[:, :1] + left * sensed.velocity[:, 1:2]
+        heading, forward, left = sensed.pose[:, 2], sensed.velocity[:, 0], sensed.velocity[:, 1]
+        cos, sin = np.cos(heading), np.sin(heading)
+        robot_velocity = np.empty((len(heading), 2))
+        robot_velocity[:, 0] = cos * forward - sin * left
+        robot_velocity[:, 1] = sin * forward + cos * left
         view = CrowdView(
             dt=self.dt,
             position=position,

@@ -88,26 +88,11 @@ class KinematicEngine:
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
         walked_from = self._human.copy()
-        touched = np.zeros(len(self._pose), dtype=np.bool_)
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
             around.update(time, self._is_taken)
             set_point = self._actuation.advance(command.twist, time)
-            gaps.move_people(
-                self._human,
-                human_velocity,
-                around.human_radius,
-                around.present,
-                self._step,
-                self._pose,
-                observer.placed,
-                fleet.corners,
-                fleet.reach,
-                around.grid,
-                around.edges,
-                touched,
-            )
-            _drive(
+            _fill_substep(
                 self._pose,
                 self._velocity,
                 set_point,
@@ -123,12 +108,13 @@ class KinematicEngine:
                 around.grid,
                 around.edges,
                 self._human,
+                human_velocity,
                 around.human_radius,
                 around.present,
                 observer.contact,
+                observer.gap,
+                observer.nearest,
             )
-            observer.observe(self._pose, self._human)
-        observer.contact[:, gaps.HUMAN] |= touched
         self._tick += 1
         around.update(self._tick * self._dt, self._is_taken)
         return self._sense((self._human - walked_from) / self._dt)
@@ -150,7 +136,7 @@ class KinematicEngine:
         self._observer.observe(self._pose, self._human)
 
     def _is_taken(self, polygon: Array) -> bool:
-        return self._observer.is_taken(polygon, self._pose, self._human)
+        return self._observer.is_taken(polygon, self._pose, self._velocity, self._human)
 
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt
@@ -303,3 +289,45 @@ def _drive(
             velocity[i] *= part
         pose[i] = there
         place_outline(outline[i], corners[i], pose[i], placed[i])
+
+
+@njit(cache=True)
+def _fill_substep(
+    pose: Array,
+    velocity: Array,
+    set_point: Array,
+    loss: Array,
+    response: Array,
+    separation: Array,
+    holonomic: IntArray,
+    step: float,
+    outline: Array,
+    corners: IntArray,
+    reach: Array,
+    placed: Array,
+    grid: EdgeGrid,
+    extra: Array,
+    human: Array,
+    human_velocity: Array,
+    human_radius: Array,
+    present: BoolArray,
+    contact: BoolArray,
+    gap: Array,
+    nearest: IntArray,
+) -> None:
+    """People walk, robots drive, and the gaps of the tick are lowered: one call a sub-step."""
+    touched = np.zeros(len(pose), dtype=np.bool_)
+    gaps.move_people(
+        human, human_velocity, human_radius, present, step, pose, placed, corners, reach, grid,
+        extra, touched,
+    )  # fmt: skip
+    for i in range(len(pose)):
+        contact[i, gaps.HUMAN] = contact[i, gaps.HUMAN] or touched[i]
+    _drive(
+        pose, velocity, set_point, loss, response, separation, holonomic, step, outline, corners,
+        reach, placed, grid, extra, human, human_radius, present, contact,
+    )  # fmt: skip
+    gaps.fill_gaps(
+        pose, outline, corners, reach, placed, grid, extra, human, human_radius, present, gap,
+        nearest,
+    )  # fmt: skip

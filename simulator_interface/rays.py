@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 
 CELL = 0.5  # m; 0.25 to 1 m cost the same within noise on the AWS floor
 MARGIN = 1.0  # m of grid around all edges
@@ -56,6 +56,32 @@ def build_edge_grid(edges: Array, bounds: Array, *, cell: float = CELL) -> EdgeG
     cols, rows = np.ceil((points.max(axis=0) + MARGIN - origin) / cell).astype(int)
     first, member = _sort_edges(edges, origin, cell, int(rows), int(cols))
     return EdgeGrid(edges, origin, cell, int(rows), int(cols), first, member)
+
+
+@njit(cache=True)
+def with_bodies(
+    edges: Array, owner: IntArray, placed: Array, corners: IntArray, chosen: BoolArray
+) -> tuple[Array, IntArray]:
+    """Edges and their owners, and after them those of robots' footprints.
+
+    Args:
+        edges: ``(E, 4)`` [m].
+        owner: ``(E,)``.
+        placed: ``(N, V, 2)`` footprints, map frame [m].
+        corners: ``(N,)`` corners that count.
+        chosen: ``(N,)`` whose footprints.
+    """
+    k = len(edges)
+    all_edges = np.empty((k + (corners * chosen).sum(), 4))
+    all_owners = np.empty(len(all_edges), dtype=np.int64)
+    all_edges[:k], all_owners[:k] = edges, owner
+    for i in range(len(placed)):
+        for c in range(corners[i] if chosen[i] else 0):
+            following = c + 1 if c + 1 < corners[i] else 0
+            all_edges[k, :2], all_edges[k, 2:] = placed[i, c], placed[i, following]
+            all_owners[k] = i
+            k += 1
+    return all_edges, all_owners
 
 
 @njit(cache=True)
@@ -167,10 +193,11 @@ def cast_rays(
     pose: Array,
     rays: int,
     max_range: float,
+    turned: float = 0.0,
 ) -> Array:
     """Distances to the nearest solid along rays from each robot.
 
-    Ray a leaves the robot's origin at yaw + a * 2 pi / rays.
+    Ray a leaves the robot's origin at yaw + turned + a * 2 pi / rays.
 
     Args:
         grid: edges that stand all the time.
@@ -179,6 +206,7 @@ def cast_rays(
         pose: ``(N, 3)`` x [m], y [m], yaw [rad].
         rays: number A of rays per robot.
         max_range: [m].
+        turned: of the first ray from the heading [rad].
 
     Returns:
         ``(N, A)`` [m]; inf: nothing within range.
@@ -186,8 +214,9 @@ def cast_rays(
     out = np.empty((len(pose), rays))
     for n in range(len(pose)):
         x, y = pose[n, 0], pose[n, 1]
+        yaw = pose[n, 2] + turned
         for a in range(rays):
-            angle = pose[n, 2] + a * (2.0 * math.pi / rays)
+            angle = yaw + a * (2.0 * math.pi / rays)
             dx, dy = math.cos(angle), math.sin(angle)
             best = max_range
             for e in range(len(extra)):
@@ -208,14 +237,15 @@ def ray_directions(yaw: Array, rays: int) -> Array:
 
 
 @njit(cache=True)
-def hit_points(pose: Array, distance: Array) -> Array:
-    """Points ``(N, A, 2)`` [m] at ``distance`` ``(N, A)`` [m] along each robot's rays."""
+def hit_points(pose: Array, distance: Array, turned: float = 0.0) -> Array:
+    """Points ``(N, A, 2)`` [m] at ``distance`` ``(N, A)`` [m] along the rays of `cast_rays`."""
     n, rays = distance.shape
     out = np.full((n, rays, 2), np.inf)
     for i in range(n):
+        yaw = pose[i, 2] + turned
         for a in range(rays):
             if distance[i, a] < np.inf:
-                angle = pose[i, 2] + a * (2.0 * math.pi / rays)
+                angle = yaw + a * (2.0 * math.pi / rays)
                 out[i, a, 0] = pose[i, 0] + distance[i, a] * math.cos(angle)
                 out[i, a, 1] = pose[i, 1] + distance[i, a] * math.sin(angle)
     return out

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Sensed
@@ -19,9 +20,15 @@ PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESI
 SWEEP = 3  # ticks until the rays point the same way again
 MOVED = 0.05  # m; a robot that stays within this of its place is at rest
 PUT_DOWN = 0.02  # m clear of everybody, before a blockage is put down
+#: s; a robot keeps its speed for so long before a body that is put down makes it brake: rays meet
+#: it within three ticks, and the command after that brakes
+REACTION = 0.2
+WAY_STEP = 0.05  # m between two looks on a robot's way to a stop
 
 _ANGLES = np.arange(12) * (2.0 * np.pi / 12)
 DISC = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)  # outline of a body of radius 1
+
+NO_FURNITURE = np.zeros((0, 3))
 
 IsTaken = Callable[[Array], bool]  #: whether a robot or person is at a polygon ``(V, 2)`` [m]
 
@@ -38,7 +45,8 @@ class Surroundings:
     """Solids and people of a world as they are at one time.
 
     A blockage is put down at its start, or once nobody is there any more: nobody puts a bed
-    on top of a robot. Until then it is no body; rays and gaps do not meet it.
+    on top of a robot, or so close before one that it cannot stop. Until then it is no body;
+    rays and gaps do not meet it.
     """
 
     def __init__(self, world: World) -> None:
@@ -64,8 +72,8 @@ class Surroundings:
         now = time + 1e-9
         is_due = self._next < len(self._changes) and self._changes[self._next] <= now
         if self._begun and not is_due:
-            polygons = (self.blockages[k].polygon for k in self._awaited)
-            if all(is_taken(polygon) for polygon in polygons):
+            polygons = [self.blockages[k].polygon for k in self._awaited]
+            if not polygons or all(is_taken(polygon) for polygon in polygons):
                 return False
         self._begun = True
         while self._next < len(self._changes) and self._changes[self._next] <= now:
@@ -116,6 +124,8 @@ class Observer:
 
     def __init__(self, fleet: Fleet, surroundings: Surroundings, options: RayOptions) -> None:
         n = len(fleet.models)
+        self._no_gap = np.full((n, 3), gaps.FAR)
+        self._nobody = np.full((n, 2), -1, dtype=np.int64)
         self._fleet = fleet
         self._surroundings = surroundings
         self._options = options
@@ -131,9 +141,9 @@ class Observer:
 
     def begin_tick(self) -> None:
         """Forget the last tick's gaps and contacts."""
-        self.gap = np.full_like(self.gap, gaps.FAR)
-        self.nearest = np.full_like(self.nearest, -1)
-        self.contact = np.zeros_like(self.contact)
+        self.gap = self._no_gap.copy()
+        self.nearest = self._nobody.copy()
+        self.contact = np.zeros(self.contact.shape, dtype=np.bool_)
 
     def observe(self, pose: Array, human_position: Array) -> float:
         """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``.
@@ -158,21 +168,28 @@ class Observer:
         )
         return least
 
-    def is_taken(self, polygon: Array, pose: Array, human_position: Array) -> bool:
-        """Whether a robot or a person is within 2 cm of ``polygon``.
+    def is_taken(self, polygon: Array, pose: Array, velocity: Array, human_position: Array) -> bool:
+        """Whether a body put down at ``polygon`` would be within 2 cm of a person or robot.
+
+        For a robot that drives, the way to a stop counts as well, straight on from where it is.
 
         Args:
             polygon: ``(V, 2)`` [m].
             pose: ``(N, 3)`` of the robots.
+            velocity: ``(N, 3)`` of theirs: forward, left [m/s], turn [rad/s].
             human_position: ``(H, 2)`` [m]; only people who are present count.
         """
         fleet, around = self._fleet, self._surroundings
         edges = rays.polygon_edges([polygon])
         placed = np.empty_like(fleet.outline[0]) if len(pose) else np.empty((0, 2))
-        for i, (x, y, _) in enumerate(pose):
-            gaps.place_outline(fleet.outline[i], fleet.corners[i], pose[i], placed)
-            if gaps.blocks_gap(edges, placed, fleet.corners[i], x, y) < PUT_DOWN:
-                return True
+        ways = _ways_to_a_stop(pose, velocity, fleet.max_acceleration)
+        for i, corners in enumerate(fleet.corners):
+            looks = 1 + int(np.ceil(np.hypot(*ways[i]) / WAY_STEP))
+            for x, y in np.linspace(pose[i, :2], pose[i, :2] + ways[i], looks):
+                there = np.array([x, y, pose[i, 2]])
+                gaps.place_outline(fleet.outline[i], corners, there, placed)
+                if gaps.blocks_gap(edges, placed, corners, x, y) < PUT_DOWN:
+                    return True
         for h in np.flatnonzero(around.present):
             x, y = human_position[h]
             body = around.human_radius[h] * DISC + human_position[h]
@@ -182,34 +199,32 @@ class Observer:
 
     def parked(self, pose: Array, time: float) -> BoolArray:
         """Which robots ``(N,)`` have been at rest for over 5 s; call once per tick."""
-        offset = pose[:, :2] - self._anchor
-        moved = ~((offset * offset).sum(axis=1) <= MOVED**2)
-        if moved.any():
-            self._anchor[moved] = pose[moved, :2]
-            self._since[moved] = time
+        fill_rest(pose, time, self._anchor, self._since)
         return np.asarray(time - self._since > PARKED_AFTER)
 
     def exact_distances(self, pose: Array, parked: BoolArray) -> Array:
         """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing."""
         around, fleet = self._surroundings, self._fleet
         extra, owner = around.edges, around.owner
-        if parked.any():
-            numbers = np.flatnonzero(parked)
-            outlines = [self.placed[i, : fleet.corners[i]] for i in numbers]
-            extra = np.concatenate([extra, rays.polygon_edges(outlines)])
-            owner = np.concatenate([owner, np.repeat(numbers, fleet.corners[numbers])])
+        if True in parked.tolist():
+            extra, owner = rays.with_bodies(extra, owner, self.placed, fleet.corners, parked)
         options = self._options
-        aimed = self.aimed(pose)
-        return rays.cast_rays(around.grid, extra, owner, aimed, options.count, options.max_range)
+        return rays.cast_rays(
+            around.grid, extra, owner, pose, options.count, options.max_range, self._turned()
+        )
 
-    def aimed(self, pose: Array) -> Array:
-        """``pose`` ``(N, 3)`` with the yaw that this tick's first ray leaves at.
+    def _turned(self) -> float:
+        """Angle [rad] from the heading at which this tick's first ray leaves.
 
         The fan of rays turns by a third of its spacing from tick to tick, as a scanner's does:
         a door jamb that slips between 12 fixed rays is seen within three ticks.
         """
+        return self._sweep * (2.0 * np.pi / (SWEEP * self._options.count))
+
+    def aimed(self, pose: Array) -> Array:
+        """``pose`` ``(N, 3)`` with the yaw that this tick's first ray leaves at."""
         turned = pose.copy()
-        turned[:, 2] += self._sweep * (2.0 * np.pi / (SWEEP * self._options.count))
+        turned[:, 2] += self._turned()
         return turned
 
     def sensed(
@@ -227,8 +242,9 @@ class Observer:
         if self._noise > 0.0:
             noise = self._random.normal(size=distances.shape) * self._noise
             distances = np.maximum(distances + noise, 0.0)
-        gap = np.where(self.gap < gaps.FAR, self.gap, np.inf)
-        points = rays.hit_points(self.aimed(pose), distances)
+        (gap_robot, gap_human, gap_static), points = _reported(
+            self.gap, pose, distances, self._turned()
+        )
         self._sweep = (self._sweep + 1) % SWEEP
         return Sensed(
             tick=tick,
@@ -238,10 +254,48 @@ class Observer:
             human_position=human_position,
             human_velocity=human_velocity,
             obstacle_points=points,
-            gap_robot=gap[:, gaps.ROBOT],
-            gap_human=gap[:, gaps.HUMAN],
-            gap_static=gap[:, gaps.STATIC],
+            gap_robot=gap_robot,
+            gap_human=gap_human,
+            gap_static=gap_static,
             nearest_robot=self.nearest[:, gaps.ROBOT],
             nearest_human=self.nearest[:, gaps.HUMAN],
             contact=self.contact,
+            furniture_pose=NO_FURNITURE,
         )
+
+
+@njit(cache=True)
+def _reported(gap: Array, pose: Array, distances: Array, turned: float) -> tuple[Array, Array]:
+    """Least gaps ``(3, N)`` from those of ``fill_gaps``, inf: far; and the points that rays hit."""
+    reported = np.full((gap.shape[1], gap.shape[0]), np.inf)
+    for i in range(gap.shape[0]):
+        for k in range(gap.shape[1]):
+            if gap[i, k] < gaps.FAR:
+                reported[k, i] = gap[i, k]
+    return reported, rays.hit_points(pose, distances, turned)
+
+
+@njit(cache=True)
+def fill_rest(pose: Array, time: float, anchor: Array, since: Array) -> None:
+    """Write since when each robot is at rest: the last ``time`` it was away from its place.
+
+    Args:
+        pose: ``(N, 3)`` of the moment.
+        time: of the moment [s].
+        anchor: ``(N, 2)`` places [m]; moved along.
+        since: ``(N,)`` [s]; updated.
+    """
+    for i in range(len(pose)):
+        dx, dy = pose[i, 0] - anchor[i, 0], pose[i, 1] - anchor[i, 1]
+        if not dx * dx + dy * dy <= MOVED * MOVED:
+            anchor[i, 0], anchor[i, 1] = pose[i, 0], pose[i, 1]
+            since[i] = time
+
+
+def _ways_to_a_stop(pose: Array, velocity: Array, max_acceleration: Array) -> Array:
+    """How far robots still drive ``(N, 2)`` [m], map frame, if something is put before them now."""
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    forward, left = velocity[:, 0], velocity[:, 1]
+    course = np.stack([c * forward - s * left, s * forward + c * left], axis=1)
+    lasts = REACTION + 0.5 * np.hypot(forward, left) / max_acceleration
+    return np.asarray(course * lasts[:, None])

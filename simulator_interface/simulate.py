@@ -27,11 +27,11 @@ from mrta_falsify.specs.library import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
 from simulator_interface.crowd import Crowd
 from simulator_interface.forecast import ForgettingPart, RemovingEngine, offer_forecasts
+from simulator_interface.sensing import fill_rest
 from simulator_interface.staging import StagedEngine, StagedSource, needs_stage
 
 #: people need more room than a robot's disc; they see every object
 PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
-MOVED = 0.05  # m; a robot that stays within this of its place counts as parked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +65,7 @@ class _Localisation:
         self._spread = np.array(
             [[r.position_noise, r.position_noise, r.heading_noise] for r in robots]
         ).reshape(-1, 3)
+        self._is_noisy = bool(self._spread.any())
         self._random = seeding.stream(world.seed, "localisation")
         self._human_radius = human_radius
         self._anchor = np.full((len(robots), 2), np.inf)
@@ -72,12 +73,9 @@ class _Localisation:
 
     def fleet(self, sensed: Sensed) -> FleetState:
         """What the stack is told about ``sensed``."""
-        position = sensed.pose[:, :2]
-        moved = ~(np.hypot(*(position - self._anchor).T) <= MOVED)
-        self._anchor[moved] = position[moved]
-        self._since[moved] = sensed.time
+        fill_rest(sensed.pose, sensed.time, self._anchor, self._since)
         pose = sensed.pose
-        if self._spread.any():
+        if self._is_noisy:
             pose = pose + self._random.normal(size=pose.shape) * self._spread
         return FleetState(
             tick=sensed.tick,
@@ -252,15 +250,17 @@ class Episode:
                 assert isinstance(self._source, StagedSource)
                 self._source.furnish(tuple(things.outline(k) for k in resting))
             sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
-        if errands.inside.all():
+        if all(errands.inside.tolist()):
             return sensed
         position = np.where(errands.inside[:, None], sensed.human_position, np.nan)
         return dataclasses.replace(sensed, human_position=position)
 
     def _without_absent(self, sensed: Sensed) -> Sensed:
         """What can be perceived: people who are not in the building are nowhere."""
+        if not self.world.humans:
+            return sensed
         present = self.crowd.present(sensed.time)
-        if present.all():
+        if all(present.tolist()):
             return sensed
         seen = np.where(present[:, None], sensed.human_position, np.inf)
         return dataclasses.replace(sensed, human_position=seen)

@@ -100,13 +100,18 @@ class Walking:
         """Point ``(2,)`` [m] to walk towards; the own ``position`` if there is nowhere to go."""
         if not len(walker.way):
             return position
-        end = float(np.hypot(*(walker.way[-1] - position)))
+        last = walker.way[-1]
+        end = float(np.hypot(last[0] - position[0], last[1] - position[1]))
         if end < walker.closest - 0.2:
             walker.closest, walker.closest_at = end, time
+        off_way, passed, ahead = _look_around(walker.way, walker.passed, position)
         if end < ARRIVAL or time - walker.closest_at > PATIENCE:
             self._turn_to_next_point(walker, position, time)
-        elif _off_way(walker.way, walker.passed, position) > LOST:
+        elif off_way > LOST:
             self._find_way(walker, position, time)
+        else:
+            walker.passed = passed
+            return np.asarray(walker.way[ahead])
         if not len(walker.way):
             return position
         walker.passed, ahead = ahead_on(walker.way, walker.passed, position)
@@ -158,6 +163,13 @@ def ahead_on(way: Array, passed: int, position: Array) -> tuple[int, int]:
         if np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) >= LOOK_AHEAD:
             return closest, i
     return closest, stop - 1
+
+
+@njit(cache=True)
+def _look_around(way: Array, passed: int, position: Array) -> tuple[float, int, int]:
+    """How far off the way [m], and what :func:`ahead_on` says."""
+    closest, ahead = ahead_on(way, passed, position)
+    return _off_way(way, passed, position), closest, ahead
 
 
 def _length(points: Array) -> float:

@@ -68,7 +68,7 @@ def hall_trace(hall: World) -> Trace:
     return scripted_trace(hall, seconds=10.0)
 
 
-def scripted_trace(world: World, *, seconds: float, dt: float = 0.05) -> Trace:
+def scripted_trace(world: World, *, seconds: float, dt: float = 0.05, keep: bool = True) -> Trace:
     """Trace of robots that drive straight to one another's starts; no engine, no stack."""
     robots = len(world.robots)
     recorder = TraceRecorder(
@@ -76,6 +76,7 @@ def scripted_trace(world: World, *, seconds: float, dt: float = 0.05) -> Trace:
         dt=dt,
         robots=tuple(robot.name for robot in world.robots),
         humans=tuple(human.name for human in world.humans),
+        keep=keep,
     )
     starts = np.array([robot.pose for robot in world.robots]).reshape(-1, 3)
     ends = np.roll(starts, -1, axis=0)

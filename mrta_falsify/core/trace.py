@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import operator
 import os
 import zipfile
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -106,26 +107,28 @@ class TraceRecorder:
     humans: tuple[str, ...]
     keep: bool = True
     _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
-    _columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    _layout: np.dtype[np.void] | None = None  #: of a tick's columns, as the first tick has them
+    _rows: bytearray = field(default_factory=bytearray)
     _paths: list[PathChange] = field(default_factory=list)
     _events: list[StackEvent] = field(default_factory=list)
     _spans: list[EdgeSpan] = field(default_factory=list)
-    _open: dict[BlockedBy, tuple[int, int]] = field(default_factory=dict)
+    _open: dict[BlockedBy, int] = field(default_factory=dict)  #: since which tick
+    _last_edges: tuple[BlockedBy, ...] = ()
+    _last_tick: int = -1
     _last_paths: tuple[Array, ...] = ()
 
     def add(self, frame: Frame) -> None:
         """Take in one frame."""
         tick = frame.sensed.tick
-        for name, value in _frame_columns(frame):
-            array = np.asarray(value)
-            self._hash.update(array.tobytes())
-            if self.keep:
-                kept = array.astype(np.float32) if name == "obstacle_points" else array
-                self._columns.setdefault(name, []).append(kept)
+        time, *rest = _frame_values(frame)
+        row = b"".join([np.asarray(time).tobytes(), *[array.tobytes() for array in rest]])
+        self._hash.update(row)
         for event in frame.events:
             self._hash.update(repr(event).encode())
         self._add_paths(tick, frame.intent.path)
         if self.keep:
+            self._layout = self._layout or _layout_of(frame)
+            self._rows += row
             self._events.extend(frame.events)
             self._add_edges(tick, frame.blocked_by)
 
@@ -140,17 +143,24 @@ class TraceRecorder:
         self._last_paths = paths
 
     def _add_edges(self, tick: int, edges: tuple[BlockedBy, ...]) -> None:
-        still_open = {}
-        for edge in edges:
-            first, _ = self._open.pop(edge, (tick, tick))
-            still_open[edge] = (first, tick)
-        self._close_edges()
-        self._open = still_open
+        if edges is not self._last_edges:
+            still_open = {edge: self._open.pop(edge, tick) for edge in edges}
+            self._close_edges()
+            self._open, self._last_edges = still_open, edges
+        self._last_tick = tick
 
     def _close_edges(self) -> None:
-        for edge, (first, last) in self._open.items():
-            self._spans.append(EdgeSpan(first=first, last=last, edge=edge))
+        for edge, first in self._open.items():
+            self._spans.append(EdgeSpan(first=first, last=self._last_tick, edge=edge))
         self._open = {}
+
+    def _columns(self) -> dict[str, np.ndarray]:
+        if self._layout is None:
+            return {}
+        table = np.frombuffer(self._rows, dtype=self._layout)
+        columns = {name: np.ascontiguousarray(table[name]) for name in _FRAME_COLUMNS}
+        columns["obstacle_points"] = columns["obstacle_points"].astype(np.float32)
+        return columns
 
     def finish(self, ended: str) -> Trace:
         """The trace; the recorder is of no use afterwards."""
@@ -161,7 +171,7 @@ class TraceRecorder:
             dt=self.dt,
             robots=self.robots,
             humans=self.humans,
-            columns={name: np.stack(items) for name, items in self._columns.items()},
+            columns=self._columns(),
             paths=tuple(self._paths),
             events=tuple(self._events),
             edges=tuple(sorted(self._spans, key=lambda span: (span.first, span.edge.robot))),
@@ -170,12 +180,21 @@ class TraceRecorder:
         )
 
 
-def _frame_columns(frame: Frame) -> Iterator[tuple[str, object]]:
-    for name in SENSED_COLUMNS:
-        yield name, getattr(frame.sensed, name)
-    yield "command", frame.command.twist
-    for name in INTENT_COLUMNS:
-        yield name, getattr(frame.intent, name)
+_FRAME_COLUMNS = (*SENSED_COLUMNS, "command", *INTENT_COLUMNS)
+_sensed_values = operator.attrgetter(*SENSED_COLUMNS)
+_intent_values = operator.attrgetter(*INTENT_COLUMNS)
+
+
+def _frame_values(frame: Frame) -> tuple[Any, ...]:
+    """The time, then arrays, in the order of ``_FRAME_COLUMNS``."""
+    return (*_sensed_values(frame.sensed), frame.command.twist, *_intent_values(frame.intent))
+
+
+def _layout_of(frame: Frame) -> np.dtype[np.void]:
+    """How the bytes of a frame's columns follow each other."""
+    arrays = [np.asarray(value) for value in _frame_values(frame)]
+    named = zip(_FRAME_COLUMNS, arrays, strict=True)
+    return np.dtype([(name, array.dtype, array.shape) for name, array in named])
 
 
 # --- files -----------------------------------------------------------------------------

@@ -8,6 +8,7 @@ All lengths in metres, angles in radians, times in seconds, in the map frame of 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -215,8 +216,8 @@ class World:
     scripted: str = later("")  #: what of its Scenic program it cannot do without, empty: nothing
 
     def digest(self) -> str:
-        """sha256 of the canonical JSON."""
-        return codec.digest(self)
+        """sha256 of the canonical JSON; computed once for each of the last few worlds."""
+        return _digest_of(self)
 
     def solid_polygons(self) -> tuple[Array, ...]:
         """Outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
@@ -229,6 +230,11 @@ class World:
 
     def __post_init__(self) -> None:
         check_world(self)
+
+
+@functools.lru_cache(maxsize=4)
+def _digest_of(world: World) -> str:
+    return codec.digest(world)
 
 
 def check_world(world: World) -> None:

@@ -244,6 +244,13 @@ def cut_path(points: Array, distance: float) -> Array:
 
 
 @njit(cache=True)
+def is_near(point: Array, position: Array, distance: float) -> bool:
+    """Whether ``point`` is at most ``distance`` [m] away; x and y come first in both."""
+    dx, dy = point[0] - position[0], point[1] - position[1]
+    return bool(dx * dx + dy * dy <= distance * distance)
+
+
+@njit(cache=True)
 def is_within(points: Array, position: Array, distance: float) -> bool:
     """Whether one of the points ``(K, 2)`` is at most ``distance`` [m] away."""
     for i in range(points.shape[0]):

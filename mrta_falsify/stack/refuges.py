@@ -31,17 +31,18 @@ def refuges_of(world: World) -> Refuges:
     found: list[tuple[int, Array]] = [(0, point) for point in world.parking]
     found += [(1, spot) for resource in world.resources for spot in resource.spots]
     found += [(2, corner) for lane in world.lanes for corner in lane.to_queue[:-1]]
-    points: list[Array] = []
+    points = np.empty((len(found), 2))
     kinds: list[float] = []
     for kind, point in found:
         guarded = any(inside(resource.release_area, point) for resource in world.resources)
         if guarded and kind > 0:
             continue
-        if any(np.hypot(*(point - other)) < APART for other in points):
+        gaps = point - points[: len(kinds)]
+        if (np.hypot(gaps[:, 0], gaps[:, 1]) < APART).any():
             continue
-        points.append(point)
+        points[len(kinds)] = point
         kinds.append(1.0 if guarded else float(kind))
-    return Refuges(np.array(points).reshape(-1, 2), np.array(kinds))
+    return Refuges(points[: len(kinds)], np.array(kinds))
 
 
 def choose_refuge(

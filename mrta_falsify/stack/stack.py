@@ -18,7 +18,7 @@ import numpy as np
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.allocation import Stop
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Command, FleetState, Intent, Phase, StackEvent
 from mrta_falsify.core.protocols import (
@@ -46,16 +46,17 @@ from mrta_falsify.stack.navigation import (
     ServiceState,
     Way,
     cut_path,
+    is_near,
     is_within,
     look_along,
     path_length,
 )
 from mrta_falsify.stack.refuges import APART, choose_refuge, refuges_of
 from mrta_falsify.stack.room_queues import Queue, QueueState
+from mrta_falsify.stack.views import LOOK_AHEAD, Outlook, Views
 from mrta_falsify.stack.waypoints import join
 
 NOT_A_POINT = (math.nan, math.nan)
-LOOK_AHEAD = 0.5  # m, MRTA-Sim
 AT_REST = 0.1  # m/s, slow enough to load and unload
 AT_PATH_END = 0.15  # m, controllers stop within 0.1 m of their goal
 PROGRESS = 0.2  # m, moving this far counts as progress
@@ -162,6 +163,10 @@ class Stack:
         self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
         self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
         self._points = [np.asarray(room.point) for room in world.rooms]
+        # What follows only saves work: it holds nothing that the memory does not say as well.
+        self._outlook = Outlook(len(robots))
+        self._nowhere = np.full((len(robots), 2), np.nan)
+        self._goals = _Goals((), self._nowhere)
 
     def _read_outages(self, world: World) -> None:
         self._link_changes = outage_times(world)
@@ -228,7 +233,7 @@ class Stack:
         self._make_room(state, fleet, events)
         self._advance(state, fleet, events)
         self._plan(state, fleet, links, events)
-        views = self._look_ahead(state, fleet)
+        views = self._outlook.views([mission.way for mission in state.missions], fleet.pose)
         self._limit(state, views, fleet, events)
         command, intent = self._control(state, views, fleet, links)
         return state, command, intent, tuple(events)
@@ -513,6 +518,8 @@ class Stack:
     def _leave_rooms(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
         for index, queue in self._rooms:
             memory = state.queues[index]
+            if not memory.holders and not memory.waiters:
+                continue
             for robot in tuple(memory.holders):
                 mission = state.missions[robot]
                 heads_here = (
@@ -692,7 +699,7 @@ class Stack:
             way = mission.way
             if len(way.route) < 2 or len(way.halt):
                 continue
-            if is_within(way.route[:1], fleet.pose[robot, :2], WAYPOINT_REACHED):
+            if is_near(way.route[0], fleet.pose[robot], WAYPOINT_REACHED):
                 way.route = way.route[1:]
                 way.must_plan = True
                 events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
@@ -707,9 +714,10 @@ class Stack:
         for k in range(n):
             robot = (state.next_planner + k) % n
             mission = state.missions[robot]
-            way, position = mission.way, fleet.pose[robot, :2]
+            way = mission.way
             if not way.is_going or not links.planner[robot]:
                 continue
+            position = fleet.pose[robot, :2]
             if not way.must_plan and (fleet.tick + robot) % REPLAN_TICKS == 0:
                 self._check_path(state, mission, position, fleet.time)
             if not way.must_plan or fleet.time < way.plan_at:
@@ -751,25 +759,6 @@ class Stack:
 
     # --- control ------------------------------------------------------------------------
 
-    @staticmethod
-    def _look_ahead(state: StackState, fleet: FleetState) -> Views:
-        """Every robot's way ahead."""
-        rests, targets, lengths = [], [], []
-        for mission, (x, y, _) in zip(state.missions, fleet.pose.tolist(), strict=True):
-            way = mission.way
-            rest, target, length = NO_POINTS, NOT_A_POINT, math.inf
-            if len(way.path) and len(way.route):
-                rest, target_x, target_y, length = look_along(way.path, x, y, LOOK_AHEAD)
-                target = target_x, target_y
-            rests.append(rest)
-            targets.append(target)
-            lengths.append(length)
-        return Views(
-            rest=rests,
-            target=np.array(targets, dtype=np.float64).reshape(-1, 2),
-            length=np.array(lengths, dtype=np.float64),
-        )
-
     def _limit(
         self, state: StackState, views: Views, fleet: FleetState, events: list[StackEvent]
     ) -> None:
@@ -807,8 +796,7 @@ class Stack:
     ) -> tuple[Command, Intent]:
         missions = state.missions
         active = []
-        goal = np.full((len(missions), 2), np.nan)
-        waypoint = np.full((len(missions), 2), np.nan)
+        goal, waypoint = self._nowhere.copy(), self._nowhere.copy()
         for robot, (mission, rest) in enumerate(zip(missions, views.rest, strict=True)):
             if len(mission.way.route):
                 waypoint[robot] = mission.way.route[0]
@@ -855,34 +843,40 @@ class Stack:
             max_turn_rate=self._max_turn_rate,
         )
         result = state.controller.control(view)
+        phase, tasks_left, place = _numbers_of(missions)
         intent = Intent(
-            phase=np.array([_phase_of(m) for m in missions], dtype=np.int64),
-            goal=self._final_goals(state),
+            phase=phase,
+            goal=self._final_goals(missions),
             waypoint=waypoint,
             path=tuple(m.way.path for m in missions),
             cluster=result.cluster,
             leader=result.leader,
             slack=result.slack,
-            tasks_left=np.array([len(m.itinerary) for m in missions], dtype=np.int64),
-            queue=np.array([m.place for m in missions], dtype=np.int64),
+            tasks_left=tasks_left,
+            queue=place,
             waits_for=self._resources_waited_for(state),
         )
         return result.command, intent
 
-    def _final_goals(self, state: StackState) -> Array:
-        goals = np.full((len(state.missions), 2), np.nan)
-        for robot, mission in enumerate(state.missions):
-            if mission.itinerary:
-                room = mission.itinerary[0].room
-                goals[robot] = self._points[room]
-                index = self._queue_of_room.get(room)
-                if mission.aim == TO_SPOT and index is not None and mission.place >= 0:
-                    spots = self._queues[index].resource.spots
-                    if mission.place < len(spots):
-                        goals[robot] = spots[mission.place]
-            elif mission.aim == TO_PARKING:
-                goals[robot] = self._refuges.points[mission.parking]
-        return goals
+    def _final_goals(self, missions: Sequence[Mission]) -> Array:
+        """Where the robots finally head for ``(N, 2)``; the same object if nothing changed."""
+        aims = tuple(
+            (m.itinerary[0].room if m.itinerary else -1, m.aim, m.place, m.parking)
+            for m in missions
+        )
+        if aims != self._goals.aims:
+            self._goals = _Goals(aims, np.array([self._goal_of(*aim) for aim in aims]))
+        return self._goals.points
+
+    def _goal_of(self, room: int, aim: str, place: int, parking: int) -> Array:
+        if room < 0:
+            return np.asarray(self._refuges.points[parking] if aim == TO_PARKING else NOT_A_POINT)
+        index = self._queue_of_room.get(room)
+        if aim == TO_SPOT and index is not None and place >= 0:
+            spots = self._queues[index].resource.spots
+            if place < len(spots):
+                return np.asarray(spots[place])
+        return self._points[room]
 
     def _resources_waited_for(self, state: StackState) -> tuple[str, ...]:
         names = [""] * len(state.missions)
@@ -892,21 +886,12 @@ class Stack:
         return tuple(names)
 
 
-@dataclass(slots=True)
-class Views:
-    """Every robot's way ahead at one tick."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Goals:
+    """Where robots with these aims head for."""
 
-    rest: list[Array]  #: N polylines (L, 2) [m], empty: none
-    target: Array  #: (N, 2) point to steer for [m], nan: none
-    length: Array  #: (N,) of ``rest`` [m], inf: none
-
-    def shorten(self, robot: int, limit: float, pose: Array) -> None:
-        """Let the way of ``robot`` end after ``limit`` [m]."""
-        if limit >= self.length[robot]:
-            return
-        rest = cut_path(self.rest[robot], limit)
-        self.rest[robot], x, y, self.length[robot] = look_along(rest, pose[0], pose[1], LOOK_AHEAD)
-        self.target[robot] = x, y
+    aims: tuple[tuple[int, str, int, int], ...]  #: N: next room, aim, place in queue, refuge
+    points: Array  #: (N, 2) [m], nan: nowhere
 
 
 def _distance(point: Array, other: Array) -> float:
@@ -919,8 +904,7 @@ def _is_at(point: Array, position: Array, reach: float, way: Way) -> bool:
 
     The planner moves a goal that is covered by up to 0.25 m.
     """
-    dx, dy = point[0] - position[0], point[1] - position[1]
-    if dx * dx + dy * dy <= reach * reach:
+    if is_near(point, position, reach):
         return True
     if not len(way.path) or len(way.route) > 1:
         return False
@@ -933,6 +917,16 @@ def _way_ahead(way: Way, rest: Array) -> Array:
     if not len(rest) or len(way.halt) or len(way.route) < 3:
         return rest
     return np.vstack([rest, way.route[2:]])
+
+
+def _numbers_of(missions: Sequence[Mission]) -> IntArray:
+    """Phase, stops left and place in the queue of all robots ``(3, N)``."""
+    numbers = (
+        [_phase_of(mission) for mission in missions],
+        [len(mission.itinerary) for mission in missions],
+        [mission.place for mission in missions],
+    )
+    return np.array(numbers, dtype=np.int64)
 
 
 def _phase_of(mission: Mission) -> int:

@@ -44,6 +44,25 @@ def test_equal_runs_have_equal_digests_and_others_do_not(hall):
     assert scripted_trace(other, seconds=2.0).digest != first.digest
 
 
+def test_columns_have_a_row_per_tick_of_the_type_that_frames_have(hall_trace):
+    columns = hall_trace.columns
+    assert columns["time"].shape == (201,)
+    np.testing.assert_allclose(columns["time"], 0.05 * np.arange(201))
+    assert columns["pose"].shape == (201, 2, 3)
+    assert columns["contact"].dtype == np.bool_
+    assert columns["phase"].dtype == np.int64
+    assert columns["obstacle_points"].dtype == np.float32
+    assert columns["furniture_pose"].shape == (201, 0, 3)
+    assert all(column.flags.c_contiguous for column in columns.values())
+
+
+def test_a_trace_that_is_not_kept_has_the_same_digest_and_no_columns(hall, hall_trace):
+    bare = scripted_trace(hall, seconds=10.0, keep=False)
+    assert bare.digest == hall_trace.digest
+    assert not bare.columns
+    assert not bare.edges
+
+
 def test_writing_leaves_no_half_file(hall_trace, tmp_path):
     write_trace(hall_trace, tmp_path / "trace.zip")
     assert [path.name for path in tmp_path.iterdir()] == ["trace.zip"]

@@ -15,7 +15,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError, WorldError
 from mrta_falsify.core.fleet import Command, Sensed
-from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.protocols import Engine
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec, Wall, World
 
@@ -262,6 +262,32 @@ def test_blockage_waits_until_no_robot_is_there(name):
     assert np.isfinite(gaps_seen[down:]).all()
     assert seen[-1].pose[0, 0] > 1.0
     assert seen[-1].gap_static[0] > 0.1
+
+
+@pytest.mark.parametrize("name", ENGINES)
+@pytest.mark.parametrize("turn", [0.0, np.pi / 2, -2.0])
+def test_blockage_is_not_put_down_where_a_driving_robot_could_not_stop_before_it(name, turn):
+    ahead = np.array([np.cos(turn), np.sin(turn)])
+    outline = transform(rectangle(0.4, 0.4), (*ahead, turn))
+    cart = Blockage(name="cart", polygon=outline, start=0.9, end=9.0)
+    world = field_world(robot(yaw=turn), events=(cart,))
+    passes = drive(build(name), world, [0.7, 0, 0], ticks=80)
+    assert not any(s.contact.any() for s in passes)
+    down = next(s for s in passes if np.isfinite(s.gap_static[0]))
+    assert down.pose[0, :2] @ ahead > 1.2  # once the robot has gone by
+    assert down.gap_static[0] < 0.1
+
+    engine = build(name)
+    sensed, stops = engine.start(world, DT, NOBODY), []
+    for _ in range(80):
+        speed = 0.0 if sensed.time > 0.9 else 0.7
+        sensed = engine.step(Command(twist=np.array([[speed, 0, 0]])), NOBODY)
+        stops.append(sensed)
+    engine.close()
+    down = next(s for s in stops if np.isfinite(s.gap_static[0]))
+    assert not any(s.contact.any() for s in stops)
+    assert down.pose[0, :2] @ ahead < 0.8
+    assert stops[-1].gap_static[0] > 0.01
 
 
 @pytest.mark.parametrize("name", ENGINES)

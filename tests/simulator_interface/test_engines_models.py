@@ -196,6 +196,28 @@ def test_gap_to_the_nearest_solid_is_the_distance_to_the_nearest_outline(robot, 
         assert found <= 1e-9
 
 
+def test_edges_of_chosen_bodies_follow_the_others_with_their_owners():
+    edges, owner = rays.polygon_edges([rectangle(1.0, 1.0)]), np.full(4, -1)
+    square, triangle = rectangle(0.4, 0.4, (3.0, 0.0)), rectangle(0.2, 0.2, (5.0, 0.0))
+    placed, corners = np.stack([square, triangle, square + 1.0]), np.array([4, 3, 4])
+    chosen = np.array([False, True, True])
+    found, owners = rays.with_bodies(edges, owner, placed, corners, chosen)
+    wanted = rays.polygon_edges([rectangle(1.0, 1.0), triangle[:3], square + 1.0])
+    np.testing.assert_array_equal(found, wanted)
+    assert owners.tolist() == [-1] * 4 + [1] * 3 + [2] * 4
+
+
+def test_turned_rays_are_those_of_a_robot_that_has_turned():
+    shapes = scattered(3)
+    grid = rays.build_edge_grid(rays.polygon_edges(shapes), np.array([-3.0, -3.0, 3.0, 3.0]))
+    nothing = np.zeros((0, 4)), np.zeros(0, dtype=np.int64)
+    here, turned = np.array([[0.2, -0.1, 0.7]]), np.array([[0.2, -0.1, 0.7 + 0.3]])
+    found = rays.cast_rays(grid, *nothing, here, 7, 10.0, 0.3)
+    np.testing.assert_array_equal(found, rays.cast_rays(grid, *nothing, turned, 7, 10.0))
+    points = rays.hit_points(here, found, 0.3)
+    np.testing.assert_array_equal(points, rays.hit_points(turned, found))
+
+
 @given(robot=pose, seed=st.integers(0, 50), count=st.integers(1, 13))
 def test_rays_hit_the_nearest_outline(robot, seed, count):
     shapes = scattered(seed)

@@ -17,6 +17,6 @@ new Bed with name 'bed1', facing 90 deg,
 
 param horizon = 120
 param tasks = [
-    delivery(Range(0, 10), 0, Uniform(2, 3), slack=(58, 78)),
-    delivery(Range(0, 10), 3, Uniform(0, 1), slack=(58, 78)),
+    delivery(Range(0, 10), 0, Uniform(2, 3), slack=(62, 82)),
+    delivery(Range(0, 10), 3, Uniform(0, 1), slack=(62, 82)),
 ]

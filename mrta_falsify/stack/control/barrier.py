@@ -119,8 +119,8 @@ def assemble_rows(
     seen_from: IntArray,
     kinds: Array,
     min_gap_robot: float,
-) -> tuple[Array, Array, Array, IntArray, IntArray, Array, Array, IntArray]:
-    """Fields of :class:`Rows` for all robots.
+) -> tuple[Array, Array, IntArray, IntArray, Array, Array]:
+    """Fields of :class:`Rows` for all robots, in few arrays: each that leaves compiled code costs.
 
     Args:
         position: ``(N, 2)`` [m].
@@ -137,12 +137,17 @@ def assemble_rows(
         seen_from: ``(N, T)``.
         kinds: see :func:`kind_table`.
         min_gap_robot: [m].
+
+    Returns:
+        ``own``; ``own_bound`` and ``own_coupling`` ``(2, N, T)``; ``own_count`` and
+        ``component`` ``(2, N)``; ``pair``, ``pair_row``, ``pair_bound``.
     """
     n, t = thing_kind.shape
     own = np.zeros((n, t, 2))
-    own_bound = np.zeros((n, t))
-    own_coupling = np.zeros((n, t))
-    own_count = np.zeros(n, dtype=np.int64)
+    figures = np.zeros((2, n, t))
+    own_bound, own_coupling = figures
+    numbers = np.zeros((2, n), dtype=np.int64)
+    own_count, component = numbers
     for i in range(n):
         if group[i] < 0:
             continue
@@ -172,7 +177,7 @@ def assemble_rows(
     pair = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
     pair_row = np.empty((n * (n - 1) // 2, 4))
     pair_bound = np.empty(n * (n - 1) // 2)
-    component = np.arange(n)
+    component[:] = np.arange(n)
     p = 0
     for i in range(n):
         for j in range(i + 1, n):
@@ -204,16 +209,7 @@ def assemble_rows(
                 for k in range(n):
                     if component[k] == b:
                         component[k] = a
-    return (
-        own,
-        own_bound,
-        own_coupling,
-        own_count,
-        pair[:p],
-        pair_row[:p],
-        pair_bound[:p],
-        component,
-    )
+    return own, figures, numbers, pair[:p], pair_row[:p], pair_bound[:p]
 
 
 @njit(cache=True)

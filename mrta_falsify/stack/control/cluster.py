@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 from typing import Literal
@@ -29,20 +30,6 @@ from mrta_falsify.stack.control.yielding import (
 )
 
 NO_PATHS = np.zeros((0, 2))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Decision:
-    """What the robots are to do at one tick, before the barriers."""
-
-    view: ControlView
-    memory: Memory  #: of the tick before
-    survey: Survey
-    scene: Scene
-    anchor: Array  #: (N, 2) as in :class:`Memory`, like the following
-    anchor_at: Array  #: (N,)
-    demoted_until: Array  #: (N,)
-    remote_at: Array  #: (N,)
 
 
 class ClusterCbf:
@@ -76,26 +63,14 @@ class ClusterCbf:
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
-        decision = self._decide(view)
-        survey, memory = decision.survey, decision.memory
-        answer, twist = self.steering.steer(decision.view, decision.scene)
-        disobeys = "follower_zero_command" in self._options.defects and memory.tick % 2 == 1
+        view, survey, scene, memory = self._decide(view)
+        answer, twist = self.steering.steer(view, scene)
+        disobeys = "follower_zero_command" in self._options.defects and memory.tick % 2 == 0
         _fill_orders(
             twist, survey.hold, memory.last_twist, view.present, survey.leader, bool(disobeys)
         )
-        self._memory = Memory(
-            point=survey.points,
-            seen_at=survey.seen_at,
-            pose=survey.pose,
-            speed=survey.speed,
-            anchor=decision.anchor,
-            anchor_at=decision.anchor_at,
-            demoted_until=decision.demoted_until,
-            remote_at=decision.remote_at,
-            last_twist=twist,
-            on_its_own=survey.on_its_own,
-            tick=memory.tick + 1,
-        )
+        memory.last_twist = twist
+        self._memory = memory
         return ControlResult(
             command=Command(twist=twist),
             cluster=survey.cluster,
@@ -106,9 +81,13 @@ class ClusterCbf:
 
     def scene(self, view: ControlView) -> Scene:
         """What :meth:`control` would steer at this tick; nothing is remembered of it."""
-        return self._decide(view).scene
+        return self._decide(view)[2]
 
-    def _decide(self, view: ControlView) -> _Decision:
+    def _decide(self, view: ControlView) -> tuple[ControlView, Survey, Scene, Memory]:
+        """What is seen, who is where, what is to be steered, what is to be remembered.
+
+        The memory is that of the next tick, but for the command, which is still the last one.
+        """
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
             view = without_later_humans(view)
@@ -123,49 +102,52 @@ class ClusterCbf:
             command_lifetime=options.command_lifetime,
         )
         moves = self._manoeuvres(view, survey)
-        target, speed, turn_first, group, weight, anchor, anchor_at, demoted_until, remote_at = (
-            _follow_up(
-                moves.kind,
-                moves.target,
-                moves.speed,
-                survey.pose,
-                survey.wants,
-                survey.joint,
-                survey.cluster,
-                survey.leader,
-                survey.halted,
-                view.target,
-                view.present,
-                view.leader_link,
-                view.max_speed,
-                memory.anchor,
-                memory.anchor_at,
-                memory.demoted_until,
-                memory.remote_at,
-                view.time,
-                self._patience,
-                options.leader_weight,
-            )
+        group, (target, anchor), figures = _follow_up(
+            moves.kind,
+            moves.target,
+            moves.speed,
+            survey.pose,
+            survey.wants,
+            survey.joint,
+            survey.cluster,
+            survey.leader,
+            survey.halted,
+            view.target,
+            view.present,
+            view.leader_link,
+            view.max_speed,
+            memory.anchor,
+            memory.anchor_at,
+            memory.demoted_until,
+            memory.remote_at,
+            view.time,
+            self._patience,
+            options.leader_weight,
         )
+        speed, turn_first, weight, anchor_at, demoted_until, remote_at = figures
         scene = Scene(
             pose=survey.pose,
             points=survey.points,
             known=view.present,
             group=group,
-            share=np.ones((len(group), len(group))),
+            share=_equal_shares(len(group)),
             wish=Wish(target=target, speed=speed, reverse=moves.reverse, turn_first=turn_first),
             weight=weight,
         )
-        return _Decision(
-            view=view,
-            memory=memory,
-            survey=survey,
-            scene=scene,
+        after = Memory(
+            point=survey.points,
+            seen_at=survey.seen_at,
+            pose=survey.pose,
+            speed=survey.speed,
             anchor=anchor,
             anchor_at=anchor_at,
             demoted_until=demoted_until,
             remote_at=remote_at,
+            last_twist=memory.last_twist,
+            on_its_own=survey.on_its_own,
+            tick=memory.tick + 1,
         )
+        return view, survey, scene, after
 
     def _manoeuvres(self, view: ControlView, survey: Survey) -> Manoeuvres:
         options = self._options
@@ -195,7 +177,8 @@ class ClusterCbf:
             survey.points,
             view.human_position,
             view.human_velocity,
-            view.human_radius - 0.25 + options.min_gap_human + 0.1,
+            view.human_radius,
+            options.min_gap_human,
             0.75,
             options.min_gap_robot + options.yield_margin,
             options.min_gap_robot,
@@ -203,6 +186,12 @@ class ClusterCbf:
             3.5,
         )
         return Manoeuvres(kind=kind, target=target, speed=pace, reverse=reverse)
+
+
+@functools.lru_cache(maxsize=16)
+def _equal_shares(n: int) -> Array:
+    """Shares ``(N, N)`` of demands between robots of different groups: each takes it all."""
+    return np.ones((n, n))
 
 
 @njit(cache=True)
@@ -227,19 +216,23 @@ def _follow_up(
     now: float,
     patience: float,
     leader_weight: float,
-) -> tuple[Array, Array, Array, IntArray, Array, Array, Array, Array, Array]:
+) -> tuple[IntArray, Array, Array]:
     """What follows from the manoeuvres: wishes, groups, prices, and what is to be remembered.
 
     Robots outside the joint decision go their own way.
 
     Returns:
-        Target, speed, turn threshold of the wishes; group and weight of the scene; anchor,
-        its time, suspended leads and time of the last remote command for the memory.
+        Group ``(N,)`` of the scene; target of the wishes and anchor ``(2, N, 2)``; speed and
+        turn threshold of the wishes, weight of the scene, time of the anchor, suspended leads
+        and time of the last remote command for the memory ``(6, N)``. Few arrays, because each
+        that leaves compiled code costs as much as filling ten.
     """
     n = kind.shape[0]
     crew = np.zeros(n, dtype=np.int64)
-    wish, speed, turn_first = np.empty((n, 2)), np.empty(n), np.empty(n)
-    group, weight, commanded_at = np.empty(n, dtype=np.int64), np.empty(n), np.empty(n)
+    points, figures = np.empty((2, n, 2)), np.empty((6, n))
+    wish, place = points
+    speed, turn_first, weight, placed_at, suspended_until, commanded_at = figures
+    group = np.empty(n, dtype=np.int64)
     tries = np.empty(n, dtype=np.bool_)
     for i in range(n):
         crew[cluster[i]] += 1
@@ -260,20 +253,9 @@ def _follow_up(
         commanded_at[i] = now
         if leader[i] == i:
             commanded_at[i] = -np.inf if leader_link[i] else remote_at[i]
-    anchor, anchor_at, demoted_until = _track_progress(
-        anchor, anchor_at, demoted_until, pose, tries, now, patience
-    )
-    return (
-        wish,
-        speed,
-        turn_first,
-        group,
-        weight,
-        anchor,
-        anchor_at,
-        demoted_until,
-        commanded_at,
-    )
+    place[:], placed_at[:], suspended_until[:] = anchor, anchor_at, demoted_until
+    _fill_progress(place, placed_at, suspended_until, pose, tries, now, patience)
+    return group, points, figures
 
 
 @njit(cache=True)
@@ -285,7 +267,7 @@ def _turn_threshold(kind: int, alone: bool) -> float:
 
 
 @njit(cache=True)
-def _track_progress(
+def _fill_progress(
     anchor: Array,
     anchor_at: Array,
     demoted_until: Array,
@@ -293,9 +275,8 @@ def _track_progress(
     trying: BoolArray,
     now: float,
     patience: float,
-) -> tuple[Array, Array, Array]:
+) -> None:
     """Who is stuck although nobody asked it to wait; after ``patience`` its lead is suspended."""
-    anchor, anchor_at, demoted_until = anchor.copy(), anchor_at.copy(), demoted_until.copy()
     for i in range(pose.shape[0]):
         dx, dy = pose[i, 0] - anchor[i, 0], pose[i, 1] - anchor[i, 1]
         if not trying[i] or dx * dx + dy * dy > 0.09:
@@ -304,7 +285,6 @@ def _track_progress(
         elif now - anchor_at[i] >= patience:
             demoted_until[i] = now + patience
             anchor_at[i] = now
-    return anchor, anchor_at, demoted_until
 
 
 @njit(cache=True)

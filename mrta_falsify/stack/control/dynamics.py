@@ -77,7 +77,7 @@ class Unicycle:
 
     def linearise(self, view: ControlView) -> Motion:
         """See :class:`Dynamics`."""
-        velocity, direction, speed, effect, limit = _unicycle_motion(
+        (velocity, direction, limit), speed, effect = _unicycle_motion(
             view.pose, view.velocity, view.max_acceleration, view.max_turn_rate
         )
         return Motion(
@@ -214,13 +214,12 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 @njit(cache=True)
 def _unicycle_motion(
     pose: Array, twist: Array, max_acceleration: Array, max_turn_rate: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Velocity and heading ``(N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``, limit ``(N, 2)``."""
+) -> tuple[Array, Array, Array]:
+    """Velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
     n = pose.shape[0]
     speed = np.empty(n)
-    limit = np.empty((n, 2))
-    velocity = np.empty((n, 2))
-    direction = np.empty((n, 2))
+    pairs = np.empty((3, n, 2))
+    velocity, direction, limit = pairs
     effect = np.empty((n, 2, 2))
     for i in range(n):
         cos, sin, v = np.cos(pose[i, 2]), np.sin(pose[i, 2]), twist[i, 0]
@@ -230,7 +229,7 @@ def _unicycle_motion(
         velocity[i, 0], velocity[i, 1] = v * cos, v * sin
         effect[i, 0, 0], effect[i, 1, 0] = cos, sin
         effect[i, 0, 1], effect[i, 1, 1] = -v * sin, v * cos
-    return velocity, direction, speed, effect, limit
+    return pairs, speed, effect
 
 
 @njit(cache=True)

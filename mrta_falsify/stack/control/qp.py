@@ -84,7 +84,6 @@ def solve_fleet(
         solver: ``osqp`` or ``daqp``.
         always: call the solver even where the reference obeys all rows (for measuring).
     """
-    n = len(reference)
     broken = violated_components(
         reference,
         rows.own,
@@ -95,12 +94,15 @@ def solve_fleet(
         rows.pair_bound,
         rows.component,
     )
+    n = len(reference)
     if always:
         broken = rows.component == np.arange(n)
+    heads = [robot for robot, is_broken in enumerate(broken.tolist()) if is_broken]
+    if not heads:
+        return Answer(inputs=reference, slack=np.zeros(n), usable=~broken, solved=0)
     inputs = reference.copy()
     slack = np.zeros(n)
     usable = np.ones(n, dtype=np.bool_)
-    heads = broken.nonzero()[0].tolist()
     solve = _solve_osqp if solver == "osqp" else _solve_daqp
     for head in heads:
         members = (rows.component == head).nonzero()[0]

@@ -107,7 +107,7 @@ class Steering:
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
-        low_speed, high_speed, halt, tight, low, high, fields = _constraints(
+        (low_speed, high_speed), (halt, tight), (low, high), fields = _constraints(
             scene.points,
             view.human_position,
             view.human_velocity,
@@ -130,7 +130,8 @@ class Steering:
             self._rows_of_wrong_robot,
             view.dt,
         )
-        own, own_bound, own_coupling, own_count, pair, pair_row, pair_bound, component = fields
+        own, figures, numbers, pair, pair_row, pair_bound = fields
+        (own_bound, own_coupling), (own_count, component) = figures, numbers
         reference = _within_reach(
             self._dynamics.reference(view, scene.wish),
             low,
@@ -211,16 +212,13 @@ def _constraints(
     margins: tuple[float, float, float, float, float, float],
     rows_of_wrong_robot: bool,
     dt: float,
-) -> tuple[
-    Array,
-    Array,
-    BoolArray,
-    BoolArray,
-    Array,
-    Array,
-    tuple[Array, Array, Array, IntArray, IntArray, Array, Array, IntArray],
-]:
-    """Speed ranges, who must halt, who stands tight, smallest and largest inputs, rows."""
+) -> tuple[Array, BoolArray, Array, tuple[Array, Array, IntArray, IntArray, Array, Array]]:
+    """What limits the robots.
+
+    Returns:
+        Lowest and highest speeds ``(2, N)``; who must halt and who stands tight ``(2, N)``;
+        smallest and largest inputs ``(2, N, 2)``; what :func:`assemble_rows` gives.
+    """
     n = pose.shape[0]
     position = np.empty((n, 2))
     for i in range(n):
@@ -239,7 +237,9 @@ def _constraints(
     )
     if rows_of_wrong_robot:
         seen_from = seen_by_wrong_robot(seen_from, kind, group)
-    low_speed, high_speed, halt, nearest = speed_limits(
+    speeds, box = np.empty((2, n)), np.empty((2, n, 2))
+    claims = np.empty((2, n), dtype=np.bool_)
+    speeds[0], speeds[1], claims[0], nearest = speed_limits(
         position,
         velocity,
         direction,
@@ -256,16 +256,15 @@ def _constraints(
         margins,
         dt,
     )
-    tight = np.empty(n, dtype=np.bool_)
     for i in range(n):
-        tight[i] = nearest[i] < margins[0] + TIGHT
-    low, high = input_box(limit, speed, low_speed, high_speed, dt, drives_along)
+        claims[1, i] = nearest[i] < margins[0] + TIGHT
+    box[0], box[1] = input_box(limit, speed, speeds[0], speeds[1], dt, drives_along)
     rows = assemble_rows(
         position,
         velocity,
         effect,
-        low,
-        high,
+        box[0],
+        box[1],
         group,
         where,
         moving,
@@ -276,7 +275,7 @@ def _constraints(
         kinds,
         gaps[2],
     )
-    return low_speed, high_speed, halt, tight, low, high, rows
+    return speeds, claims, box, rows
 
 
 @njit(cache=True)

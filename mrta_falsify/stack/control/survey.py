@@ -50,7 +50,7 @@ def survey_fleet(
         obstacle_memory: seen points are kept so long [s].
         command_lifetime: a remote command is repeated so long after the link is lost [s].
     """
-    same, pose, speed, points, seen_at, wants, cluster, leader, order, joint, lost = _survey(
+    same, pose, speed, points, seen_at, claims, numbers = _survey(
         view.time,
         view.dt,
         view.pose,
@@ -75,6 +75,8 @@ def survey_fleet(
         obstacle_memory,
         command_lifetime,
     )
+    wants, joint, hold, halted, on_its_own = claims
+    cluster, leader, order = numbers
     return Survey(
         pose=view.pose if same else pose,
         speed=speed,
@@ -85,9 +87,9 @@ def survey_fleet(
         leader=leader,
         order=order,
         joint=joint,
-        hold=lost[0],
-        halted=lost[1],
-        on_its_own=lost[2],
+        hold=hold,
+        halted=halted,
+        on_its_own=on_its_own,
     )
 
 
@@ -116,26 +118,17 @@ def _survey(
     neighbour_distance: float,
     obstacle_memory: float,
     command_lifetime: float,
-) -> tuple[
-    bool,
-    Array,
-    Array,
-    Array,
-    Array,
-    BoolArray,
-    IntArray,
-    IntArray,
-    IntArray,
-    BoolArray,
-    BoolArray,
-]:
-    """Fields of :class:`Survey` in order, the last three in one array ``(3, N)``.
+) -> tuple[bool, Array, Array, Array, Array, BoolArray, IntArray]:
+    """Whether the poses are those of the view, then the first four fields of :class:`Survey`.
 
-    In front of them, whether the poses are those of the view.
+    The others come in two arrays, because each that leaves compiled code costs as much as
+    filling ten: ``wants``, ``joint``, ``hold``, ``halted``, ``on_its_own`` ``(5, N)`` and
+    ``cluster``, ``leader``, ``order`` ``(3, N)``.
     """
     n = pose.shape[0]
-    heard, joint = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
-    wants, demoted = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+    claims, numbers = np.empty((5, n), dtype=np.bool_), np.empty((3, n), dtype=np.int64)
+    wants, joint = claims[0], claims[1]
+    heard, demoted = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     there, busy = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     speed = np.empty(n)
     same = True
@@ -159,8 +152,10 @@ def _survey(
     )
     key = precedence(busy, wants, demoted, rank)
     cluster = connected_clusters(position, heard, neighbour_distance)
-    leader = elect_leaders(cluster, joint, active, key)
-    lost = _without_leader(
+    numbers[0] = cluster
+    numbers[1] = elect_leaders(cluster, joint, active, key)
+    numbers[2] = _sorted_by(key)
+    claims[2:] = _without_leader(
         velocity,
         present,
         states_link,
@@ -170,19 +165,7 @@ def _survey(
         time,
         command_lifetime,
     )
-    return (
-        same,
-        known_pose,
-        known_speed,
-        points,
-        seen_at,
-        wants,
-        cluster,
-        leader,
-        _sorted_by(key),
-        joint,
-        lost,
-    )
+    return same, known_pose, known_speed, points, seen_at, claims, numbers
 
 
 @njit(cache=True)

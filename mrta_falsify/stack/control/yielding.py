@@ -502,7 +502,8 @@ def choose_manoeuvres(
     obstacle: Array,
     human: Array,
     human_velocity: Array,
-    human_gap: Array,
+    human_radius: Array,
+    min_gap_human: float,
     cruise_limit: float,
     gap: float,
     min_gap_robot: float,
@@ -528,7 +529,8 @@ def choose_manoeuvres(
         obstacle: ``(N, S, 2)`` obstacle points [m], inf: none.
         human: ``(H, 2)`` [m].
         human_velocity: ``(H, 2)`` [m/s].
-        human_gap: ``(H,)`` distance to keep from a standing person [m].
+        human_radius: ``(H,)`` [m].
+        min_gap_human: distance to keep from a person of 0.25 m radius [m].
         cruise_limit: speed that the nominal law reaches [m/s].
         gap: distance between robots that counts as a conflict [m].
         min_gap_robot: barrier distance [m].
@@ -542,6 +544,9 @@ def choose_manoeuvres(
     states[:, 3] = speed
     motions, boxes = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
     discs, disc_gap = np.empty((human.shape[0], 2)), np.empty(human.shape[0])
+    human_gap = np.empty(human.shape[0])
+    for k in range(human.shape[0]):
+        human_gap[k] = human_radius[k] - 0.25 + min_gap_human + 0.1
     stuck = np.zeros(n, dtype=np.bool_)
     for _ in range(2):
         decides = known & eligible & ~stuck & (wants | ~active)
