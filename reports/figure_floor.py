@@ -56,6 +56,19 @@ def draw_floor(
     axes.add_collection(
         PolyCollection(walls, facecolor=WALL, edgecolor=WALL, linewidth=0.4, zorder=4)
     )
+    draw_blockages(axes, world, 0.8, layer=4)
+    for event in world.events:
+        if isinstance(event, Blockage):
+            x, y = event.polygon.mean(axis=0)
+            text = f"blocked {event.start:.0f}-{event.end:.0f} s"
+            draw_label(axes, (x, y), text, size=7, colour=UNSAFE)
+    _draw_queues(axes, world)
+    _draw_rooms(axes, world, label_size)
+    _draw_scale(axes, world)
+
+
+def draw_blockages(axes: Axes, world: World, width: float, *, layer: int = 6) -> None:
+    """Blockages, whenever they stand; ``width`` of their outline [pt], ``layer`` of the picture."""
     for event in world.events:
         if isinstance(event, Blockage):
             axes.add_patch(
@@ -63,18 +76,11 @@ def draw_floor(
                     event.polygon,
                     facecolor="#ffd9d9",
                     edgecolor=UNSAFE,
-                    hatch="////",
-                    linewidth=0.8,
-                    zorder=4,
+                    hatch="/////",
+                    linewidth=width,
+                    zorder=layer,
                 )
             )
-            x, y = event.polygon.mean(axis=0)
-            draw_label(
-                axes, (x, y), f"blocked {event.start:.0f}-{event.end:.0f} s", size=7, colour=UNSAFE
-            )
-    _draw_queues(axes, world)
-    _draw_rooms(axes, world, label_size)
-    _draw_scale(axes, world)
 
 
 def _draw_costmap(axes: Axes, costmap: Costmap) -> None:

@@ -51,22 +51,6 @@ def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
     return [upright.exterior, *upright.interiors]
 
 
-def draw_blockages(axes: Axes, world: World, width: float) -> None:
-    """Blockages, whenever they stand; ``width`` of their outline [pt]."""
-    for event in world.events:
-        if isinstance(event, Blockage):
-            axes.add_patch(
-                Polygon(
-                    event.polygon,
-                    facecolor="#ffd9d9",
-                    edgecolor=UNSAFE,
-                    hatch="/////",
-                    linewidth=width,
-                    zorder=6,
-                )
-            )
-
-
 def draw_people(axes: Axes, world: World, *, marker_size: float, line: float) -> None:
     """People where they begin, with the points of their routes joined by straight lines."""
     for human in world.humans:

@@ -9,7 +9,7 @@ import numpy as np
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from mrta_falsify.core.protocols import Sampler
+from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from samplers.asking import Counter
 from samplers.cross_entropy import CrossEntropySampler
 from samplers.evolution import EvolutionSampler
@@ -65,6 +65,17 @@ class AutoSampler:
         name = self._choose()
         self._by[self._counter.next] = name
         return self._counter.proposal(np.array(self._arms[name].ask().u))
+
+    def skip(self) -> None:
+        """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
+        name = self._choose()
+        self._by[self._counter.next] = name
+        arm = self._arms[name]
+        if isinstance(arm, SkippingSampler):
+            arm.skip()
+        else:
+            arm.ask()
+        self._counter.next += 1
 
     def _choose(self) -> str:
         if self._counter.next < self._options.initial:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +47,8 @@ class SurrogateSampler:
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
         initial: int = quantity(low=2, default=10)  #: uniform proposals at first
-        candidates: int = quantity(low=2, default=300)  #: that a proposal is chosen from
-        memory: int = quantity(low=8, default=160)  #: results the models are made from
+        candidates: int = quantity(low=2, default=200)  #: that a proposal is chosen from
+        memory: int = quantity(low=8, default=128)  #: results the models are made from
         explore: float = quantity(low=0.0, high=1.0, default=0.05)  #: chance of a uniform proposal
 
     def __init__(self, options: Options) -> None:
@@ -71,6 +72,10 @@ class SurrogateSampler:
         candidates = self._candidates(random)
         return self._counter.proposal(candidates[int(np.argmax(self._promise(candidates)))])
 
+    def skip(self) -> None:
+        """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
+        self._counter.next += 1
+
     def tell(self, feedback: Feedback) -> None:
         """Take in a result; also of a point that somebody else proposed."""
         if feedback.fate != "judged":
@@ -79,6 +84,12 @@ class SurrogateSampler:
         self._kept.add(feedback)
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
+        # Here and not when asked, so that a resumed campaign may skip what it need not ask again.
+        if self._options.cube.dimensions and self._best.told >= max(
+            self._options.initial, self._refit_at
+        ):
+            self._refit_at = self._best.told + max(1, self._best.told // REFIT)
+            self._refit()
 
     def results(self) -> list[Feedback]:
         """What the models are made from: the best results and the last ones."""
@@ -100,6 +111,16 @@ class SurrogateSampler:
             rows.append(self._mutator.child(u, step, random))
         return np.array(rows)
 
+    def _refit(self) -> None:
+        """Choose the model of each margin anew."""
+        results = self.results()
+        seen = self._features.of(np.array([feedback.u for feedback in results]))
+        inside = _Parts.between(seen, seen)
+        self._models = {
+            name: _likeliest(inside, (margins - margins.mean()) / margins.std())
+            for name, margins in _varying(results).items()
+        }
+
     def _promise(self, candidates: Array) -> Array:
         """Logarithm of about the chance of a new violation, ``(n,)``."""
         results = self.results()
@@ -107,19 +128,12 @@ class SurrogateSampler:
         seen, asked = self._features.of(points), self._features.of(candidates)
         inside, across = _Parts.between(seen, seen), _Parts.between(seen, asked)
         prior = _Parts.of_points(asked)
-        refit = self._best.told >= self._refit_at
-        if refit:
-            self._refit_at = self._best.told + max(1, self._best.told // REFIT)
         chances = [np.full(len(candidates), -50.0)]
-        for name in sorted({name for feedback in results for name in feedback.objectives}):
-            margins = np.array([feedback.objectives.get(name, 1.0) for feedback in results])
-            if np.ptp(margins) <= SPARE:
-                continue
-            centre, scale = float(margins.mean()), float(margins.std())
+        for name, margins in _varying(results).items():
+            centre, scale = margins.mean(), margins.std()
+            model = self._models.get(name, DEFAULT)
             values = (margins - centre) / scale
-            if refit or name not in self._models:
-                self._models[name] = _likeliest(inside, values)
-            mean, deviation = self._models[name].predict(inside, across, prior, values)
+            mean, deviation = model.predict(inside, across, prior, values)
             chances.append(log_ndtr(-(centre + scale * mean) / (scale * deviation)))
         promise: Array = logsumexp(np.array(chances), axis=0)
         failed = [i for i, feedback in enumerate(results) if feedback.failed]
@@ -171,7 +185,7 @@ class _Parts:
     """The parts of the kernel between two sets of points, ``(n, m)`` each."""
 
     linear: Array  #: about 1 for a point with itself
-    smooth: dict[float, Array]  #: mean over objects of a squared-exponential, by length scale
+    smooth: dict[float, Array]  #: mean over objects of a rational quadratic, by length scale
     apart: Array  #: squared distance over all objects
 
     @classmethod
@@ -185,8 +199,10 @@ class _Parts:
             squares = np.maximum(squares - 2.0 * (mine @ theirs.T), 0.0)
             apart += squares
             for length in LENGTHS:
-                smooth[length] += np.exp(-squares / (2.0 * length**2)) / len(some.blocks)
-        return cls(some.linear @ others.linear.T / width, smooth, apart)
+                smooth[length] += 1.0 / (1.0 + squares / (2.0 * length**2))
+        count = max(len(some.blocks), 1)
+        shares = {length: total / count for length, total in smooth.items()}
+        return cls(some.linear @ others.linear.T / width, shares, apart)
 
     @classmethod
     def of_points(cls, points: _Points) -> _Parts:
@@ -238,6 +254,19 @@ class _Model:
         shrunk, weights = solved[:, :-1], solved[:, -1]
         variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), NUGGET)
         return shrunk.T @ weights, np.sqrt(variance)
+
+
+DEFAULT = _Model(LINEAR[1], LENGTHS[0], ROUGHS[1])  # of a margin that has only begun to vary
+
+
+def _varying(results: Sequence[Feedback]) -> dict[str, Array]:
+    """Margins ``(n,)`` of the specifications that tell results apart, by name."""
+    names = sorted({name for feedback in results for name in feedback.objectives})
+    margins = {
+        name: np.array([feedback.objectives.get(name, 1.0) for feedback in results])
+        for name in names
+    }
+    return {name: values for name, values in margins.items() if np.ptp(values) > SPARE}
 
 
 def _likeliest(inside: _Parts, values: Array) -> _Model:

@@ -125,7 +125,9 @@ def label(
     parts = _Forks(episode, frames, moment)
     fate = parts.main((progress, coarse), history, standing_only, thorough)
     stuck = set(fate.stuck)
-    freed = {i: parts.without(i, stuck) if len(stuck) > 1 else set() for i in sorted(stuck)}
+    # Who wanders about in vain anyway leaves its place without anybody's absence.
+    standing = {i for i in stuck if fate.arrived[i] <= moment + SETTLED}
+    freed = {i: parts.without(i, standing) if len(stuck) > 1 else set() for i in sorted(stuck)}
     frames.close()
     found = []
     for members, group in groups_of(stuck, freed):

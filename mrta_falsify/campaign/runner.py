@@ -23,10 +23,11 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Feedback
-from mrta_falsify.core.protocols import Sampler
+from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 
+COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 PATIENCE = 1.0  # s between two looks at overdue workers
 Ended = Literal["budget", "stop-after", "interrupted"]
 
@@ -170,6 +171,8 @@ class _Loop:
         self._asked = 0
         self._submitted = 0
         self._retried: set[int] = set()
+        # The first and the last stored proposals are asked for again and compared.
+        self._known = frozenset(sorted(store.finished)[COMPARED:-COMPARED])
 
     def run(self) -> Ended:
         while True:
@@ -195,6 +198,10 @@ class _Loop:
 
     def _ask(self) -> None:
         while self._asked < self.progress.told + self._store.settings.window:
+            if self._asked in self._known and isinstance(self._sampler, SkippingSampler):
+                self._sampler.skip()
+                self._asked += 1
+                continue
             proposal = self._sampler.ask()
             if proposal.number != self._asked:
                 raise AssertionError(f"proposal {proposal.number} instead of {self._asked}")
@@ -212,6 +219,9 @@ class _Loop:
             stored = self._store.finished.get(number)
             if stored is None:
                 self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
+                continue
+            if number not in self._proposals:  # skipped
+                self._on_record(stored, False)
                 continue
             if stored.proposal_digest != point_digest(self._proposals[number]):
                 raise StoreError(

@@ -239,6 +239,14 @@ class Sampler(Protocol):
 
 
 @runtime_checkable
+class SkippingSampler(Sampler, Protocol):
+    """A sampler whose proposals take long: a resumed campaign need not work all out again."""
+
+    def skip(self) -> None:
+        """As ``ask``, for a proposal whose result is known already: only its number is used."""
+
+
+@runtime_checkable
 class Specification(Protocol):
     """A fold over frames; built anew for each episode."""
 

@@ -33,16 +33,16 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import CommsOutage, World
+from mrta_falsify.core.world import World
 from mrta_falsify.specs.blocked_by import STILL_FOR, UNREACHABLE
 from mrta_falsify.specs.free_space import FreeSpace
+from mrta_falsify.specs.hope import Hope
 from mrta_falsify.specs.motion import Standstill
 from mrta_falsify.specs.places import Places
 from mrta_falsify.specs.standoff import Future
 from mrta_falsify.specs.wait_graph import (
     by_robot,
     cores_of,
-    is_unexplained,
     reach_of,
     waiting_on,
 )
@@ -58,7 +58,6 @@ SHUFFLE_PATIENCE = 1.5  # times the soft patience, for sets that only shuffle
 BODY_CELL = 0.05  # m, grid on which ways round are looked for
 BODY_MARGIN = 0.03  # m beyond the robot's radius that any way needs on each side
 HARDNESS_FOR = 2.0  # s for which the answer "is there a way round" is kept
-HUMAN_STILL = 0.3  # m, a person who stays within this stands
 
 
 @dataclass(slots=True)
@@ -103,6 +102,8 @@ class NoDeadlock:
         #: a set closed, or a robot standing, for so long is asked about in a forecast
         ask_closed: float = quantity(above=0.0, unit="s", default=1.5)
         ask_standing: float = quantity(above=0.0, unit="s", default=20.0)
+        #: a robot that has stood for so long with nothing but people in its way, too
+        ask_behind: float = quantity(above=0.0, unit="s", default=3.0)
         look_ahead: float = quantity(above=0.0, unit="s", default=240.0)  #: of a forecast, at most
 
     def __init__(self, options: Options) -> None:
@@ -122,12 +123,7 @@ class NoDeadlock:
         self._closed_since = np.full(robots, np.inf)
         self._closed_last = np.full(robots, -np.inf)
         self._hardness: dict[frozenset[BlockedBy], tuple[float, bool]] = {}
-        self._human_place = np.full((len(world.humans), 2), np.inf)
-        self._human_since = np.zeros(len(world.humans))
-        pieces = world.movable_furniture()
-        self._piece = {item.name: k for k, item in enumerate(pieces)}
-        self._piece_pose = np.full((len(pieces), 3), np.inf)
-        self._piece_since = np.zeros(len(pieces))
+        self._hope = Hope(world, self._space, self._options.human_patience)
         self._forecast: Forecast | None = None
         self._future = Future(world)
         self._worst = 0.0  # largest share of the patience used up
@@ -145,10 +141,7 @@ class NoDeadlock:
         since = self._still.update(sensed.pose, sensed.time, frame.intent.goal)
         if sensed.tick % self._stride:
             return
-        if len(self._human_since):
-            self._watch_humans(sensed.human_position, sensed.time)
-        if len(sensed.furniture_pose) == len(self._piece) > 0:
-            self._watch_furniture(sensed.furniture_pose, sensed.time)
+        self._hope.note(sensed)
         if self._forecast is not None:
             self._future.note(frame)
         if not frame.blocked_by:
@@ -156,7 +149,7 @@ class NoDeadlock:
         time = sensed.time
         self._space.furnish(sensed.furniture_pose)
         edges = by_robot(frame.blocked_by)
-        lost, permanent = self._lost(edges, frame)
+        lost, permanent = self._hope.lost(edges, time)
         self._remember(lost, sensed.pose[:, :2], time)
         self._count_waits(edges, since, time)
         if self._forecast is not None:
@@ -213,6 +206,8 @@ class NoDeadlock:
         asked = {i for i in lost if is_last or closed_for[i] > options.ask_closed}
         patience = SHORT if is_last else options.ask_standing
         asked |= {i for i in busy if stands_for[i] > patience}
+        behind = {i for i in busy if all(edge.cause == "human" for edge in edges[i])}
+        asked |= {i for i in behind if stands_for[i] > options.ask_behind}
         asked = {
             i
             for i in asked - known
@@ -230,77 +225,6 @@ class NoDeadlock:
             closed = _Closed(members, onset, time - onset, hard, options.patience)
             self._worst = max(self._worst, 1.0 + closed.age / options.patience)
             self._report(closed, set(group) - set(members), shown, lost, frame)
-
-    # --- what never moves --------------------------------------------------------------
-
-    def _lost(
-        self, edges: dict[int, list[BlockedBy]], frame: Frame
-    ) -> tuple[set[int], set[BlockedBy]]:
-        """Robots without hope, by striking out those that wait for something that may move."""
-        time = frame.sensed.time
-        idle = {i for i, own in edges.items() if own[0].cause == "task"}
-        permanent = {
-            edge
-            for own in edges.values()
-            for edge in own
-            if edge.cause != "task" and self._is_permanent(edge, idle, time)
-        }
-        if self._awaits_an_end(time):
-            permanent = {edge for edge in permanent if not is_unexplained(edge)}
-        cut_off = self._in_outage(time)
-        lost = {i for i in edges if i not in idle and i not in cut_off}
-        while True:
-            hopeful = {
-                i
-                for i in lost
-                if any(
-                    edge not in permanent and (edge.cause == "human" or edge.other not in lost)
-                    for edge in edges[i]
-                )
-            }
-            if not hopeful:
-                return lost, permanent
-            lost -= hopeful
-
-    def _is_permanent(self, edge: BlockedBy, idle: set[int], time: float) -> bool:
-        if edge.cause == "human":
-            human = self._world.humans[edge.other]
-            stands = len(human.route) == 1 or human.speed == 0.0
-            if stands:
-                return human.leaves_at >= self._world.horizon
-            return bool(time - self._human_since[edge.other] > self._options.human_patience)
-        if edge.other >= 0:
-            return edge.other in idle
-        if edge.cause == "wall" and edge.resource in self._piece:
-            rests = time - self._piece_since[self._piece[edge.resource]]
-            return bool(rests > self._options.human_patience)
-        return not (edge.resource and self._space.is_temporary(edge.resource))
-
-    def _awaits_an_end(self, time: float) -> bool:
-        """Whether something from outside is in force that will end before the horizon."""
-        return any(
-            event.start <= time < event.end < self._world.horizon for event in self._world.events
-        )
-
-    def _in_outage(self, time: float) -> set[int]:
-        """Robots whose links are down and will come up again before the horizon."""
-        cut: set[str] = set()
-        for event in self._world.events:
-            if not isinstance(event, CommsOutage) or event.end >= self._world.horizon:
-                continue
-            if event.start <= time < event.end:
-                cut.update(event.robots or self._names)
-        return {i for i, name in enumerate(self._names) if name in cut}
-
-    def _watch_humans(self, position: Array, time: float) -> None:
-        moved = ~(np.hypot(*(position - self._human_place).T) <= HUMAN_STILL)
-        self._human_place[moved] = position[moved]
-        self._human_since[moved] = time
-
-    def _watch_furniture(self, pose: Array, time: float) -> None:
-        moved = ~(np.abs(pose - self._piece_pose).max(axis=1) <= HUMAN_STILL)
-        self._piece_pose[moved] = pose[moved]
-        self._piece_since[moved] = time
 
     # --- how long, how hard ------------------------------------------------------------
 

@@ -203,7 +203,7 @@ class _NarrowestGap:
 
 def _with_contacts(gap: Array, contact: BoolArray) -> Array:
     """Gaps ``(N,)`` [m] in which a contact is never positive."""
-    if not contact.any():
+    if True not in contact.tolist():
         # an engine that reports no contact saw none: rounding must not make one
         return np.maximum(gap, 0.0)
     return np.where(contact, np.minimum(gap, TOUCH), np.maximum(gap, 0.0))

@@ -23,6 +23,10 @@ STRIDE = 2  # ticks between two looks
 AT_REST_FOR = 30.0  # s without any motion in the building: three times our stack's longest wait
 ROBOTS_REST_FOR = 60.0  # s the same while people walk
 SAME_POSE = 1e-3  # m, rad
+LEG = 10.0  # s; who moves in such a time farther than in the one before drifts off ...
+DRIFT = 1e-5  # m, rad ... if it is more than this: less may be rounding or jitter
+STROLL = 0.1  # m/s; a person who moves, but no faster than this ...
+SQUEEZE = 5.0  # s ... for so long, is squeezing past something
 PLACE = 0.5  # m; who stays within this of one place stands, even if it shuffles ...
 AT_LAST = 60.0  # s ... for so long at the end of a forecast
 SHOWN = 1.5  # s after which a deadlock shows in the blocked-by edges, for the evidence
@@ -35,22 +39,50 @@ AWAITED = 300.0  # s; events in force that end this soon are waited for
 
 
 class _Rest:
-    """Will anything move any more?"""
+    """Will anything move any more?
+
+    Standing is not enough. Robots in an unstable balance creep off it by micrometres first, each
+    leg farther than the last; a person pressed against robots takes minutes to slip past them.
+    """
 
     def __init__(self) -> None:
         self._pose: Array | None = None
         self._robots_since = 0.0  # s
-        self._since = 0.0  # s; people too
+        self._crept = 0.0  # s; last time a person squeezed past something
+        self._walked = 0.0  # s; last time a person moved
+        self._uncrept: Array | None = None  # (H,) last time each stood or walked [s]
+        self._legs: deque[Array] = deque(maxlen=3)  # poses LEG apart, since robots rest
+        self._leg_began = 0.0  # s
 
     def is_lasting(self, frame: Frame) -> bool:
         """Whether everything, or at least every robot, has been at rest for long enough."""
         pose, time = frame.sensed.pose, frame.sensed.time
         if self._pose is None or np.abs(pose - self._pose).max() > SAME_POSE:
             self._pose, self._robots_since = pose.copy(), time
-        if (np.abs(frame.sensed.human_velocity) > SAME_POSE).any():
-            self._since = time
-        self._since = max(self._since, self._robots_since)
-        return time - self._since >= AT_REST_FOR or time - self._robots_since >= ROBOTS_REST_FOR
+            self._legs.clear()
+        if not self._legs or time >= self._leg_began + LEG:
+            self._legs.append(pose.copy())
+            self._leg_began = time
+        speed = np.hypot(*frame.sensed.human_velocity.T)
+        moves = speed > SAME_POSE
+        if moves.any():
+            self._walked = time
+        if self._uncrept is None:
+            self._uncrept = np.full(len(speed), time)
+        self._uncrept[~(moves & (speed < STROLL))] = time
+        if (time - self._uncrept > SQUEEZE).any():
+            self._crept = time
+        rests = time - max(self._robots_since, self._walked) >= AT_REST_FOR
+        rests = rests or time - max(self._robots_since, self._crept) >= ROBOTS_REST_FOR
+        return rests and not self._drifts()
+
+    def _drifts(self) -> bool:
+        """Whether a robot moved farther in the last leg than in the one before."""
+        if len(self._legs) < 3:
+            return False
+        first, second, third = self._legs
+        before, lately = np.abs(second - first), np.abs(third - second)
+        return bool((lately > np.maximum(2.0 * before, DRIFT)).any())
 
 
 class GoingOn:

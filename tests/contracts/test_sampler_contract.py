@@ -12,6 +12,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.candidate import Dimension, SearchSpace
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import Cube, Feedback, cube_of
+from mrta_falsify.core.protocols import SkippingSampler
 from mrta_falsify.core.seeding import stream
 
 OPTIONAL = {"map_elites": "ribs", "verifai_ce": "verifai", "verifai_mab": "verifai",
@@ -156,3 +157,21 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
     )
     assert cube_of(space) == Cube(dimensions=4, levels=(0, 0, 6, 0), groups=(0, 0, 1, 0))
     assert cube_of(space).blocks() == ((0, 1, 3), (2,))
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if isinstance(build(n), SkippingSampler)])
+def test_skipped_proposals_change_nothing_in_later_ones(name):
+    asked = drive(build(name), 70)
+    skipping = build(name)
+    for proposal in asked[:60]:
+        skipping.skip()
+        skipping.tell(result(proposal))
+    later = [proposal.u for proposal in drive_on(skipping, asked[60:])]
+    np.testing.assert_array_equal(later, [proposal.u for proposal in asked[60:]])
+
+
+def drive_on(sampler, expected):
+    """Further proposals, told as they come."""
+    for proposal in expected:
+        yield sampler.ask()
+        sampler.tell(result(proposal))

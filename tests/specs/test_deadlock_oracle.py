@@ -1,5 +1,6 @@
 """What is a deadlock and what only looks like one."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.specs.deadlock import NoDeadlock
+from mrta_falsify.specs.progress import Progress
+from mrta_falsify.specs.standoff import GoingOn
 
 
 def oracle(**options):
@@ -475,3 +478,57 @@ def test_a_lone_robot_that_waits_for_one_who_is_still_to_come_is_asked_about_the
     assert verdict.who == ("robot1", "robot2")
     assert 12.0 <= verdict.violated_at < 14.0
     assert asked == [-1, 0, 1, -1, 0, 1]
+
+
+def test_who_stands_behind_a_person_is_asked_about_soon_even_a_restless_one():
+    def found_at(person) -> float:
+        def fate(watch, without):
+            return {"stuck": {"0": 3.0}, "freed": {}, "looked": 60.0}
+
+        script = Script(
+            robots=[Robot(stop_at(drive((-3, 0), (5, 0), 0.9), 3.0), goal=(5, 0))],
+            humans=[Human(person)],
+            walls=corridor(),
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+        )
+        return foretold(script, fate).verdict().violated_at
+
+    def to_and_fro(time):
+        return (0.6, 0.4 * np.sin(2.0 * time))
+
+    assert 6.0 < found_at((0.6, 0.0)) < 7.0
+    assert 6.0 < found_at(to_and_fro) < 7.0
+
+
+# --- when a forecast has seen enough ---------------------------------------------------------
+
+
+def looked_for(robot, *, person_speed=None) -> float:
+    """How long a forecast follows a robot ``robot(time)`` and a person of that speed [s]."""
+    people = [] if person_speed is None else [Human((4.0, 4.0))]
+    script = Script(robots=[Robot(robot, goal=(5.0, 0.0))], humans=people, seconds=71.0)
+    world = script.world()
+    watch = GoingOn(Progress(world), [0], settled=0.0, until=70.0)
+    for frame in script.frames(world):
+        speed = 0.0 if person_speed is None else person_speed(frame.sensed.time)
+        velocity = np.tile([speed, 0.0], (len(people), 1))
+        moved = dataclasses.replace(frame.sensed, human_velocity=velocity)
+        if watch.update(dataclasses.replace(frame, sensed=moved)):
+            break
+    return watch.answer()["looked"]
+
+
+def test_a_forecast_ends_once_nothing_has_moved_for_half_a_minute():
+    assert looked_for((0.0, 0.0)) == pytest.approx(30.0, abs=0.2)
+    settles = looked_for(lambda time: (0.01 * np.exp(-time), 0.0, 0.0))
+    assert 30.0 < settles < 40.0
+
+
+def test_a_forecast_does_not_take_the_creep_off_an_unstable_balance_for_rest():
+    assert looked_for(lambda time: (1e-6 * np.exp(time / 8.0), 0.0, 0.0)) > 65.0
+
+
+def test_a_forecast_goes_on_while_a_person_squeezes_past_but_not_for_one_who_walks_about():
+    assert looked_for((0.0, 0.0), person_speed=lambda time: 0.005) == pytest.approx(70.0, abs=0.2)
+    walks = looked_for((0.0, 0.0), person_speed=lambda time: abs(np.sin(time / 5.0)))
+    assert walks == pytest.approx(60.0, abs=0.2)
