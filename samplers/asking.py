@@ -69,11 +69,15 @@ class Mutator:
     cube: Cube
     redraw: float = 0.3  #: chance that a chosen object is drawn anew instead of moved
     mean_blocks: float = 2.0  #: objects changed on average, at least one
+    blocks: tuple[tuple[int, ...], ...] = field(init=False)  #: coordinates by object
+
+    def __post_init__(self) -> None:
+        self.blocks = self.cube.blocks()
 
     def child(self, parent: Array, step: float, random: np.random.Generator) -> Array:
         """A changed copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
         u = np.array(parent, dtype=np.float64)
-        blocks = self.cube.blocks()
+        blocks = self.blocks
         if not blocks:
             return u
         count = min(len(blocks), 1 + int(random.poisson(max(self.mean_blocks - 1.0, 0.0))))
@@ -94,7 +98,7 @@ class Mutator:
     def crossed(self, one: Array, other: Array, random: np.random.Generator) -> Array:
         """Objects of two parents, each from either with equal chance."""
         u = np.array(one, dtype=np.float64)
-        for block in self.cube.blocks():
+        for block in self.blocks:
             if random.random() < 0.5:
                 u[list(block)] = other[list(block)]
         return u

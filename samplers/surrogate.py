@@ -34,7 +34,7 @@ class SurrogateSampler:
     The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
     additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
     from dozens of results. Its few weights are those of largest marginal likelihood on a small
-    grid. Of a few hundred candidates, mostly children of the best scenes as
+    grid. Of some hundred candidates, mostly children of the best scenes as
     :class:`~samplers.evolution.EvolutionSampler` makes them, the one is proposed that is most
     likely to violate some specification, less so beside failures that are known (local
     penalisation, Gonzalez et al. 2016).
@@ -47,7 +47,7 @@ class SurrogateSampler:
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
         initial: int = quantity(low=2, default=10)  #: uniform proposals at first
-        candidates: int = quantity(low=2, default=200)  #: that a proposal is chosen from
+        candidates: int = quantity(low=2, default=128)  #: that a proposal is chosen from
         memory: int = quantity(low=8, default=128)  #: results the models are made from
         explore: float = quantity(low=0.0, high=1.0, default=0.05)  #: chance of a uniform proposal
 

@@ -35,7 +35,7 @@ PAIRS: dict[str, str] = {
     "queue_release_loses_exclusion": "hot_room",
     "room_freed_while_parked": "hot_room",
     "same_room_twice_stalls": "burst_of_tasks",
-    "costmap_blind_to_furniture": "bed_in_the_doorway",
+    "costmap_blind_to_furniture": "bookshelf",
     "humans_unseen_beyond_two": "rush_of_visitors",
     "planner_failure_blocks_all": "blockage_mid_run",
     "fourth_waiter_dropped": "hot_room",

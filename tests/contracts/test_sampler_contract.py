@@ -133,7 +133,7 @@ def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
             proposal = sampler.ask()
             score = float(((proposal.u - 0.3) ** 2).sum())
             scores.append(score)
-            margins = {"a": score, "b": score}
+            margins = {"a": score, "b": 1.0}
             where = {"x": float(proposal.u[0]), "y": float(proposal.u[1]), "robots": 0, "cause": 0}
             sampler.tell(
                 Feedback(number=proposal.number, u=proposal.u, score=score, objectives=margins,
