@@ -1,10 +1,10 @@
 """The smallest world that still fails in the same way.
 
-Hierarchical delta debugging on the World: the horizon and the tasks behind the violation first,
-since they make every later run short; then people, furniture, events, robots and tasks, each
-group all at once, then by halves down to single things (Zeller and Hildebrandt's ddmin); at last
-values are moved to nominal. What is left is 1-minimal: no single thing can go. Every accepted
-step is a run that failed with the same signature, so the result is verified by construction.
+Hierarchical delta debugging on the World (Zeller and Hildebrandt's ddmin by groups, with guesses
+from the run itself first, see :mod:`mrta_falsify.minimising_search`); then values are moved to
+nominal. It goes on until nothing changes any more, so that what is left is 1-minimal: no single
+robot, task, person, piece of furniture or event can go. Every accepted step is a run that failed
+with the same signature, so the result is verified by construction.
 """
 
 from __future__ import annotations
@@ -25,15 +25,23 @@ from mrta_falsify.campaigns import stored_world
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.trace import Trace, write_trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import CommsOutage, World, write_world
+from mrta_falsify.core.world import World, write_world
+from mrta_falsify.minimising_search import (
+    GROUPS,
+    MARGIN,
+    NOMINAL,
+    Course,
+    concerned,
+    course_of,
+    later_starts,
+    named,
+    without,
+)
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from simulator_interface import starts
 
-#: groups of things, in the order in which they are tried
-GROUPS = ("humans", "furniture", "events", "robots", "tasks")
-MARGIN = 15.0  # s of horizon behind the violation
 CACHE = "minimize.cache.jsonl"  # answers so far, so that a second call goes on
 
 
@@ -60,40 +68,50 @@ class _Oracle:
     cache: Path | None
     on_run: Callable[[int, str], None]
     runs: int = 0
-    known: dict[str, bool] = field(default_factory=dict)
+    known: dict[str, Course | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.cache is not None and self.cache.is_file():
-            for line in self.cache.read_text(encoding="utf-8").splitlines():
-                try:
-                    row = json.loads(line)
-                    self.known[str(row["world"])] = bool(row["fails"])
-                except (ValueError, KeyError, TypeError):
-                    continue  # a torn line costs one run
-            self.runs = len(self.known)
+        if self.cache is None or not self.cache.is_file():
+            return
+        for line in self.cache.read_text(encoding="utf-8").splitlines():
+            try:
+                row = json.loads(line)
+                key, ran, course = str(row["run"]), bool(row["ran"]), row["course"]
+                self.known[key] = course and codec.decode(Course, course, where=str(self.cache))
+            except (InputError, ValueError, KeyError, TypeError):
+                continue  # a torn line costs one run
+            self.runs += ran
 
-    def fails(self, world: World, what: str) -> bool:
-        """Whether ``world`` fails with the wanted signature; False once the runs are used up."""
-        digest = world.digest()
-        if digest in self.known:
-            return self.known[digest]
+    def failing(self, world: World, what: str) -> Course | None:
+        """The course of ``world`` if it fails with the wanted signature, None otherwise.
+
+        Raises:
+            _OutOfRunsError: not known yet, and the runs are used up.
+        """
+        key = codec.digest([world, self.job.config, self.job.specifications, self.wanted])
+        if key in self.known:
+            return self.known[key]
         if self.runs >= self.max_runs:
             raise _OutOfRunsError
+        course, ran = None, True
         try:
             starts.check_starts(world)
-            judged = judge(dataclasses.replace(self.job, world=world), keep_trace=False)
-            answer = signature(judged.verdicts) == self.wanted
+            judged = judge(dataclasses.replace(self.job, world=world))
+            verdict = leading(judged.verdicts)
+            if verdict is not None and signature(judged.verdicts) == self.wanted:
+                course = course_of(verdict, judged.outcome.trace, world)
         except InputError:
-            answer = False  # no valid world
-        self.runs += 1
-        self.known[digest] = answer
+            ran = False  # no valid world
+        self.runs += ran
+        self.known[key] = course
         if self.cache is not None:
+            row = {"run": key, "ran": ran, "course": codec.encode(course) if course else None}
             with self.cache.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"world": digest, "fails": answer}) + "\n")
+                file.write(json.dumps(row) + "\n")
                 file.flush()
                 os.fsync(file.fileno())
-        self.on_run(self.runs, f"{'fails' if answer else 'passes'} without {what}")
-        return answer
+        self.on_run(self.runs, f"{'fails' if course else 'passes'} without {what}")
+        return course
 
 
 class _OutOfRunsError(Exception):
@@ -209,17 +227,17 @@ def minimise_job(
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Minimised:
     """Minimise the failure of a job (see :func:`minimise`)."""
-    first = judge(job, keep_trace=False)
+    first = judge(job)
     verdict = leading(first.verdicts)
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to minimise")
+    trace = first.outcome.trace
     oracle = _Oracle(job, signature(first.verdicts), max_runs, cache, on_run)
-    search = _Search(job.world, oracle)
+    search = _Search(job.world, course_of(verdict, trace, job.world), oracle)
     complete = True
     try:
-        search.cut_time(verdict)
-        search.remove_all_that_can_go()
-        search.move_to_nominal()
+        search.begin(verdict, trace)
+        search.go_on()
     except _OutOfRunsError:
         complete = False
     judged = judge(dataclasses.replace(job, world=search.world))
@@ -235,129 +253,90 @@ def minimise_job(
 
 
 class _Search:
-    """Holds the smallest failing world so far."""
+    """Holds the smallest failing world so far, and the course of its run."""
 
-    def __init__(self, world: World, oracle: _Oracle) -> None:
+    def __init__(self, world: World, course: Course, oracle: _Oracle) -> None:
         self.world = world
+        self._course = course
         self._oracle = oracle
 
-    def _try(self, world: World, what: str) -> bool:
-        if not self._oracle.fails(world, what):
+    def _try(self, world: World | None, what: str) -> bool:
+        if world is None:
             return False
-        self.world = world
+        course = self._oracle.failing(world, what)
+        if course is None:
+            return False
+        self.world, self._course = world, course
         return True
 
-    def cut_time(self, verdict: Verdict) -> None:
-        """Tasks that arrive after the violation, and the time behind it."""
+    def begin(self, verdict: Verdict, trace: Trace) -> None:
+        """What the run points to and nothing else; failing that, only what comes before it."""
+        guess = concerned(self.world, verdict, trace)
+        if self._try(guess, "what the failure does not name"):
+            return
+        guess = concerned(self.world, verdict, trace, wide=True)
+        if self._try(guess, "what is far from it"):
+            return
         if verdict.violated_at is None or verdict.spec == "all_tasks_done":
             return
         found = verdict.violated_at
         tasks = tuple(task for task in self.world.tasks if task.arrival <= found)
         horizon = min(self.world.horizon, found + MARGIN)
-        self._try(
-            dataclasses.replace(self.world, tasks=tasks, horizon=horizon),
-            "what comes after the violation",
-        )
+        shorter = dataclasses.replace(self.world, tasks=tasks, horizon=horizon)
+        self._try(shorter, "what comes after the violation")
 
-    def remove_all_that_can_go(self) -> None:
-        """Pass over all groups until nothing goes any more: then each single thing is needed."""
+    def go_on(self) -> None:
+        """Make the world smaller until nothing goes: then each single thing is needed."""
+        for group in GROUPS:
+            self._shrink(group, len(getattr(self.world, group)))
+        self._move_to_nominal()  # now, since all single things are tried again after a change
         while True:
             before = self.world
+            self._begin_later()
             for group in GROUPS:
-                self._shrink(group)
+                self._shrink(group, 1)
             if self.world is before:
                 return
 
-    def _shrink(self, group: str) -> None:
-        """ddmin: chunks from the whole group down to single things."""
-        size = len(getattr(self.world, group))
+    def _shrink(self, group: str, size: int) -> None:
+        """ddmin: chunks of at most ``size`` things down to single ones."""
         while size >= 1:
             start = 0
             while start < len(getattr(self.world, group)):
-                items = getattr(self.world, group)
-                kept = items[:start] + items[start + size :]
-                gone = items[start : start + size]
-                # without robots or without tasks nothing can fail
-                hopeless = group in ("robots", "tasks") and not kept
-                if hopeless or not self._try(_with(self.world, group, kept), _named(group, gone)):
+                gone = range(len(getattr(self.world, group)))[start : start + size]
+                if not self._remove(group, gone):
                     start += size
             if size == 1:
                 return
-            size = min(size // 2, max(len(getattr(self.world, group)), 1))
+            size = max(1, min(size, len(getattr(self.world, group))) // 2)
 
-    def move_to_nominal(self) -> None:
+    def _remove(self, group: str, gone: Sequence[int]) -> bool:
+        items = getattr(self.world, group)
+        what = named(group, [items[i] for i in gone])
+        if group == "robots":
+            # what a robot had to do would go to the others, and change their ways
+            had = [task for i in gone for task in self._course.had.get(items[i].name, ())]
+            with_tasks = without(self.world, group, gone, had)
+            if had and self._try(with_tasks, f"{what} and what it had to do"):
+                return True
+            if had and len(gone) > 1:
+                return False
+        return self._try(without(self.world, group, gone), what)
+
+    def _begin_later(self) -> None:
+        while any(self._try(world, what) for what, world in later_starts(self.world, self._course)):
+            pass
+
+    def _move_to_nominal(self) -> None:
         """Noise, delays, odd speeds and times, as far as the failure does not need them."""
-        for what, change in NOMINAL:
-            changed = change(self.world)
-            if changed.digest() != self.world.digest():
-                self._try(changed, what)
-
-
-def _with(world: World, group: str, items: Sequence[Any]) -> World:
-    """``world`` with another tuple of one group; outages forget robots that are gone."""
-    changes: dict[str, Any] = {group: tuple(items)}
-    if group == "robots":
-        names = {robot.name for robot in items}
-        changes["events"] = tuple(
-            dataclasses.replace(event, robots=tuple(n for n in event.robots if n in names))
-            if isinstance(event, CommsOutage) and event.robots
-            else event
-            for event in world.events
-            if not isinstance(event, CommsOutage) or not event.robots or names & set(event.robots)
-        )
-    return dataclasses.replace(world, **changes)
-
-
-def _named(group: str, items: Sequence[Any]) -> str:
-    if group == "tasks":
-        return f"{len(items)} tasks" if len(items) > 1 else "a task"
-    if len(items) == 1:
-        return str(items[0].name)
-    return f"{len(items)} {group}"
-
-
-def _calm_robots(world: World) -> World:
-    quiet: dict[str, Any] = {
-        "position_noise": 0.0,
-        "heading_noise": 0.0,
-        "wheel_slip": 0.0,
-        "command_latency": 0.0,
-        "joins_at": 0.0,
-    }
-    return dataclasses.replace(
-        world, robots=tuple(dataclasses.replace(robot, **quiet) for robot in world.robots)
-    )
-
-
-def _calm_people(world: World) -> World:
-    humans = tuple(dataclasses.replace(human, speed=1.0) for human in world.humans if human.speed)
-    still = tuple(human for human in world.humans if not human.speed)
-    return dataclasses.replace(world, humans=humans + still)
-
-
-def _no_service(world: World) -> World:
-    return dataclasses.replace(
-        world,
-        tasks=tuple(
-            dataclasses.replace(task, pickup_time=0.0, dropoff_time=0.0) for task in world.tasks
-        ),
-    )
-
-
-def _all_at_once(world: World) -> World:
-    return dataclasses.replace(
-        world, tasks=tuple(dataclasses.replace(task, arrival=0.0) for task in world.tasks)
-    )
-
-
-#: what it is called, and the change
-NOMINAL: tuple[tuple[str, Callable[[World], World]], ...] = (
-    ("noise and delays of robots", _calm_robots),
-    ("noise of obstacle distances", lambda world: dataclasses.replace(world, ray_noise=0.0)),
-    ("service times", _no_service),
-    ("different paces of people", _calm_people),
-    ("different arrivals of tasks", _all_at_once),
-)
+        odd = [row for row in NOMINAL if row[1](self.world).digest() != self.world.digest()]
+        calm = self.world
+        for _, change in odd:
+            calm = change(calm)
+        if len(odd) > 1 and self._try(calm, "anything odd"):
+            return
+        for what, change in odd:
+            self._try(change(self.world), what)
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

@@ -1,0 +1,298 @@
+"""How small do minimised failures get, and is every one of them minimal, verified and kept?
+
+    python -m benchmarks.reports.minimising DIR [DIR ...] -o OUT [--max-cases N] [--max-runs 60]
+                                            [--per-signature 3] [--part 1/2]
+    python -m benchmarks.reports.minimising -o OUT --table
+
+The failed trials of any number of campaigns (DIR, or anywhere below it) are minimised as by
+``mrta-falsify minimize``, into OUT; the campaigns themselves are not touched. Each result is
+then checked by code of its own: the written world is read back and run on the written stack,
+every single robot, task, person, piece of furniture and event is taken away once, and the
+written Scenic program is compiled and run. A row per case is kept in OUT/minimising.jsonl; a
+second call goes on. ``--table`` sums up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks.defects.worlds import PLANTS
+from benchmarks.reports.stored_failures import (
+    StoredFailure,
+    append_row,
+    cpu_seconds,
+    parse_part,
+    rows_of,
+    stored_failures,
+)
+from mrta_falsify.campaign.signature import leading, signature
+from mrta_falsify.core.config import read_config
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import CommsOutage, Event, World, read_world
+from mrta_falsify.minimising import Minimised, minimise, share_removed
+from mrta_falsify.trial import Job, campaign_specifications, judge
+from scenic_worlds.program import compile_program
+from simulator_interface.starts import check_starts
+
+STUDY = "minimising"
+THINGS = ("robots", "tasks", "humans", "furniture", "events")
+
+
+def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
+    """One row: the failure minimised and checked, or why not.
+
+    Args:
+        case: the failure.
+        folder: for the files.
+        max_runs: of the minimiser.
+    """
+    began = cpu_seconds()
+    try:
+        apart = case.kept_apart(folder)
+        found = minimise(apart, case.record, max_runs=max_runs)
+    except InputError as error:
+        return {**case.facts(), "error": str(error)}
+    spent = cpu_seconds() - began
+    files = apart.folder(case.record)
+    world = read_world(files / "world.min.json")
+    trials = case.campaign.settings.trials
+    job = Job(
+        world=world,
+        config=read_config(files / "stack.yaml"),
+        specifications=trials.specifications or campaign_specifications(),
+        early_stop=True,
+    )
+    again = judge(job)
+    verdict = leading(again.verdicts)
+    spare = list(things_that_can_go(job, found.signature))
+    return {
+        **case.facts(),
+        "before": {name: found.counts[name][0] for name in THINGS},
+        "after": {name: len(getattr(world, name)) for name in THINGS},
+        "horizon_s": round(world.horizon, 1),
+        "cycle": len(members_of(verdict)),
+        "waited_for": len(waited_for(verdict, again.outcome.trace)),
+        "share_removed": round(share_removed(found), 4),
+        "runs": found.runs,
+        "finished": found.one_minimal,
+        "verified": again.outcome.trace.digest == found.judged.outcome.trace.digest,
+        "kept": signature(again.verdicts) == case.record.signature == found.signature,
+        "spare": spare,
+        "program": program_fails(files / "world.min.scenic", job, found),
+        "cpu_s": round(spent, 1),
+        "check_cpu_s": round(cpu_seconds() - began - spent, 1),
+    }
+
+
+def members_of(verdict: Verdict | None) -> list[str]:
+    """Robots of the deadlock, none if the failure is another one."""
+    if verdict is None or verdict.spec != "no_deadlock":
+        return []
+    return sorted({edge["robot"] for edge in verdict.evidence.get("cycle", [])})
+
+
+def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
+    """Robots of the deadlock, and all that they wait for, directly or through others.
+
+    The verdict names those whose wait is certain; a robot in the chain that the stack still
+    moves a little now and then may be missing there.
+    """
+    found = set(members_of(verdict))
+    if verdict is None or verdict.violated_at is None:
+        return found
+    tick = round(verdict.violated_at / trace.dt)
+    waits = [
+        (trace.robots[span.edge.robot], trace.robots[span.edge.other])
+        for span in trace.edges
+        if span.first <= tick <= span.last
+        and span.edge.other >= 0
+        and span.edge.cause not in ("human", "task")
+    ]
+    while True:
+        more = {other for robot, other in waits if robot in found} - found
+        if not more:
+            return found
+        found |= more
+
+
+def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:
+    """Names of the single things without which the same failure is still there.
+
+    Args:
+        job: the minimised world on its stack.
+        wanted: signature of the failure.
+    """
+    for group in THINGS:
+        for number, thing in enumerate(getattr(job.world, group)):
+            try:
+                smaller = taken_away(job.world, group, number)
+                check_starts(smaller)
+                if not (smaller.robots and smaller.tasks):
+                    continue
+                judged = judge(dataclasses.replace(job, world=smaller), keep_trace=False)
+            except InputError:
+                continue  # no valid world without it
+            if signature(judged.verdicts) == wanted:
+                yield getattr(thing, "name", f"task {number}")
+
+
+def taken_away(world: World, group: str, number: int) -> World:
+    """``world`` without one thing; an outage of a robot that is gone is gone, too.
+
+    Raises:
+        InputError: something else needs it.
+    """
+    kept = [thing for i, thing in enumerate(getattr(world, group)) if i != number]
+    if group == "events":
+        return dataclasses.replace(world, events=tuple(kept))
+    if group != "robots":
+        changes: dict[str, Any] = {group: tuple(kept)}
+        return dataclasses.replace(world, **changes)
+    gone = world.robots[number].name
+    events: list[Event] = []
+    for event in world.events:
+        if isinstance(event, CommsOutage) and gone in event.robots:
+            rest = tuple(name for name in event.robots if name != gone)
+            if rest:
+                events.append(dataclasses.replace(event, robots=rest))
+        else:
+            events.append(event)
+    return dataclasses.replace(world, robots=tuple(kept), events=tuple(events))
+
+
+def program_fails(path: Path, job: Job, found: Minimised) -> str:
+    """``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
+    if not path.is_file():
+        return "no program"
+    try:
+        judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
+    except InputError as error:
+        return f"does not run: {error}"
+    if judged.outcome.trace.digest == found.judged.outcome.trace.digest:
+        return "identical"
+    return "same failure" if signature(judged.verdicts) == found.signature else "other"
+
+
+# --- the table -----------------------------------------------------------------------------
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Rows of the study in words and Markdown tables."""
+    done = [row for row in rows if "error" not in row]
+    lines = [f"{len(rows)} failures of {len({r['signature'] for r in rows})} signatures"]
+    lines += [f"not minimised: {row['case']}: {row['error']}" for row in rows if "error" in row]
+    if not done:
+        return "\n".join(lines)
+    locked = [row for row in done if row["cycle"]]
+    lean = [row for row in locked if row["after"]["robots"] <= row["cycle"]]
+    chained = [row for row in locked if row["after"]["robots"] <= row["waited_for"]]
+    single = [row for row in done if row["after"]["tasks"] <= row["after"]["robots"]]
+    runs = [row["runs"] for row in done]
+    shares = [row["share_removed"] for row in done]
+    works = ("identical", "same failure")
+    lines += [
+        f"share removed: median {statistics.median(shares):.0%}, "
+        f"from {min(shares):.0%} to {max(shares):.0%}",
+        f"runs: median {statistics.median(runs):g}, most {max(runs)}; CPU time: median "
+        f"{statistics.median(row['cpu_s'] for row in done):.0f} s",
+        _share("1-minimal by the check", done, lambda row: not row["spare"]),
+        _share("said to be 1-minimal", done, lambda row: row["finished"]),
+        _share("verified by replay of the written files", done, lambda row: row["verified"]),
+        _share("signature kept", done, lambda row: row["kept"]),
+        _share("Scenic program fails in the same way", done, lambda row: row["program"] in works),
+        f"no more robots than the cycle: {len(lean)} of {len(locked)} deadlocks",
+        f"no more robots than the cycle and whom it waits for: {len(chained)} of {len(locked)}",
+        f"no more than one task for each robot: {len(single)} of {len(done)}",
+        "",
+        "| Case | Stack | Signature | robots | tasks | people | furniture | events | runs |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [_line(row) for row in done]
+    lines += ["", *_exceptions(done, works), "", *against_known(done)]
+    return "\n".join(lines)
+
+
+def _share(what: str, rows: list[dict[str, Any]], holds: Any) -> str:
+    return f"{what}: {sum(bool(holds(row)) for row in rows)} of {len(rows)}"
+
+
+def _line(row: dict[str, Any]) -> str:
+    counts = [f"{row['before'][name]} -> {row['after'][name]}" for name in THINGS]
+    stack = ", ".join(row["defects"]) or "default"
+    head = [f"{row['scenario']} {row['trial']}", stack, f"`{row['signature']}`"]
+    return "| " + " | ".join([*head, *counts, str(row["runs"])]) + " |"
+
+
+def _exceptions(rows: list[dict[str, Any]], works: tuple[str, ...]) -> Iterator[str]:
+    """What is not as it should be, case by case."""
+    for row in rows:
+        faults = []
+        if row["spare"]:
+            why = "" if row["finished"] else " (out of runs)"
+            faults.append(f"could lose {', '.join(row['spare'])}{why}")
+        if not row["verified"]:
+            faults.append("its replay differs")
+        if not row["kept"]:
+            faults.append("its signature changed")
+        if row["program"] not in works:
+            faults.append(f"program: {row['program']}")
+        if row["cycle"] and row["after"]["robots"] > row["waited_for"]:
+            faults.append(
+                f"{row['after']['robots']} robots, {row['cycle']} in the cycle, which waits for "
+                f"{row['waited_for'] - row['cycle']} others"
+            )
+        if faults:
+            yield f"- {row['case']}: {'; '.join(faults)}"
+
+
+def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Minimal worlds of planted defects beside the known smallest ones."""
+    yield "| Defect | | robots | tasks | people | furniture | events |"
+    yield "|---|---|---|---|---|---|---|"
+    for row in rows:
+        for defect in row["defects"]:
+            if defect not in PLANTS:
+                continue
+            known = PLANTS[defect].world(0)
+            sizes = [len(getattr(known, name)) for name in THINGS]
+            found = [row["after"][name] for name in THINGS]
+            yield f"| {defect} | known world | {' | '.join(map(str, sizes))} |"
+            said = "no larger" if sum(found) <= sum(sizes) else "larger"
+            case = f"{row['scenario']} {row['trial']} ({said})"
+            yield f"| | {case} | {' | '.join(map(str, found))} |"
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("directories", type=Path, nargs="*")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--max-cases", type=int, default=1000)
+    parser.add_argument("--max-runs", type=int, default=60)
+    parser.add_argument("--per-signature", type=int, default=3)
+    parser.add_argument("--part", default="1/1")
+    parser.add_argument("--table", action="store_true", help="only sum up what is there")
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    part = parse_part(arguments.part)
+    done = {row["case"] for row in rows_of(arguments.output, STUDY)}
+    cases = stored_failures(arguments.directories, per_mode=arguments.per_signature, part=part)
+    for case in [] if arguments.table else cases[: arguments.max_cases]:
+        if case.name in done:
+            continue
+        row = study(case, arguments.output / "cases", arguments.max_runs)
+        append_row(arguments.output, STUDY, part, row)
+        print(json.dumps(row), flush=True)
+    print(table(rows_of(arguments.output, STUDY)))
+
+
+if __name__ == "__main__":
+    main()

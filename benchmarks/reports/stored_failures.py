@@ -1,0 +1,139 @@
+"""Failed trials of stored campaigns as the cases of a study, and rows that outlive the process."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import resource
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mrta_falsify.campaign.store import SETTINGS, Campaign, write_atomically
+from mrta_falsify.campaigns import open_campaign, stored_world
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.world import write_world
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredFailure:
+    """A failed trial of a campaign."""
+
+    campaign: Campaign
+    record: TrialRecord
+
+    @property
+    def name(self) -> str:
+        """Unique among campaigns of different directories."""
+        return f"{self.campaign.directory}/{self.record.id}"
+
+    @property
+    def scenario(self) -> str:
+        """Name of the program without its folder."""
+        return Path(self.campaign.settings.trials.scenario).stem
+
+    @property
+    def mode(self) -> tuple[str, str, tuple[str, ...]]:
+        """Signature, scenario and planted defects."""
+        return self.record.signature, self.scenario, self.campaign.settings.trials.stack.defects
+
+    def facts(self) -> dict[str, Any]:
+        """What every row of a study says first."""
+        stack = self.campaign.settings.trials.stack
+        return {
+            "case": self.name,
+            "campaign": self.campaign.directory.name,
+            "trial": self.record.id,
+            "scenario": self.scenario,
+            "defects": list(stack.defects),
+            "engine": self.record.engine,
+            "signature": self.record.signature,
+        }
+
+    def kept_apart(self, folder: Path) -> Campaign:
+        """The campaign with its directory in ``folder``, so that nothing is written to its own.
+
+        Raises:
+            InputError: the trial's world is missing.
+        """
+        number = "-".join(self.campaign.directory.resolve().parts[-2:])
+        apart = dataclasses.replace(self.campaign, directory=folder / number)
+        files = apart.folder(self.record)
+        files.mkdir(parents=True, exist_ok=True)
+        write_world(stored_world(self.campaign, self.record), files / "world.json")
+        return apart
+
+
+def stored_failures(
+    directories: Sequence[Path], *, per_mode: int, part: tuple[int, int] = (1, 1)
+) -> list[StoredFailure]:
+    """Failures of all campaigns under some directories, unlike ones first.
+
+    Args:
+        directories: campaigns, or folders with campaigns at any depth.
+        per_mode: failures of one signature, scenario and set of defects at most.
+        part: i of n: only every n-th case, begun at the i-th, to divide the work.
+    """
+    modes: dict[Any, list[StoredFailure]] = {}
+    roots = sorted({file.parent for path in directories for file in path.rglob(SETTINGS)})
+    for root in roots:
+        campaign = open_campaign(root)
+        for record in campaign.records:
+            if record.failed:
+                failure = StoredFailure(campaign=campaign, record=record)
+                modes.setdefault(failure.mode, []).append(failure)
+    chosen = [
+        failures[turn]
+        for turn in range(per_mode)
+        for _, failures in sorted(modes.items())
+        if turn < len(failures)
+    ]
+    which, parts = part
+    return chosen[which - 1 :: parts]
+
+
+def parse_part(text: str) -> tuple[int, int]:
+    """``2/3`` as (2, 3).
+
+    Raises:
+        InputError: not of that form.
+    """
+    first, _, second = text.partition("/")
+    if not (first.isdigit() and second.isdigit() and 1 <= int(first) <= int(second)):
+        raise InputError(f"--part {text}: it must read I/N with 1 <= I <= N, as 1/2")
+    return int(first), int(second)
+
+
+def rows_of(folder: Path, study: str) -> list[dict[str, Any]]:
+    """Rows of a study so far, of all its parts; a torn last line is left out."""
+    rows = []
+    for path in sorted(folder.glob(f"{study}*.jsonl")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            try:
+                rows.append(json.loads(line))
+            except ValueError:
+                continue
+    return rows
+
+
+def append_row(folder: Path, study: str, part: tuple[int, int], row: dict[str, Any]) -> None:
+    """Add a row; it is on disc when this returns."""
+    name = study if part[1] == 1 else f"{study}.{part[0]}of{part[1]}"
+    path = folder / f"{name}.jsonl"
+    if path.is_file() and not path.read_bytes().endswith(b"\n"):
+        sound = path.read_bytes().rpartition(b"\n")
+        write_atomically(path, sound[0] + sound[1])
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row) + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def cpu_seconds() -> float:
+    """CPU time of this process and of the copies it has waited for [s]."""
+    copies = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + copies.ru_utime + copies.ru_stime

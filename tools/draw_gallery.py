@@ -1,0 +1,346 @@
+"""docs/gallery: real failures, made again, minimised, explained and drawn.
+
+    python -m tools.draw_gallery WORK [--only NAME ...] [--workers 1]
+
+Each case of docs/gallery/cases.yaml says which campaign found it. The campaign is run up to the
+trial in WORK/NAME (a campaign that is there already is used), the failure is replayed, explained
+and minimised as by the commands that the page shows, and the page, a picture and the smallest
+world are written to docs/gallery. A second call goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mrta_falsify import campaigns
+from mrta_falsify.campaign.settings import Limits
+from mrta_falsify.campaign.signature import leading
+from mrta_falsify.campaign.store import SETTINGS, Campaign, StoreError, trial_folder
+from mrta_falsify.campaigns import open_campaign, open_store, replay, store_replay
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice, StackConfig, apply_setting
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.trace import read_trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import read_world
+from mrta_falsify.explaining import JITTERED, Explanation, explain, stored_explanation
+from mrta_falsify.minimising import minimise
+from reports.errands import stories, tasks_of
+from reports.sentences import edge_sentence, sentence
+from tools.gallery_pictures import Seen, write_picture
+
+FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
+CASES = FOLDER / "cases.yaml"
+PAGE = FOLDER / "README.md"
+MAX_RUNS = 100  # of the minimiser
+PATIENCE = 3600.0  # s of wall clock for a trial, on a busy machine
+EXPLANATION = "explain.json"
+FILES = ("world.min.scenic", "world.min.layout.json", "stack.yaml")
+
+HEAD = """# Gallery
+
+Failures that campaigns of this project have found, in the default stack and in stacks with a planted fault. Each was replayed three times with
+equal digests, made as small as it gets, and asked for its cause by re-runs with one layer changed. Orange: furniture that the smallest world
+still has. Red ring: where it happens; red arrows: who waits for whom; dashed: paths at that moment.
+
+The page is written by `python -m tools.draw_gallery WORK` from [cases.yaml](cases.yaml). `runs/` stands for any new directory; the smallest worlds
+are kept here and run in seconds.
+
+| Failure | Scenario | Stack | Violated | Suspected layer | As found | Smallest |
+|---|---|---|---|---|---|---|
+"""  # noqa: E501
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GalleryCase:
+    """A failure of the gallery, and the campaign that finds it."""
+
+    name: str  #: of its files
+    title: str
+    scenario: str
+    sampler: str
+    seed: int
+    trial: int
+    why: str  #: a person's explanation
+    params: dict[str, Any] = dataclasses.field(default_factory=dict)
+    settings: tuple[str, ...] = ()  #: of the stack, as of ``--set``
+    specifications: tuple[str, ...] = ()  #: those of campaigns if empty
+
+    def words(self) -> list[str]:
+        """The command that runs the campaign, without its output."""
+        words = ["mrta-falsify", "campaign", self.scenario, "--sampler", self.sampler]
+        words += ["--seed", str(self.seed), "--budget", str(self.trial + 1)]
+        for setting in self.settings:
+            words += ["--set", setting]
+        for name in self.specifications:
+            words += ["--spec", name]
+        for name, value in sorted(self.params.items()):
+            words += ["-p", f"{name}={value}"]
+        return words
+
+    def config(self) -> StackConfig:
+        """The stack under test."""
+        config = StackConfig()
+        for setting in self.settings:
+            config = apply_setting(config, setting)
+        return config
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Told:
+    """All that the page says of a case."""
+
+    case: GalleryCase
+    original: Seen
+    smallest: Seen
+    explanation: Explanation
+    verified: dict[str, Any]
+    minimised: dict[str, Any]
+
+
+def read_cases(path: Path = CASES) -> list[GalleryCase]:
+    """The list of cases.
+
+    Raises:
+        InputError: not such a list.
+    """
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return [codec.decode(GalleryCase, row, where=f"{path.name}[{i}]") for i, row in enumerate(data)]
+
+
+def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
+    """The campaign of a case up to its trial; one that is there already is not run again.
+
+    Raises:
+        StoreError: the directory holds another campaign.
+    """
+    if (directory / SETTINGS).is_file():
+        campaign = open_campaign(directory)
+        trials = campaign.settings.trials
+        there = (Path(trials.scenario).stem, trials.seed, trials.stack, trials.params)
+        wanted = (Path(case.scenario).stem, case.seed, case.config(), case.params)
+        if there != wanted or campaign.settings.sampler.name != case.sampler:
+            raise StoreError(f"{directory}: holds another campaign than {case.name}")
+        if any(record.number == case.trial for record in campaign.records):
+            return campaign
+    settings = campaigns.new_settings(
+        case.scenario,
+        directory=directory,
+        config=case.config(),
+        params=case.params,
+        sampler=Choice(case.sampler),
+        seed=case.seed,
+        specifications=case.specifications,
+        time_limit=PATIENCE,
+    )
+    with open_store(directory, settings) as store:
+        executor = campaigns.local_workers(workers)
+        return campaigns.run(store, Limits(budget=case.trial + 1), executor).campaign
+
+
+def is_made(case: GalleryCase, directory: Path) -> bool:
+    """Whether all that the page says of a case is there already."""
+    folder = trial_folder(directory, case.trial)
+    return all((folder / name).is_file() for name in ("verify.json", "minimize.json", EXPLANATION))
+
+
+def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
+    """Everything about a case; what is kept beside the trial is not computed again."""
+    folder = campaign.folder(record)
+    if not (folder / "verify.json").is_file():
+        store_replay(campaign, replay(campaign, record, times=3))
+    if not (folder / "minimize.json").is_file():
+        minimise(campaign, record, max_runs=MAX_RUNS)
+    verified = codec.read_json(folder / "verify.json")
+    if verified["identical"] != verified["runs"]:
+        raise InputError(f"{case.name}: its replay differs; delete its campaign in WORK")
+    explanation = stored_explanation(folder) or explain(campaign, record)
+    small = codec.read_json(folder / "minimize.json")
+    verdicts = [codec.decode(Verdict, row, where="minimize.json") for row in small["verdicts"]]
+    seen = [
+        Seen(
+            world=read_world(folder / world),
+            trace=read_trace(folder / trace),
+            verdict=_leading(found),
+        )
+        for world, trace, found in (
+            ("world.json", "trace.zip", record.verdicts),
+            ("world.min.json", "trace.min.zip", verdicts),
+        )
+    ]
+    return Told(
+        case=case,
+        original=seen[0],
+        smallest=seen[1],
+        explanation=explanation,
+        verified=verified,
+        minimised=small,
+    )
+
+
+def _leading(verdicts: Any) -> Verdict:
+    verdict = leading(verdicts)
+    if verdict is None:
+        raise InputError("the trial violates nothing; choose another one")
+    return verdict
+
+
+def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
+    """The smallest world and its stack, to be run from the gallery."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in FILES:
+        source = campaign.folder(record) / name
+        (folder / name).unlink(missing_ok=True)
+        if source.is_file():
+            shutil.copyfile(source, folder / name)
+
+
+# --- the page ------------------------------------------------------------------------------
+
+
+def row_of(found: Told) -> str:
+    """The case's line in the table of contents."""
+    case = found.case
+    anchor = "".join(c for c in case.title.lower() if c.isalnum() or c in " -").replace(" ", "-")
+    defects = ", ".join(f"`{name}`" for name in case.config().defects)
+    cells = [
+        f"[{case.title}](#{anchor})",
+        f"`{Path(case.scenario).stem}`",
+        defects or "default",
+        f"`{found.original.verdict.spec}`",
+        _spaced(found.explanation.layer),
+        _size(found.original),
+        _size(found.smallest),
+    ]
+    return "| " + " | ".join(cells) + " |\n"
+
+
+def _size(seen: Seen) -> str:
+    return f"{len(seen.world.robots)} robots, {len(seen.world.tasks)} tasks".replace(
+        "1 robots", "1 robot"
+    ).replace(" 1 tasks", " 1 task")
+
+
+def _spaced(text: str) -> str:
+    return text.replace("_", " ")
+
+
+def section(found: Told) -> str:
+    """The case's part of the page."""
+    case = found.case
+    parts = [
+        f"## {case.title}",
+        f"![{case.title}: as found, at its smallest, and who waits for whom]({case.name}.png)",
+        f"**What happened.** {' '.join(what_happened(found.original))}",
+        f"**Why.** {' '.join(case.why.split())}",
+        _counts(found),
+        _layer(found),
+        "**Again.**\n\n```\n" + "\n".join(commands(case, found.explanation)) + "\n```",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def what_happened(seen: Seen) -> list[str]:
+    """Sentences about a failing run."""
+    verdict = seen.verdict
+    waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
+    return [sentence(verdict), *waits, *stories(tasks_of(verdict), seen.world, seen.trace)]
+
+
+def _counts(found: Told) -> str:
+    lines = ["| | as found | smallest |", "|---|---|---|"]
+    for name in ("robots", "tasks", "humans", "furniture", "events"):
+        before, after = found.minimised["counts"][name]
+        if before:
+            lines.append(f"| {'people' if name == 'humans' else name} | {before} | {after} |")
+    horizons = [f"{seen.trace.duration:.0f} s" for seen in (found.original, found.smallest)]
+    lines.append(f"| length of the run | {horizons[0]} | {horizons[1]} |")
+    minimal = "nothing of it can go" if found.minimised["one_minimal"] else "out of runs"
+    lines.append("")
+    lines.append(
+        f"Found in {found.minimised['runs']} runs; {minimal}. What went: "
+        f"{', '.join(found.minimised['removed']) or 'nothing'}."
+    )
+    return "\n".join(lines)
+
+
+def _layer(found: Told) -> str:
+    explanation = found.explanation
+    text = f"**Suspected layer: {_spaced(explanation.layer) or 'none'}.** "
+    text += f"{explanation.reason[:1].upper()}{explanation.reason[1:]} "
+    text += f"(runs that differ from {explanation.changed_at:.0f} s on)."
+    if explanation.guess and explanation.guess != explanation.layer:
+        text += f" The trace alone points to: {_spaced(explanation.guess)}."
+    jittered = explanation.jittered
+    if jittered["runs"]:
+        text += f" With small differences it fails in {jittered['failed']} of {jittered['runs']}"
+        text += " runs."
+    text += f" Replay: {found.verified['identical']} of {found.verified['runs']} identical."
+    rows = [
+        f"| {row.change} | {'gone' if row.failure_gone else 'stays'} | {row.detail} |"
+        for row in explanation.counterfactuals
+    ]
+    if not rows:
+        return text
+    return "\n".join([text, "", "| Changed | Failure | Then |", "|---|---|---|", *rows])
+
+
+def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
+    """What to type to see all of it again."""
+    # fewer jittered copies than usual: the page's numbers come from fewer runs
+    few = explanation.jittered["runs"] < JITTERED
+    bounded = ["--max-runs", str(explanation.runs)] if few else []
+    runs = f"runs/{case.name}"
+    trial = f"{case.trial:04d}"
+    rows = [
+        [*case.words(), "-o", runs],
+        ["mrta-falsify", "replay", runs, trial, "--verify", "3"],
+        ["mrta-falsify", "explain", runs, trial, *bounded],
+        ["mrta-falsify", "minimize", runs, trial],
+        ["mrta-falsify", "report", runs],
+    ]
+    kept = FOLDER / case.name
+    if (kept / FILES[0]).is_file():
+        here = f"docs/gallery/{case.name}"
+        world = f"{here}/{FILES[0]}"
+        rows.append(["mrta-falsify", "run", world, "--stack", f"{here}/{FILES[2]}", "-o", "out"])
+    return [shlex.join(words) for words in rows]
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("work", type=Path, help="for the campaigns")
+    parser.add_argument("--only", nargs="*", help="make these; the page has all that are made")
+    parser.add_argument("--workers", type=int, default=1)
+    arguments = parser.parse_args()
+    page, sections = HEAD, []
+    for case in read_cases():
+        directory = arguments.work / case.name
+        if arguments.only and case.name not in arguments.only and not is_made(case, directory):
+            continue
+        campaign = found_again(case, directory, arguments.workers)
+        record = campaign.record(str(case.trial))
+        found = told(case, campaign, record)
+        keep_files(campaign, record, FOLDER / case.name)
+        write_picture(found.original, found.smallest, FOLDER / f"{case.name}.png")
+        page += row_of(found)
+        sections.append(section(found))
+        summary = {"case": case.name, "signature": record.signature}
+        print(json.dumps(summary), file=sys.stdout, flush=True)
+    PAGE.write_text(page + "\n" + "\n".join(sections), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
