@@ -480,16 +480,18 @@ class Deadlines:
 class _Approach:
     """Best remaining distance of each robot to its goal, and when it last got better.
 
-    A goal that comes back while no stop was served keeps its best distance, so that goals
-    which alternate do not look like progress. A robot without a goal, or at its goal, has
-    nothing to improve.
+    Distances compare only along ways that lead to one goal by one next waypoint: the rest of
+    the way behind that waypoint is not known, and a straight line through walls would be too
+    short to be ever beaten. A new waypoint is progress; goals and waypoints that come back while
+    no stop was served keep their best distance, so that alternating between them is none. A
+    robot without a goal, or at its goal, has nothing to improve.
     """
 
     step: float  #: improvement that counts [m]
     robots: int
     since: Array = field(init=False)  #: (N,) of the last improvement [s]
     travelled: Array = field(init=False)  #: (N,) way driven since then [m]
-    _best: list[list[tuple[float, float, float]]] = field(init=False)  #: goals x, y, distance
+    _best: list[list[tuple[Array, float]]] = field(init=False)  #: goal and waypoint (4,), distance
     _stops: Array = field(init=False)
     _last: Array = field(init=False)
 
@@ -519,24 +521,23 @@ class _Approach:
             if not len(path):
                 continue
             x, y = position[i]
-            # The path may end at a waypoint on the way: add the straight rest, a lower bound.
-            rest = float(np.hypot(*(intent.goal[i] - path[-1])))
-            if self._improves(i, intent.goal[i], remaining_length(path, x, y) + rest):
+            way = np.concatenate([intent.goal[i], path[-1]])
+            if self._improves(i, way, remaining_length(path, x, y)):
                 self._restart(i, sensed.time)
 
     def _restart(self, i: int, time: float) -> None:
         self.since[i] = time
         self.travelled[i] = 0.0
 
-    def _improves(self, i: int, goal: Array, distance: float) -> bool:
+    def _improves(self, i: int, way: Array, distance: float) -> bool:
         known = self._best[i]
-        for k, (x, y, best) in enumerate(known):
-            if abs(x - goal[0]) + abs(y - goal[1]) <= SAME_GOAL:
+        for k, (seen, best) in enumerate(known):
+            if np.abs(seen - way).sum() <= SAME_GOAL:
                 if distance > best - self.step:
                     return False
-                known[k] = (x, y, distance)
+                known[k] = (seen, distance)
                 return True
-        known.append((float(goal[0]), float(goal[1]), distance))
+        known.append((way, distance))
         return True
 
 

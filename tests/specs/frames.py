@@ -34,7 +34,8 @@ class Robot:
 
     at: Track | tuple[float, float]  #: time -> x, y, yaw; or where it stands
     goal: tuple[float, float] | Callable[[float], tuple[float, float]] = NOWHERE
-    path: Sequence[tuple[float, float]] | None = None  #: default: straight to the goal
+    #: default: straight to the goal
+    path: Sequence[tuple[float, float]] | Callable[[float], Sequence] | None = None
     no_path: bool = False
     stops: int | Callable[[float], int] = 1
 
@@ -147,7 +148,7 @@ class Script:
             phase=np.zeros(count, dtype=np.int64),
             goal=goal,
             waypoint=goal,
-            path=tuple(self._path(i, pose[i], goal[i]) for i in range(count)),
+            path=tuple(self._path(i, pose[i], goal[i], time) for i in range(count)),
             cluster=np.arange(count),
             leader=np.arange(count),
             slack=np.zeros(count),
@@ -163,10 +164,12 @@ class Script:
             signals=self.signals(time),
         )
 
-    def _path(self, i: int, pose: Array, goal: Array) -> Array:
+    def _path(self, i: int, pose: Array, goal: Array, time: float) -> Array:
         robot = self.robots[i]
         if robot.no_path or not np.isfinite(goal).all():
             return np.zeros((0, 2))
+        if callable(robot.path):
+            return np.array(robot.path(time), dtype=float)
         if robot.path is not None:
             return self._paths.setdefault(i, np.array(robot.path, dtype=float))
         return np.stack([pose[:2], goal])

@@ -177,6 +177,23 @@ def test_driving_in_circles_is_a_livelock_but_no_standstill():
     assert not judge(spec("no_deadlock"), script).violated
 
 
+def test_a_long_way_round_by_waypoints_is_no_livelock():
+    # Behind a wall: at the first corner the goal is 8 m away in a straight line, 25 m in truth.
+    corners = np.array([(0.0, 0.0), (0.0, 8.0), (9.0, 8.0), (9.0, 0.0), (1.0, 0.0)])
+    lengths = np.hypot(*np.diff(corners, axis=0).T).cumsum()
+
+    def at(time):
+        x, y = (np.interp(0.2 * time, [0.0, *lengths], corners[:, k]) for k in range(2))
+        return float(x), float(y), 0.0
+
+    def path(time):
+        leg = min(int(np.searchsorted(lengths, 0.2 * time, side="right")), len(lengths) - 1)
+        return corners[leg : leg + 2]
+
+    script = Script(robots=[Robot(at, goal=(1.0, 0.0), path=path)], seconds=165.0)
+    assert judge(spec("no_livelock"), script).robustness > 50.0
+
+
 def test_alternating_goals_are_a_livelock():
     script = Script(
         robots=[Robot(circling, goal=lambda t: (6, 0) if int(t / 3) % 2 else (-6, 0))],
