@@ -34,7 +34,15 @@ from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.scenarios import check_params
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.trial import Judged, campaign_specifications, open_program, rerun
+from mrta_falsify.trial import (
+    Job,
+    Judged,
+    campaign_specifications,
+    open_program,
+    rerun,
+    specifications_of,
+    stack_of,
+)
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Program
@@ -309,6 +317,21 @@ def stored_world(campaign: Campaign, record: TrialRecord) -> World:
             f"{record.world_digest[:12]}; the world is not the one that was run"
         )
     return world
+
+
+def job_of(campaign: Campaign, record: TrialRecord) -> Job:
+    """A stored trial as a job to be varied, stopped early.
+
+    Raises:
+        StoreError: as of :func:`stored_world`.
+    """
+    settings = campaign.settings.trials
+    return Job(
+        world=stored_world(campaign, record),
+        config=stack_of(settings, record),
+        specifications=specifications_of(settings),
+        early_stop=True,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

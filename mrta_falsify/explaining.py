@@ -21,7 +21,7 @@ from typing import Any
 from mrta_falsify.campaign.attribution import suspected_layer
 from mrta_falsify.campaign.signature import leading
 from mrta_falsify.campaign.store import Campaign, write_atomically
-from mrta_falsify.campaigns import stored_world
+from mrta_falsify.campaigns import job_of
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
@@ -31,7 +31,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.corpus import neighbours
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.trial import Job, campaign_specifications, judge, quick_stack
+from mrta_falsify.trial import Job, judge
 from simulator_interface import forking
 from simulator_interface.forecast import offer_forecasts
 from simulator_interface.simulate import Episode
@@ -107,16 +107,7 @@ def explain(
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
-    settings = campaign.settings.trials
-    config = settings.stack
-    if record.engine != config.engine.name:
-        config = quick_stack(config)
-    job = Job(
-        world=stored_world(campaign, record),
-        config=config,
-        specifications=settings.specifications or campaign_specifications(),
-        early_stop=True,
-    )
+    job = job_of(campaign, record)
     found = explain_job(job, max_runs=max_runs, on_done=on_done)
     folder = campaign.folder(record)
     folder.mkdir(parents=True, exist_ok=True)

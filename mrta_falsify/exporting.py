@@ -13,7 +13,7 @@ from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.trial import quick_stack, rerun
+from mrta_falsify.trial import rerun, stack_of
 from reports.views import RunView
 
 Kind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4"]
@@ -45,9 +45,7 @@ def subject_of_trial(directory: Path, name: str, *, with_trace: bool) -> Subject
     campaign = open_campaign(directory)
     record = campaign.record(name)
     world = stored_world(campaign, record)
-    config = campaign.settings.trials.stack
-    if record.engine != config.engine.name:
-        config = quick_stack(config)
+    config = stack_of(campaign.settings.trials, record)
     trace = None
     if with_trace:
         stored = campaign.folder(record) / "trace.zip"

@@ -25,8 +25,8 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.family_learning import Search
 from mrta_falsify.family_rule import Family, program_text, rule_lines, sentence, summary
-from mrta_falsify.family_runs import Runs, specifications_of
-from mrta_falsify.trial import Job, judge, open_program, quick_stack
+from mrta_falsify.family_runs import Runs
+from mrta_falsify.trial import Job, judge, open_program, quick_stack, specifications_of
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Program

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.settings import TrialSettings
 from mrta_falsify.campaign.signature import signature
 from mrta_falsify.core import codec
@@ -18,7 +17,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.trial import Job, campaign_specifications, judge
+from mrta_falsify.trial import Job, judge, specifications_of
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Program
@@ -54,15 +53,11 @@ class Runs:
     known: dict[str, Answer | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        text = self.cache.read_text(encoding="utf-8") if self.cache.is_file() else ""
-        for line in text.splitlines():
+        for row in read_rows(self.cache):
             try:
-                row = json.loads(line)
                 self.known[str(row["run"])] = _answer(row)
             except (ValueError, KeyError, TypeError):
-                continue  # a torn line costs one run
-        if text and not text.endswith("\n"):
-            self._append("\n")
+                continue  # a damaged line costs one run
 
     def within(self, box: Box, candidate: Candidate) -> Answer | None:
         """Run a candidate of the program restricted to a box; None: it has no valid scene.
@@ -134,21 +129,10 @@ class Runs:
         row: dict[str, Any] = {"run": key, "u": None, "failed": False}
         if answer is not None:
             row |= {"u": answer.u.tolist(), "failed": answer.failed}
-        self._append(json.dumps(row) + "\n")
-
-    def _append(self, text: str) -> None:
-        with self.cache.open("a", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+        append_row(self.cache, row)
 
 
 def _answer(row: dict[str, Any]) -> Answer | None:
     if row["u"] is None:
         return None
     return Answer(np.array(row["u"], dtype=np.float64), bool(row["failed"]))
-
-
-def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
-    """What the trials of a campaign are judged by."""
-    return settings.specifications or campaign_specifications()

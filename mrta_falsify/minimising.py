@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,9 +18,10 @@ from typing import Any
 
 import yaml
 
+from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.signature import leading, signature
 from mrta_falsify.campaign.store import Campaign, write_atomically
-from mrta_falsify.campaigns import stored_world
+from mrta_falsify.campaigns import job_of
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
@@ -39,7 +39,7 @@ from mrta_falsify.minimising_search import (
     named,
     without,
 )
-from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
+from mrta_falsify.trial import Job, Judged, judge
 from simulator_interface import starts
 
 CACHE = "minimize.cache.jsonl"  # answers so far, so that a second call goes on
@@ -71,15 +71,14 @@ class _Oracle:
     known: dict[str, Course | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.cache is None or not self.cache.is_file():
+        if self.cache is None:
             return
-        for line in self.cache.read_text(encoding="utf-8").splitlines():
+        for row in read_rows(self.cache):
             try:
-                row = json.loads(line)
                 key, ran, course = str(row["run"]), bool(row["ran"]), row["course"]
                 self.known[key] = course and codec.decode(Course, course, where=str(self.cache))
-            except (InputError, ValueError, KeyError, TypeError):
-                continue  # a torn line costs one run
+            except (InputError, KeyError, TypeError):
+                continue  # a damaged line costs one run
             self.runs += ran
 
     def failing(self, world: World, what: str) -> Course | None:
@@ -105,11 +104,8 @@ class _Oracle:
         self.runs += ran
         self.known[key] = course
         if self.cache is not None:
-            row = {"run": key, "ran": ran, "course": codec.encode(course) if course else None}
-            with self.cache.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
+            kept = codec.encode(course) if course else None
+            append_row(self.cache, {"run": key, "ran": ran, "course": kept})
         self.on_run(self.runs, f"{'fails' if course else 'passes'} without {what}")
         return course
 
@@ -142,22 +138,13 @@ def minimise(
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to minimise")
-    settings = campaign.settings.trials
-    config = settings.stack
-    if record.engine != config.engine.name:
-        config = quick_stack(config)
-    job = Job(
-        world=stored_world(campaign, record),
-        config=config,
-        specifications=settings.specifications or campaign_specifications(),
-        early_stop=True,
-    )
+    job = job_of(campaign, record)
     folder = campaign.folder(record)
     folder.mkdir(parents=True, exist_ok=True)
     found = minimise_job(job, max_runs=max_runs, cache=folder / CACHE, on_run=on_run)
     write_world(found.world, folder / "world.min.json")
     write_trace(found.judged.outcome.trace, folder / "trace.min.zip")
-    stack = yaml.safe_dump(codec.encode(config), sort_keys=False)
+    stack = yaml.safe_dump(codec.encode(job.config), sort_keys=False)
     write_atomically(folder / "stack.yaml", stack.encode())
     data = {**summary(found), "program": write_as_program(found, job, folder)}
     write_atomically(folder / "minimize.json", (json.dumps(data) + "\n").encode())

@@ -22,7 +22,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Task, World
-from reports.errands import tasks_of
+from reports.errands import last_robots, robots_of, tasks_of
 
 #: groups of things, in the order in which they are tried
 GROUPS = ("humans", "furniture", "events", "robots", "tasks")
@@ -58,10 +58,9 @@ def course_of(verdict: Verdict, trace: Trace, world: World) -> Course:
         trace: of the run, with its columns.
         world: of the run.
     """
-    last = {event.task: event.robot for event in trace.events if event.task >= 0 <= event.robot}
     had: dict[str, list[int]] = {name: [] for name in trace.robots}
-    for task in sorted(last):
-        had[trace.robots[last[task]]].append(task)
+    for task, robot in sorted(last_robots(trace).items()):
+        had[robot].append(task)
     delivered: dict[str, list[Start]] = {name: [] for name in trace.robots}
     done: dict[int, float] = {}
     for event in trace.events:
@@ -108,7 +107,7 @@ def concerned(world: World, verdict: Verdict, trace: Trace, *, wide: bool = Fals
     """
     until = _behind(verdict)
     course = course_of(verdict, trace, world)
-    names = set(trace.robots) if wide else _robots_named(verdict, course, trace)
+    names = set(trace.robots) if wide else _robots_named(verdict, trace)
     tracks = trace.columns["pose"][:, [i for i, n in enumerate(trace.robots) if n in names], :2]
     moments = trace.columns["time"] <= until
     way = tracks[moments][::5].reshape(-1, 2)
@@ -143,13 +142,12 @@ def _behind(verdict: Verdict) -> float:
     return verdict.violated_at
 
 
-def _robots_named(verdict: Verdict, course: Course, trace: Trace) -> set[str]:
+def _robots_named(verdict: Verdict, trace: Trace) -> set[str]:
     """Robots of the cycle and whom they wait for, else those of the verdict and of its tasks."""
     cycle = verdict.evidence.get("cycle", [])
     named = {edge[key] for edge in cycle for key in ("robot", "blocked_by")}
     named = (named or set(verdict.who)) & set(trace.robots)
-    tasks = set(tasks_of(verdict))
-    named |= {name for name, had in course.had.items() if tasks & set(had)}
+    named |= set(robots_of(tasks_of(verdict), trace))
     return named or set(trace.robots)
 
 

@@ -19,7 +19,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.trial import quick_stack
+from mrta_falsify.trial import stack_of
 from reports.contents import Case, Counterfactual, FailureFamily
 from reports.sentences import listed
 
@@ -80,9 +80,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
         FormatError: its files are damaged.
     """
     folder = campaign.folder(record)
-    config = campaign.settings.trials.stack
-    if record.engine != config.engine.name:
-        config = quick_stack(config)
+    config = stack_of(campaign.settings.trials, record)
     trace = read_trace(folder / "trace.zip")
     explained = _stored(folder / "explain.json")
     verdicts = in_order(record.verdicts)

@@ -292,7 +292,7 @@ def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any 
         world=world,
         config=config,
         scene=scene,
-        specifications=settings.specifications or campaign_specifications(),
+        specifications=specifications_of(settings),
         early_stop=settings.early_stop,
     )
 
@@ -305,18 +305,27 @@ def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
         record: of the trial.
         world: its world.
     """
-    config = settings.stack
-    if record.engine and record.engine != config.engine.name:
-        config = quick_stack(config)
     scene = None
     if world.scripted:
         scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
-    return judge(_job(settings, world, config, scene))
+    return judge(_job(settings, world, stack_of(settings, record), scene))
+
+
+def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
+    """The campaign's stack on the engine that a record's verdicts come from."""
+    if record.engine in ("", settings.stack.engine.name):
+        return settings.stack
+    return quick_stack(settings.stack)
 
 
 def quick_stack(config: StackConfig) -> StackConfig:
     """``config`` on the kinematic engine."""
     return dataclasses.replace(config, engine=Choice("kinematic"))
+
+
+def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
+    """What the trials of a campaign are judged by."""
+    return settings.specifications or campaign_specifications()
 
 
 def campaign_specifications() -> tuple[str, ...]:

@@ -19,9 +19,17 @@ def tasks_of(verdict: Verdict) -> list[int]:
 
 def robots_of(tasks: list[int], trace: Trace) -> list[str]:
     """Robots that had one of ``tasks`` last, in the order of the tasks."""
-    last = {event.task: event.robot for event in trace.events if event.robot >= 0}
-    robots = [trace.robots[last[task]] for task in tasks if task in last]
-    return list(dict.fromkeys(robots))
+    last = last_robots(trace)
+    return list(dict.fromkeys(last[task] for task in tasks if task in last))
+
+
+def last_robots(trace: Trace) -> dict[int, str]:
+    """Who had each task last, for tasks that anybody had."""
+    return {
+        event.task: trace.robots[event.robot]
+        for event in trace.events
+        if event.task >= 0 <= event.robot
+    }
 
 
 def stories(tasks: list[int], world: World, trace: Trace) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,17 +39,16 @@ def write_searches(panels: Mapping[str, Mapping[str, Curve]], budget: int, path:
 
 
 def draw_searches(
-    axes: Axes, curves: Mapping[str, Curve], budget: int, names: list[str] | None = None
+    axes: Axes, curves: Mapping[str, Curve], budget: int, names: Sequence[str]
 ) -> None:
-    """Survival curves by sampler; ``names`` fixes who has which colour."""
-    known = names or list(curves)
+    """Survival curves by sampler; the place in ``names`` decides a sampler's colour."""
     for name, (times, share) in curves.items():
         axes.step(
             np.append(times, budget),
             np.append(share, share[-1]),
             where="post",
             label=name,
-            color=robot_colour(known.index(name)),
+            color=robot_colour(names.index(name)),
             linewidth=1.6,
         )
     axes.set_xlim(0, budget)

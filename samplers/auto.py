@@ -62,20 +62,22 @@ class AutoSampler:
 
     def ask(self) -> Proposal:
         """The next proposal."""
-        name = self._choose()
-        self._by[self._counter.next] = name
-        return self._counter.proposal(np.array(self._arms[name].ask().u))
+        return self._counter.proposal(np.array(self._next_arm().ask().u))
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
-        name = self._choose()
-        self._by[self._counter.next] = name
-        arm = self._arms[name]
+        arm = self._next_arm()
         if isinstance(arm, SkippingSampler):
             arm.skip()
         else:
             arm.ask()
         self._counter.next += 1
+
+    def _next_arm(self) -> Sampler:
+        """The arm that the next proposal is of; noted as such."""
+        name = self._choose()
+        self._by[self._counter.next] = name
+        return self._arms[name]
 
     def _choose(self) -> str:
         if self._counter.next < self._options.initial:

@@ -84,9 +84,8 @@ class Seen:
 
     def _edges_now(self) -> list[dict[str, str]]:
         found = []
-        for span in self.trace.edges:
-            edge = span.edge
-            if edge.cause != "task" and span.first <= self.tick <= span.last:
+        for edge in self.trace.edges_at(self.tick):
+            if edge.cause != "task":
                 others = self.trace.humans if edge.cause == "human" else self.trace.robots
                 found.append(
                     {

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from mrta_falsify import campaigns
+from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaigns import open_store, stored_world
 from mrta_falsify.core.config import Choice, StackConfig
@@ -97,7 +98,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.directory.mkdir(parents=True, exist_ok=True)
     path = arguments.directory / "planted.jsonl"
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    rows = list(read_rows(path))
     for defect in arguments.only:
         if any(row["defect"] == defect for row in rows):
             continue
@@ -109,8 +110,7 @@ def main() -> None:
             workers=arguments.workers,
         )
         rows.append(row)
-        with path.open("a") as file:
-            file.write(json.dumps(row) + "\n")
+        append_row(path, row)
         print(json.dumps(row), flush=True)
     found = [row for row in rows if row["found_at"]]
     named = sum(row["named"] == row["layer"] for row in found)

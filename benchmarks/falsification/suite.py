@@ -29,6 +29,7 @@ from typing import Any, Literal
 import yaml
 
 from mrta_falsify import campaigns, comparison
+from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaign.statistics import failure_probability
 from mrta_falsify.campaign.store import SETTINGS
@@ -101,9 +102,9 @@ def rates(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
         folder = options.directory / "rates" / pair.name
         plan = pair.plan(folder, options, stop_after=0)
         trials = dataclasses.replace(plan.settings.trials, mode="exact", seed=options.seed)
-        settings = dataclasses.replace(plan.settings, trials=trials, sampler=Choice("random"))
+        sampler = Choice("random")
+        settings = dataclasses.replace(plan.settings, trials=trials, sampler=sampler, window=8)
         limits = Limits(budget=options.trials)
-        settings = dataclasses.replace(settings, window=8)
         with open_store(folder, settings) as store:
             result = campaigns.run(store, limits, campaigns.local_workers(options.workers))
         if result.ended == "interrupted":
@@ -150,8 +151,7 @@ def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = 
 def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     """Run the first failure of each search again in PyBullet, to the end of the episode."""
     path = options.directory / CONFIRMED
-    rows = read_lines(path)
-    known = {(row["pair"], row["search"]) for row in rows}
+    known = {(row["pair"], row["search"]) for row in read_rows(path)}
     for pair in pairs:
         root = options.directory / "searches" / pair.name
         for settings in sorted(root.glob(f"*/*/{SETTINGS}")):
@@ -177,19 +177,11 @@ def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
                 "bullet": physics,
                 "confirmed": judged.failed,
             }
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
+            append_row(path, row)
             print(json.dumps(row), flush=True)
 
 
 # --- what came of it -----------------------------------------------------------------------------
-
-
-def read_lines(path: Path) -> list[dict[str, Any]]:
-    """Rows of a file of JSON lines; none if it is not there."""
-    if not path.exists():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
@@ -247,7 +239,7 @@ def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict
 
 def confirmation(directory: Path) -> dict[str, Any]:
     """Share of the searches' failures that physics confirms."""
-    rows = read_lines(directory / CONFIRMED)
+    rows = list(read_rows(directory / CONFIRMED))
     by_pair: dict[str, list[bool]] = {}
     for row in rows:
         by_pair.setdefault(row["pair"], []).append(row["confirmed"])

@@ -12,19 +12,15 @@ OUT/families.jsonl; a second call goes on, also inside a case.
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 from pathlib import Path
 from typing import Any
 
 from benchmarks.reports.stored_failures import (
     StoredFailure,
-    append_row,
     cpu_seconds,
-    parse_part,
-    rows_of,
-    stored_failures,
+    run_study,
+    study_options,
 )
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.family import find_family, rule_lines
@@ -115,29 +111,14 @@ def _line(row: dict[str, Any]) -> str:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directories", type=Path, nargs="*")
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--max-cases", type=int, default=1000)
-    parser.add_argument("--max-runs", type=int, default=300)
+    parser = study_options(__doc__.splitlines()[0], max_runs=300, per_signature=1)
     parser.add_argument("--fresh", type=int, default=100)
-    parser.add_argument("--per-signature", type=int, default=1)
-    parser.add_argument("--part", default="1/1")
-    parser.add_argument("--table", action="store_true", help="only sum up what is there")
-    arguments = parser.parse_args()
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    part = parse_part(arguments.part)
-    done = {row["case"] for row in rows_of(arguments.output, STUDY)}
-    cases = stored_failures(arguments.directories, per_mode=arguments.per_signature, part=part)
-    for case in [] if arguments.table else cases[: arguments.max_cases]:
-        if case.name in done:
-            continue
-        row = study(
-            case, arguments.output / "cases", max_runs=arguments.max_runs, fresh=arguments.fresh
-        )
-        append_row(arguments.output, STUDY, part, row)
-        print(json.dumps(row), flush=True)
-    print(table(rows_of(arguments.output, STUDY)))
+    options = parser.parse_args()
+
+    def row(case: StoredFailure, folder: Path) -> dict[str, Any]:
+        return study(case, folder, max_runs=options.max_runs, fresh=options.fresh)
+
+    run_study(STUDY, options, row, table)
 
 
 if __name__ == "__main__":

@@ -14,9 +14,7 @@ second call goes on. ``--table`` sums up.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import json
 import statistics
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,11 +23,9 @@ from typing import Any
 from benchmarks.defects.worlds import PLANTS
 from benchmarks.reports.stored_failures import (
     StoredFailure,
-    append_row,
     cpu_seconds,
-    parse_part,
-    rows_of,
-    stored_failures,
+    run_study,
+    study_options,
 )
 from mrta_falsify.campaign.signature import leading, signature
 from mrta_falsify.core.config import read_config
@@ -38,7 +34,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
 from mrta_falsify.minimising import Minimised, minimise, share_removed
-from mrta_falsify.trial import Job, campaign_specifications, judge
+from mrta_falsify.trial import Job, judge, specifications_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts
 
@@ -63,11 +59,10 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
     spent = cpu_seconds() - began
     files = apart.folder(case.record)
     world = read_world(files / "world.min.json")
-    trials = case.campaign.settings.trials
     job = Job(
         world=world,
         config=read_config(files / "stack.yaml"),
-        specifications=trials.specifications or campaign_specifications(),
+        specifications=specifications_of(case.campaign.settings.trials),
         early_stop=True,
     )
     again = judge(job)
@@ -110,11 +105,9 @@ def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
         return found
     tick = round(verdict.violated_at / trace.dt)
     waits = [
-        (trace.robots[span.edge.robot], trace.robots[span.edge.other])
-        for span in trace.edges
-        if span.first <= tick <= span.last
-        and span.edge.other >= 0
-        and span.edge.cause not in ("human", "task")
+        (trace.robots[edge.robot], trace.robots[edge.other])
+        for edge in trace.edges_at(tick)
+        if edge.other >= 0 and edge.cause not in ("human", "task")
     ]
     while True:
         more = {other for robot, other in waits if robot in found} - found
@@ -272,26 +265,9 @@ def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 def main() -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("directories", type=Path, nargs="*")
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--max-cases", type=int, default=1000)
-    parser.add_argument("--max-runs", type=int, default=60)
-    parser.add_argument("--per-signature", type=int, default=3)
-    parser.add_argument("--part", default="1/1")
-    parser.add_argument("--table", action="store_true", help="only sum up what is there")
-    arguments = parser.parse_args()
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    part = parse_part(arguments.part)
-    done = {row["case"] for row in rows_of(arguments.output, STUDY)}
-    cases = stored_failures(arguments.directories, per_mode=arguments.per_signature, part=part)
-    for case in [] if arguments.table else cases[: arguments.max_cases]:
-        if case.name in done:
-            continue
-        row = study(case, arguments.output / "cases", arguments.max_runs)
-        append_row(arguments.output, STUDY, part, row)
-        print(json.dumps(row), flush=True)
-    print(table(rows_of(arguments.output, STUDY)))
+    parser = study_options(__doc__.splitlines()[0], max_runs=60, per_signature=3)
+    options = parser.parse_args()
+    run_study(STUDY, options, lambda case, folder: study(case, folder, options.max_runs), table)
 
 
 if __name__ == "__main__":

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import resource
 import time
-from collections.abc import Sequence
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaign.store import SETTINGS, Campaign, write_atomically
+from mrta_falsify.campaign import journal
+from mrta_falsify.campaign.journal import read_rows
+from mrta_falsify.campaign.store import SETTINGS, Campaign
 from mrta_falsify.campaigns import open_campaign, stored_world
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
@@ -110,27 +112,52 @@ def parse_part(text: str) -> tuple[int, int]:
 
 def rows_of(folder: Path, study: str) -> list[dict[str, Any]]:
     """Rows of a study so far, of all its parts; a torn last line is left out."""
-    rows = []
-    for path in sorted(folder.glob(f"{study}*.jsonl")):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            try:
-                rows.append(json.loads(line))
-            except ValueError:
-                continue
-    return rows
+    return [row for path in sorted(folder.glob(f"{study}*.jsonl")) for row in read_rows(path)]
 
 
 def append_row(folder: Path, study: str, part: tuple[int, int], row: dict[str, Any]) -> None:
     """Add a row; it is on disc when this returns."""
     name = study if part[1] == 1 else f"{study}.{part[0]}of{part[1]}"
-    path = folder / f"{name}.jsonl"
-    if path.is_file() and not path.read_bytes().endswith(b"\n"):
-        sound = path.read_bytes().rpartition(b"\n")
-        write_atomically(path, sound[0] + sound[1])
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(row) + "\n")
-        file.flush()
-        os.fsync(file.fileno())
+    journal.append_row(folder / f"{name}.jsonl", row)
+
+
+def study_options(description: str, *, max_runs: int, per_signature: int) -> ArgumentParser:
+    """The command line that all studies have."""
+    parser = ArgumentParser(description=description)
+    parser.add_argument("directories", type=Path, nargs="*")
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--max-cases", type=int, default=1000)
+    parser.add_argument("--max-runs", type=int, default=max_runs)
+    parser.add_argument("--per-signature", type=int, default=per_signature)
+    parser.add_argument("--part", default="1/1")
+    parser.add_argument("--table", action="store_true", help="only sum up what is there")
+    return parser
+
+
+def run_study(
+    name: str,
+    options: Namespace,
+    study: Callable[[StoredFailure, Path], dict[str, Any]],
+    table: Callable[[list[dict[str, Any]]], str],
+) -> None:
+    """Study the cases that have no row yet, then print the table of all rows.
+
+    Args:
+        name: of the study and its files in ``options.output``.
+        options: as of :func:`study_options`.
+        study: the row of a case; may write into the folder.
+        table: of rows.
+    """
+    options.output.mkdir(parents=True, exist_ok=True)
+    part = parse_part(options.part)
+    done = {row["case"] for row in rows_of(options.output, name)}
+    cases = stored_failures(options.directories, per_mode=options.per_signature, part=part)
+    for case in [] if options.table else cases[: options.max_cases]:
+        if case.name not in done:
+            row = study(case, options.output / "cases")
+            append_row(options.output, name, part, row)
+            print(json.dumps(row), flush=True)
+    print(table(rows_of(options.output, name)))
 
 
 def cpu_seconds() -> float:

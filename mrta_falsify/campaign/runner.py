@@ -172,7 +172,9 @@ class _Loop:
         self._submitted = 0
         self._retried: set[int] = set()
         # The first and the last stored proposals are asked for again and compared.
-        self._known = frozenset(sorted(store.finished)[COMPARED:-COMPARED])
+        between = sorted(store.finished)[COMPARED:-COMPARED]
+        skips = isinstance(self._sampler, SkippingSampler)
+        self._skipped = frozenset(between if skips else ())
 
     def run(self) -> Ended:
         while True:
@@ -198,7 +200,8 @@ class _Loop:
 
     def _ask(self) -> None:
         while self._asked < self.progress.told + self._store.settings.window:
-            if self._asked in self._known and isinstance(self._sampler, SkippingSampler):
+            if self._asked in self._skipped:
+                assert isinstance(self._sampler, SkippingSampler)
                 self._sampler.skip()
                 self._asked += 1
                 continue
@@ -220,10 +223,8 @@ class _Loop:
             if stored is None:
                 self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
                 continue
-            if number not in self._proposals:  # skipped
-                self._on_record(stored, False)
-                continue
-            if stored.proposal_digest != point_digest(self._proposals[number]):
+            asked = self._proposals.get(number)  # None: skipped
+            if asked is not None and stored.proposal_digest != point_digest(asked):
                 raise StoreError(
                     f"{self._store.directory}: trial {stored.id} was asked for at another point "
                     "than these settings and this version ask for; it cannot be gone on with"

@@ -96,6 +96,10 @@ class Trace:
         times = self.columns["time"]
         return float(times[-1]) if len(times) else 0.0
 
+    def edges_at(self, tick: int) -> tuple[BlockedBy, ...]:
+        """Blocked-by edges that held at ``tick``."""
+        return tuple(span.edge for span in self.edges if span.first <= tick <= span.last)
+
 
 @dataclass(slots=True)
 class TraceRecorder:

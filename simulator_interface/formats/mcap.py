@@ -184,9 +184,8 @@ def _markers(world: World, trace: Trace, tick: int, time: float, *, with_solids:
         markers.append(marker)
     waits = _marker(time, "blocked_by", 0, LINE_LIST, (0.8, 0.1, 0.1, 1.0))
     waits["scale"] = _point(0.06, 0.0)
-    for span in trace.edges:
-        edge = span.edge
-        if edge.other >= 0 and span.first <= tick <= span.last:
+    for edge in trace.edges_at(tick):
+        if edge.other >= 0:
             start = trace.columns["pose"][tick, edge.robot, :2]
             end = people[edge.other] if edge.cause == "human" else None
             end = trace.columns["pose"][tick, edge.other, :2] if end is None else end
