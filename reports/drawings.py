@@ -17,13 +17,16 @@ from reports.views import extent_of
 
 CLOSE_UP = 4.0  # m around the members of a cycle that a close-up shows
 FITS = 8  # letters of a name inside its node
+#: what the graph says where nobody and no known thing is waited for; a solid otherwise
+NOBODY = {"stalled": "nothing", "no-path": "no way"}
 NO_ROBOT = "#6b6b80"  # nodes of people, rooms and solids; white text reads on it
 TRAIL = 20.0  # s of the way behind a robot
 
 
 def wait_for_graph(edges: Sequence[dict[str, str]], world: World) -> Markup:
     """Graph of a wait-for cycle: a node per robot or person, an arrow per edge with its cause."""
-    names = list(dict.fromkeys(name for edge in edges for name in (edge["robot"], _blocker(edge))))
+    nodes = (name for edge in edges for name in (edge["robot"], blocker_of(edge)))
+    names = list(dict.fromkeys(nodes))
     numbers = {robot.name: i for i, robot in enumerate(world.robots)}
     radius = 105.0
     width, height = 360.0, 130.0 if len(names) == 2 else 320.0
@@ -37,7 +40,7 @@ def wait_for_graph(edges: Sequence[dict[str, str]], world: World) -> Markup:
         for name, a in zip(names, angles, strict=True)
     }
     for edge in edges:
-        start, end = place[edge["robot"]], place[_blocker(edge)]
+        start, end = place[edge["robot"]], place[blocker_of(edge)]
         way = end - start
         length = float(np.hypot(*way))
         if length < 1.0:
@@ -61,12 +64,13 @@ def wait_for_graph(edges: Sequence[dict[str, str]], world: World) -> Markup:
     return drawing.markup()
 
 
-def _blocker(edge: dict[str, str]) -> str:
-    return edge["blocked_by"] or edge["resource"] or "solid"
+def blocker_of(edge: dict[str, str]) -> str:
+    """Node of the wait-for graph that an edge of a cycle leads to."""
+    return edge["blocked_by"] or edge["resource"] or NOBODY.get(edge["cause"], "solid")
 
 
 def _edge_text(edge: dict[str, str]) -> str:
-    return f"{edge['robot']} waits for {_blocker(edge)} ({edge['cause']})"
+    return f"{edge['robot']} waits for {blocker_of(edge)} ({edge['cause']})"
 
 
 def moment(

@@ -20,6 +20,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from reports.colours import HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
+from reports.drawings import blocker_of
 from reports.errands import robots_of, tasks_of
 from reports.figure_floor import draw_floor, draw_label
 from reports.figure_motion import robot_outline
@@ -287,10 +288,6 @@ def _arrow(axes: Axes, start: Array, end: Array, *, shrink: float, scale: float)
     )  # fmt: skip
 
 
-def _blocker(edge: dict[str, str]) -> str:
-    return edge["blocked_by"] or edge["resource"] or edge["cause"]
-
-
 def _draw_graph(
     axes: Axes, edges: Sequence[dict[str, str]], colours: dict[str, str], wide: float
 ) -> None:
@@ -299,7 +296,7 @@ def _draw_graph(
     axes.set_ylim(0.0, 1.0)
     axes.set_axis_off()
     axes.set_title("who waits for whom", fontsize=9.5, color=INK, loc="left", pad=2)
-    names = list(dict.fromkeys(name for e in edges for name in (e["robot"], _blocker(e))))
+    names = list(dict.fromkeys(name for e in edges for name in (e["robot"], blocker_of(e))))
     turn = np.pi + 2.0 * np.pi * np.arange(len(names)) / max(len(names), 1)
     reach = np.array([0.33 * wide, 0.32])
     place = {
@@ -307,7 +304,7 @@ def _draw_graph(
         for name, angle in zip(names, turn, strict=True)
     }
     for edge in edges:
-        start, end = place[edge["robot"]], place[_blocker(edge)]
+        start, end = place[edge["robot"]], place[blocker_of(edge)]
         if np.allclose(start, end):
             continue
         _arrow(axes, start, end, shrink=22.0, scale=13.0)
