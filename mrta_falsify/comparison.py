@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import multiprocessing
-import os
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 from mrta_falsify import campaigns
 from mrta_falsify.campaign import survival
+from mrta_falsify.campaign.processes import spawned
 from mrta_falsify.campaign.runner import Progress
 from mrta_falsify.campaign.settings import CampaignSettings, Limits
 from mrta_falsify.campaign.store import SETTINGS, Campaign, StoreError, write_atomically
@@ -83,9 +80,7 @@ def run(
     searches = plan.searches(directory)
     missing = [search for search in searches if not _has_ended(plan, search[2])]
     done = len(searches) - len(missing)
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_the_parent
-    )
+    pool = spawned(workers, hear_interrupts=True)  # a search takes minutes
     try:
         asked = {
             pool.submit(_search, _settings(plan, name, seed, folder), plan.limits): (name, seed)
@@ -132,18 +127,6 @@ def _has_ended(plan: Plan, folder: Path) -> bool:
         if plan.stop_after and progress.failed >= plan.stop_after:
             return True
     return progress.ran >= plan.budget
-
-
-def _end_with_the_parent() -> None:
-    """End this process when the one that started it is gone, however that ended."""
-    parent = multiprocessing.parent_process()
-
-    def wait() -> None:
-        if parent is not None:
-            connection.wait([parent.sentinel])
-            os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def check_is_comparison(directory: Path) -> None:

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.signature import leading, signature
 from mrta_falsify.campaign.store import Campaign, write_atomically
 from mrta_falsify.campaigns import job_of
@@ -28,6 +27,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.minimising_runs import OutOfRunsError, Runs, Smaller
 from mrta_falsify.minimising_search import (
     GROUPS,
     MARGIN,
@@ -40,7 +40,6 @@ from mrta_falsify.minimising_search import (
     without,
 )
 from mrta_falsify.trial import Job, Judged, judge
-from simulator_interface import starts
 
 CACHE = "minimize.cache.jsonl"  # answers so far, so that a second call goes on
 
@@ -58,67 +57,12 @@ class Minimised:
     counts: dict[str, tuple[int, int]]  #: by group: before, after
 
 
-@dataclass(slots=True)
-class _Oracle:
-    """Answers whether a world still fails in the same way; remembers answers, also on disc."""
-
-    job: Job
-    wanted: str
-    max_runs: int
-    cache: Path | None
-    on_run: Callable[[int, str], None]
-    runs: int = 0
-    known: dict[str, Course | None] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.cache is None:
-            return
-        for row in read_rows(self.cache):
-            try:
-                key, ran, course = str(row["run"]), bool(row["ran"]), row["course"]
-                self.known[key] = course and codec.decode(Course, course, where=str(self.cache))
-            except (InputError, KeyError, TypeError):
-                continue  # a damaged line costs one run
-            self.runs += ran
-
-    def failing(self, world: World, what: str) -> Course | None:
-        """The course of ``world`` if it fails with the wanted signature, None otherwise.
-
-        Raises:
-            _OutOfRunsError: not known yet, and the runs are used up.
-        """
-        key = codec.digest([world, self.job.config, self.job.specifications, self.wanted])
-        if key in self.known:
-            return self.known[key]
-        if self.runs >= self.max_runs:
-            raise _OutOfRunsError
-        course, ran = None, True
-        try:
-            starts.check_starts(world)
-            judged = judge(dataclasses.replace(self.job, world=world))
-            verdict = leading(judged.verdicts)
-            if verdict is not None and signature(judged.verdicts) == self.wanted:
-                course = course_of(verdict, judged.outcome.trace, world)
-        except InputError:
-            ran = False  # no valid world
-        self.runs += ran
-        self.known[key] = course
-        if self.cache is not None:
-            kept = codec.encode(course) if course else None
-            append_row(self.cache, {"run": key, "ran": ran, "course": kept})
-        self.on_run(self.runs, f"{'fails' if course else 'passes'} without {what}")
-        return course
-
-
-class _OutOfRunsError(Exception):
-    """The budget is used up."""
-
-
 def minimise(
     campaign: Campaign,
     record: TrialRecord,
     *,
     max_runs: int = 100,
+    workers: int = 1,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Minimised:
     """Minimise a stored failure and keep the result beside it; a second call goes on.
@@ -127,6 +71,8 @@ def minimise(
         campaign: it belongs to.
         record: of the failure.
         max_runs: simulations at most, those of earlier calls included.
+        workers: simulations at a time; the result is the same with any number of them, only the
+            runs that it takes are not.
         on_run: called after each with the number so far and a line about it.
 
     Returns:
@@ -141,7 +87,9 @@ def minimise(
     job = job_of(campaign, record)
     folder = campaign.folder(record)
     folder.mkdir(parents=True, exist_ok=True)
-    found = minimise_job(job, max_runs=max_runs, cache=folder / CACHE, on_run=on_run)
+    found = minimise_job(
+        job, max_runs=max_runs, workers=workers, cache=folder / CACHE, on_run=on_run
+    )
     write_world(found.world, folder / "world.min.json")
     write_trace(found.judged.outcome.trace, folder / "trace.min.zip")
     stack = yaml.safe_dump(codec.encode(job.config), sort_keys=False)
@@ -210,6 +158,7 @@ def minimise_job(
     job: Job,
     *,
     max_runs: int = 100,
+    workers: int = 1,
     cache: Path | None = None,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Minimised:
@@ -219,21 +168,22 @@ def minimise_job(
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to minimise")
     trace = first.outcome.trace
-    oracle = _Oracle(job, signature(first.verdicts), max_runs, cache, on_run)
-    search = _Search(job.world, course_of(verdict, trace, job.world), oracle)
     complete = True
-    try:
-        search.begin(verdict, trace)
-        search.go_on()
-    except _OutOfRunsError:
-        complete = False
+    runs = Runs(job, signature(first.verdicts), max_runs, cache, on_run, workers)
+    search = _Search(job.world, course_of(verdict, trace, job.world), runs)
+    with runs:
+        try:
+            search.begin(verdict, trace)
+            search.go_on()
+        except OutOfRunsError:
+            complete = False
     judged = judge(dataclasses.replace(job, world=search.world))
     return Minimised(
         world=search.world,
         judged=judged,
-        signature=oracle.wanted,
+        signature=runs.wanted,
         removed=_removed(job.world, search.world),
-        runs=oracle.runs,
+        runs=runs.count,
         one_minimal=complete,
         counts={g: (len(getattr(job.world, g)), len(getattr(search.world, g))) for g in GROUPS},
     )
@@ -242,35 +192,36 @@ def minimise_job(
 class _Search:
     """Holds the smallest failing world so far, and the course of its run."""
 
-    def __init__(self, world: World, course: Course, oracle: _Oracle) -> None:
+    def __init__(self, world: World, course: Course, runs: Runs) -> None:
         self.world = world
         self._course = course
-        self._oracle = oracle
+        self._runs = runs
 
-    def _try(self, world: World | None, what: str) -> bool:
-        if world is None:
-            return False
-        course = self._oracle.failing(world, what)
-        if course is None:
-            return False
-        self.world, self._course = world, course
-        return True
+    def _take(self, worlds: Iterable[Smaller]) -> Smaller | None:
+        """Go on with the first of some smaller worlds that fails; None if none does."""
+        found = self._runs.first_failing(worlds)
+        if found is None:
+            return None
+        smaller, self._course = found
+        self.world = smaller.world
+        return smaller
 
     def begin(self, verdict: Verdict, trace: Trace) -> None:
         """What the run points to and nothing else; failing that, only what comes before it."""
-        guess = concerned(self.world, verdict, trace)
-        if self._try(guess, "what the failure does not name"):
-            return
-        guess = concerned(self.world, verdict, trace, wide=True)
-        if self._try(guess, "what is far from it"):
-            return
+        self._take(self._guesses(verdict, trace))
+
+    def _guesses(self, verdict: Verdict, trace: Trace) -> Iterator[Smaller]:
+        for wide, what in ((False, "what the failure does not name"), (True, "what is far away")):
+            guess = concerned(self.world, verdict, trace, wide=wide)
+            if guess is not None:
+                yield Smaller(guess, what)
         if verdict.violated_at is None or verdict.spec == "all_tasks_done":
             return
         found = verdict.violated_at
         tasks = tuple(task for task in self.world.tasks if task.arrival <= found)
         horizon = min(self.world.horizon, found + MARGIN)
         shorter = dataclasses.replace(self.world, tasks=tasks, horizon=horizon)
-        self._try(shorter, "what comes after the violation")
+        yield Smaller(shorter, "what comes after the violation")
 
     def go_on(self) -> None:
         """Make the world smaller until nothing goes: then each single thing is needed."""
@@ -288,42 +239,57 @@ class _Search:
     def _shrink(self, group: str, size: int) -> None:
         """ddmin: chunks of at most ``size`` things down to single ones."""
         while size >= 1:
-            start = 0
-            while start < len(getattr(self.world, group)):
-                gone = range(len(getattr(self.world, group)))[start : start + size]
-                if not self._remove(group, gone):
-                    start += size
+            place = 0
+            while taken := self._take(self._removals(group, size, place)):
+                place = taken.place
             if size == 1:
                 return
             size = max(1, min(size, len(getattr(self.world, group))) // 2)
 
-    def _remove(self, group: str, gone: Sequence[int]) -> bool:
+    def _removals(self, group: str, size: int, place: int) -> Iterator[Smaller]:
+        """Worlds without one chunk of a group, from the one at ``place`` on."""
         items = getattr(self.world, group)
-        what = named(group, [items[i] for i in gone])
-        if group == "robots":
-            # what a robot had to do would go to the others, and change their ways
-            had = [task for i in gone for task in self._course.had.get(items[i].name, ())]
-            with_tasks = without(self.world, group, gone, had)
-            if had and self._try(with_tasks, f"{what} and what it had to do"):
-                return True
+        for start in range(place, len(items), size):
+            gone = range(len(items))[start : start + size]
+            what = named(group, [items[i] for i in gone])
+            had: list[int] = []
+            if group == "robots":
+                # what a robot had to do would go to the others, and change their ways
+                had = [task for i in gone for task in self._course.had.get(items[i].name, ())]
+                if had:
+                    smaller = without(self.world, group, gone, had)
+                    if smaller is not None:
+                        yield Smaller(smaller, f"{what} and what it had to do", start)
             if had and len(gone) > 1:
-                return False
-        return self._try(without(self.world, group, gone), what)
+                continue
+            smaller = without(self.world, group, gone)
+            if smaller is not None:
+                yield Smaller(smaller, what, start)
 
     def _begin_later(self) -> None:
-        while any(self._try(world, what) for what, world in later_starts(self.world, self._course)):
+        while self._take(self._later()):
             pass
+
+    def _later(self) -> Iterator[Smaller]:
+        return (Smaller(world, what) for what, world in later_starts(self.world, self._course))
 
     def _move_to_nominal(self) -> None:
         """Noise, delays, odd speeds and times, as far as the failure does not need them."""
-        odd = [row for row in NOMINAL if row[1](self.world).digest() != self.world.digest()]
         calm = self.world
-        for _, change in odd:
+        for _, change in NOMINAL:
             calm = change(calm)
-        if len(odd) > 1 and self._try(calm, "anything odd"):
+        if calm.digest() == self.world.digest() or self._take([Smaller(calm, "anything odd")]):
             return
-        for what, change in odd:
-            self._try(change(self.world), what)
+        place = 0
+        while taken := self._take(self._calmer(place)):
+            place = taken.place + 1
+
+    def _calmer(self, place: int) -> Iterator[Smaller]:
+        """Worlds with one thing as usual, from that at ``place`` in ``NOMINAL`` on."""
+        for number, (what, change) in list(enumerate(NOMINAL))[place:]:
+            calm = change(self.world)
+            if calm.digest() != self.world.digest():
+                yield Smaller(calm, what, number)
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

@@ -72,6 +72,25 @@ def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
     assert more.runs == 4
 
 
+@pytest.mark.slow
+def test_several_workers_come_to_the_same_world(cluttered):
+    alone = minimise_job(cluttered, max_runs=60)
+    together = minimise_job(cluttered, max_runs=60, workers=2)
+    assert together.world.digest() == alone.world.digest()
+    assert together.judged.outcome.trace.digest == alone.judged.outcome.trace.digest
+    assert together.one_minimal
+    assert together.runs >= alone.runs  # what runs ahead is not always needed
+
+
+@pytest.mark.slow
+def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
+    cache = tmp_path / "cache.jsonl"
+    few = minimise_job(cluttered, max_runs=3, workers=2, cache=cache)
+    assert few.runs == 3
+    assert not few.one_minimal
+    assert minimise_job(cluttered, max_runs=4, cache=cache).runs == 4
+
+
 def test_a_run_that_holds_cannot_be_minimised(cluttered):
     healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
     with pytest.raises(InputError, match="violates nothing"):

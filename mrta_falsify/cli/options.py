@@ -84,6 +84,15 @@ def trial_arguments(command: Command) -> Command:
     return click.argument("directory", type=FILE)(command)
 
 
+def workers_option(command: Command) -> Command:
+    """``--workers W``, processes at a time."""
+    return click.option(
+        "--workers",
+        type=click.IntRange(1, 512),
+        help="Processes; default: one per core. Changes no result.",
+    )(command)
+
+
 def count_option(
     flag: str, low: int, high: int, *, default: int, text: str
 ) -> Callable[[Command], Command]:
