@@ -28,9 +28,11 @@ from mrta_falsify.campaign.store import (
 )
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.difference import Difference, first_difference
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
 from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.scenarios import check_params
 from mrta_falsify.specs.library import build_specifications
@@ -343,6 +345,7 @@ class Replay:
     same_digest: int  #: runs with the recorded trace digest
     same_verdicts: int  #: runs that violate the same specifications at the same times
     same_machine: bool  #: versions and machine type are those of the record
+    difference: Difference | None  #: of the first other run from the kept trace, if it is kept
 
     @property
     def identical(self) -> bool:
@@ -363,6 +366,11 @@ def replay(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay
     """
     world = stored_world(campaign, record)
     runs = tuple(rerun(campaign.settings.trials, record, world) for _ in range(times))
+    others = [r.outcome.trace for r in runs if r.outcome.trace.digest != record.trace_digest]
+    stored = campaign.folder(record) / "trace.zip"
+    difference = None
+    if others and stored.is_file():
+        difference = first_difference(read_trace(stored), others[0])
     wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
     violations = [{v.spec: v.violated_at for v in r.verdicts if v.violated} for r in runs]
     return Replay(
@@ -371,6 +379,7 @@ def replay(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay
         same_digest=sum(r.outcome.trace.digest == record.trace_digest for r in runs),
         same_verdicts=sum(found == wanted for found in violations),
         same_machine=record.versions == versions(),
+        difference=difference,
     )
 
 
@@ -383,6 +392,7 @@ def store_replay(campaign: Campaign, result: Replay) -> None:
         "identical": result.same_digest,
         "same_verdicts": result.same_verdicts,
         "same_machine": result.same_machine,
+        "first_difference": codec.encode(result.difference),
     }
     write_atomically(folder / "verify.json", (json.dumps(data) + "\n").encode())
 

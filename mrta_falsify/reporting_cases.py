@@ -14,6 +14,7 @@ from mrta_falsify.campaign.signature import PRECEDENCE
 from mrta_falsify.campaign.store import Campaign
 from mrta_falsify.campaigns import modes
 from mrta_falsify.core import codec
+from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
@@ -154,6 +155,10 @@ def _checks(folder: Path, explained: dict[str, Any]) -> dict[str, Any]:
     verified = _stored(folder / "verify.json")
     if verified:
         found["identical"] = (verified["identical"], verified["runs"])
+        parts = verified.get("first_difference")
+        if parts:
+            where = codec.decode(Difference, parts, where=str(folder / "verify.json"))
+            found["parts"] = f"first differs {where}"
     if explained.get("jittered", {}).get("runs"):
         found["jittered"] = (explained["jittered"]["failed"], explained["jittered"]["runs"])
     return found

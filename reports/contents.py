@@ -58,6 +58,7 @@ class Case:
     layer_evidence: str = ""  #: a sentence or two on why
     counterfactuals: tuple[Counterfactual, ...] = ()
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
+    parts: str = ""  #: where the first other replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it

@@ -62,7 +62,8 @@ def _case(case: Case) -> Iterator[str]:
         text = f"Suspected layer: {case.layer or 'none'}. {case.layer_evidence}"
         yield from (_plain(text.strip()), "")
     if case.identical:
-        yield from (f"Replay: {case.identical[0]} of {case.identical[1]} identical.", "")
+        parts = f", {case.parts}" if case.parts else ""
+        yield from (f"Replay: {case.identical[0]} of {case.identical[1]} identical{parts}.", "")
     if case.jittered:
         yield from (
             f"With small differences it fails in {case.jittered[0]} of {case.jittered[1]} runs.",

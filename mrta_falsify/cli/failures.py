@@ -55,8 +55,13 @@ def show(directory: Path, name: str, style: str) -> int:
 @count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
 @format_option
 def replay(directory: Path, name: str, verify: int, style: str) -> int:
-    """Run a stored trial again and compare digests. Exit code 1: they differ."""
+    """Run a stored trial again and compare digests. Exit code 1: they differ.
+
+    Where they do, says whether the verdicts are the same all the same, and names the first tick
+    that differs from the stored trace.
+    """
     from mrta_falsify import campaigns  # noqa: PLC0415
+    from mrta_falsify.core import codec  # noqa: PLC0415
 
     opened = campaigns.open_campaign(directory)
     result = campaigns.replay(opened, opened.record(name), times=verify)
@@ -69,6 +74,7 @@ def replay(directory: Path, name: str, verify: int, style: str) -> int:
                 "identical": result.same_digest,
                 "same_verdicts": result.same_verdicts,
                 "same_machine": result.same_machine,
+                "first_difference": codec.encode(result.difference),
                 "trace_digest": result.record.trace_digest,
                 "trace_digests": [run.outcome.trace.digest for run in result.runs],
                 "failed": [run.failed for run in result.runs],
@@ -89,6 +95,8 @@ def _print_replay(result: Replay) -> None:
     if result.identical:
         return
     out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
+    if result.difference is not None:
+        out.print(f"first differs {result.difference}")
     if not result.same_machine:
         out.print("the record comes from other versions or another kind of machine (see `show`)")
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from xml.etree import ElementTree
 
 import pytest
+
+from mrta_falsify import campaigns
+from mrta_falsify.trial import rerun
 
 PROGRAM = """
 model scenic_worlds.model
@@ -74,6 +78,31 @@ def test_list_show_and_replay_agree(campaign):
     assert json.loads(replayed.stdout)["identical"] == 2
     csv = call("list", directory, "--format", "csv").stdout.splitlines()
     assert len(csv) == 7
+
+
+@pytest.mark.slow
+def test_a_replay_that_differs_names_the_first_tick(campaign, monkeypatch):
+    directory, call, *_ = campaign
+    name = _first_failure(call, directory)
+
+    def rerun_elsewhere(*args):  # as on a machine with another floating point
+        judged = rerun(*args)
+        pose = judged.outcome.trace.columns["pose"].copy()
+        pose[30:, 1, 0] += 1e-9
+        columns = {**judged.outcome.trace.columns, "pose": pose}
+        trace = dataclasses.replace(judged.outcome.trace, columns=columns, digest="0" * 64)
+        return dataclasses.replace(judged, outcome=dataclasses.replace(judged.outcome, trace=trace))
+
+    monkeypatch.setattr(campaigns, "rerun", rerun_elsewhere)
+    result = call("replay", directory, name)
+    page = call("report", directory)
+    (directory / "trials" / name / "verify.json").unlink()
+    assert result.exit_code == 1, result.stderr
+    assert "0 of 1 identical" in result.stdout
+    assert "1 of 1 have the same violations at the same times" in result.stdout
+    assert "first differs at tick 30 (1.50 s): pose of robot2 by 1e-09" in result.stdout
+    assert page.exit_code == 0
+    assert "first differs at tick 30" in (directory / "report.html").read_text()
 
 
 @pytest.mark.slow
