@@ -23,7 +23,7 @@ from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
-from mrta_falsify.specs.library import ContactCounter
+from mrta_falsify.specs.contacts import ContactCounter
 from mrta_falsify.stack.stack import Stack, StackState
 from simulator_interface.crowd import Crowd
 from simulator_interface.forecast import ForgettingPart, RemovingEngine, offer_forecasts

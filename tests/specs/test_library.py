@@ -9,8 +9,8 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.world import Task
+from mrta_falsify.specs.contacts import ContactCounter
 from mrta_falsify.specs.library import (
-    ContactCounter,
     build_specifications,
     default_specifications,
     specification_choice,

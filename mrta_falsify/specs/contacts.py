@@ -1,0 +1,294 @@
+"""Contacts and gaps: robots, people and what stands around.
+
+Robustness is a distance [m]; gaps beyond 10 m and "nothing to judge" give the cap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
+
+FAR = 10.0  # m, cap of gaps
+TOUCH = -1e-3  # m, robustness of a contact whose measured gap is not negative
+SETTLE = 0.5  # s without contact that end a contact episode
+AT_REST = 0.05  # m/s, slower robots count as at rest
+
+
+@dataclass(slots=True)
+class _MovingBeforeContact:
+    """Tells robots that drive from robots that stand, also while somebody pushes them.
+
+    During a contact with a person the state from before holds, unless the robot is commanded
+    to drive and does: a robot that is shoved does not count as moving.
+    """
+
+    _velocity: Array | None = None  #: (N, 3) of the last tick
+    _moving: BoolArray | None = None  #: (N,) of the last tick, None: nobody asked
+
+    def skip(self, frame: Frame) -> None:
+        """Take in a tick at which nobody needs to know."""
+        self._velocity = frame.sensed.velocity
+        self._moving = None
+
+    def update(self, frame: Frame) -> BoolArray:
+        """Take in a tick; which robots ``(N,)`` count as moving."""
+        velocity, contact = frame.sensed.velocity, frame.sensed.contact
+        before = velocity if self._velocity is None else self._velocity
+        held = self._moving
+        if held is None:
+            held = np.sqrt(before[:, 0] ** 2 + before[:, 1] ** 2) > AT_REST
+        self._velocity = velocity
+        self._moving = _moving(velocity, before, frame.command.twist, contact, held)
+        return self._moving
+
+
+@numba.njit(cache=True)
+def _moving(
+    velocity: Array, before: Array, twist: Array, contact: BoolArray, held: BoolArray
+) -> BoolArray:
+    moving = held.copy()
+    for i in range(len(velocity)):
+        drives = np.hypot(velocity[i, 0], velocity[i, 1]) > AT_REST
+        if contact[i, 1]:
+            commanded = np.hypot(twist[i, 0], twist[i, 1]) > AT_REST
+            moving[i] = held[i] or (drives and commanded)
+        else:
+            moving[i] = drives or np.hypot(before[i, 0], before[i, 1]) > AT_REST
+    return moving
+
+
+class ContactCounter:
+    """Counts contact episodes: onsets after at least 0.5 s without, each pair on its own."""
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode with control period ``dt`` [s]."""
+        self._moving = _MovingBeforeContact()
+        self._last: dict[tuple[str, int, int], float] = {}
+        self._totals = {
+            "robot_robot": 0,
+            "robot_human": 0,
+            "robot_static": 0,
+            "robot_human_at_rest": 0,
+        }
+        self._settle = max(SETTLE, 1.5 * dt)
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        contact = frame.sensed.contact
+        if not contact.any():
+            self._moving.skip(frame)
+            return
+        moving = self._moving.update(frame)
+        for i, kind in zip(*np.nonzero(contact), strict=True):
+            robot, other = int(i), -1
+            name = ("robot_robot", "robot_human", "robot_static")[kind]
+            if kind == 0:
+                other = int(frame.sensed.nearest_robot[i])
+                robot, other = min(robot, other), max(robot, other)
+            elif kind == 1:
+                other = int(frame.sensed.nearest_human[i])
+                name = name if moving[i] else "robot_human_at_rest"
+            key = ("robot_human" if kind == 1 else name, robot, other)
+            known = self._last.get(key, -np.inf)
+            if frame.sensed.time - known > self._settle:
+                self._totals[name] += 1
+            self._last[key] = frame.sensed.time
+
+    def totals(self) -> dict[str, int]:
+        """Episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
+
+        ``robot_human`` are those of a moving robot only.
+        """
+        return dict(self._totals)
+
+
+class _NarrowestGap:
+    """Narrowest gap of one kind [m] over the robots that count; negative after a contact."""
+
+    name = ""
+    limit = 0.0  #: gap that must be kept [m]
+    _kind = 0  #: column of ``Sensed.contact``
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        del dt
+        self._world = world
+        self._worst = FAR
+        self._where: dict[str, Any] = {}
+        self._who: tuple[str, ...] = ()
+        self._violated_at: float | None = None
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        gaps = self._gaps(frame)
+        if not len(gaps):
+            return
+        i = int(gaps.argmin())
+        gap = float(gaps[i]) - self.limit
+        if gap >= self._worst:
+            return
+        sensed = frame.sensed
+        self._worst = gap
+        if gap < 0.0 and self._violated_at is None:
+            self._violated_at = sensed.time
+        self._who = self._names(frame, i)
+        speed = float(np.hypot(sensed.velocity[i, 0], sensed.velocity[i, 1]))
+        self._where = {
+            "gap": float(gaps[i]),
+            "time": sensed.time,
+            "robot": self._world.robots[i].name,
+            "speed": speed,
+            "x": float(sensed.pose[i, 0]),
+            "y": float(sensed.pose[i, 1]),
+        }
+
+    def verdict(self) -> Verdict:
+        """Verdict to date."""
+        return Verdict(
+            spec=self.name,
+            robustness=self._worst,
+            violated=self._worst < 0.0,
+            violated_at=self._violated_at,
+            who=self._who if self._worst < 0.0 else (),
+            evidence={"nearest": self._where, "between": list(self._who), **self._more()},
+        )
+
+    def _gaps(self, frame: Frame) -> Array:
+        raise NotImplementedError
+
+    def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
+        return (self._world.robots[i].name,)
+
+    def _more(self) -> dict[str, Any]:
+        return {}
+
+
+def _with_contacts(gap: Array, contact: BoolArray) -> Array:
+    """Gaps ``(N,)`` [m] in which a contact is never positive."""
+    if True not in contact.tolist():
+        # an engine that reports no contact saw none: rounding must not make one
+        return np.maximum(gap, 0.0)
+    return np.where(contact, np.minimum(gap, TOUCH), np.maximum(gap, 0.0))
+
+
+class NoRobotRobotContact(_NarrowestGap):
+    """No two robots touch. Robustness: narrowest surface gap [m], negative after a contact."""
+
+    name = "no_robot_robot_contact"
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """None."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def _gaps(self, frame: Frame) -> Array:
+        return _with_contacts(frame.sensed.gap_robot, frame.sensed.contact[:, 0])
+
+    def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
+        robots = self._world.robots
+        other = int(frame.sensed.nearest_robot[i])
+        return tuple(sorted(robots[k].name for k in {i, other} if k >= 0))
+
+
+class NoRobotStaticContact(_NarrowestGap):
+    """No robot touches a solid. Robustness: narrowest surface gap [m], negative after a contact."""
+
+    name = "no_robot_static_contact"
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """None."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def _gaps(self, frame: Frame) -> Array:
+        return _with_contacts(frame.sensed.gap_static, frame.sensed.contact[:, 2])
+
+
+class _HumanGap(_NarrowestGap):
+    """Narrowest gap to people over moving robots; what happens at rest is told apart."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Which robots count."""
+
+        count_at_rest: bool = False  #: a person who walks into a robot at rest counts as well
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        super().start(world, dt)
+        self._moving = _MovingBeforeContact()
+        self._at_rest = FAR
+        self._counter = ContactCounter()
+        self._counter.start(world, dt)
+
+    def _gaps(self, frame: Frame) -> Array:
+        if not len(self._world.humans):
+            return np.zeros(0)
+        sensed = frame.sensed
+        gaps = _with_contacts(sensed.gap_human, sensed.contact[:, 1])
+        self._counter.update(frame)
+        if gaps.min(initial=np.inf) >= max(self._worst + self.limit, self._at_rest):
+            self._moving.skip(frame)
+            return np.zeros(0)  # nothing new
+        moving = self._moving.update(frame)
+        self._at_rest = min(self._at_rest, float(np.where(moving, np.inf, gaps).min()))
+        if self._options.count_at_rest:
+            return gaps
+        return np.where(moving, gaps, np.inf)
+
+    def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
+        human = int(frame.sensed.nearest_human[i])
+        names = [self._world.robots[i].name]
+        if human >= 0:
+            names.append(self._world.humans[human].name)
+        return tuple(names)
+
+    def _more(self) -> dict[str, Any]:
+        totals = self._counter.totals()
+        return {
+            "at_rest": {"narrowest": self._at_rest, "contacts": totals["robot_human_at_rest"]},
+            "contacts": totals["robot_human"],
+        }
+
+
+class NoRobotHumanContact(_HumanGap):
+    """No moving robot touches a person. Robustness: narrowest surface gap [m].
+
+    ``evidence["nearest"]["speed"]`` is the robot's speed at the nearest pass; contacts of
+    people who walk into a robot at rest are counted in ``evidence["at_rest"]``.
+    """
+
+    name = "no_robot_human_contact"
+
+
+class HumanClearance(_HumanGap):
+    """Moving robots keep clear of people. Robustness: narrowest surface gap minus 0.1 m [m]."""
+
+    name = "human_clearance"
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """How much room people get."""
+
+        clearance: float = quantity(low=0.0, unit="m", default=0.1)  #: surface to surface
+        count_at_rest: bool = False  #: as in ``no_robot_human_contact``
+
+    def __init__(self, options: Options) -> None:
+        super().__init__(_HumanGap.Options(count_at_rest=options.count_at_rest))
+        self.limit = options.clearance
