@@ -24,7 +24,8 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.blocked_by import BlockedByTracker
 from mrta_falsify.specs.contacts import ContactCounter
-from mrta_falsify.stack.stack import Stack, StackState
+from mrta_falsify.stack.missions import StackState
+from mrta_falsify.stack.stack import Stack
 from simulator_interface.crowd import Crowd
 from simulator_interface.forecast import ForgettingPart, RemovingEngine, offer_forecasts
 from simulator_interface.sensing import fill_rest

@@ -13,7 +13,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.world import Resource, RobotSpec, Task, World
-from mrta_falsify.stack.stack import StackState
+from mrta_falsify.stack.missions import StackState
 from scenic_worlds.layouts.ward import ward_layout
 from simulator_interface.simulate import Episode
 
