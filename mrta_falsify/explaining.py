@@ -4,8 +4,9 @@ The episode is run up to a few seconds before the onset (and, if no change helps
 its first tick). From there copies of the whole process
 go on, each with one layer replaced: by the shipped reference, or by another implementation if
 it is the reference already. The copies share everything until the change, so what differs
-afterwards is its doing. Beside them the world is run with small differences, to tell failures
-that any change would cure.
+afterwards is its doing. Of robots that wait for each other each is taken away in a copy of its
+own at the onset, to see whom it holds up. Beside them the world is run with small differences, to
+tell failures that any change would cure.
 """
 
 from __future__ import annotations
@@ -18,23 +19,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaign.attribution import suspected_layer
+import numpy as np
+
+from mrta_falsify.campaign.attribution import suspected_layer, waited_for
 from mrta_falsify.campaign.signature import leading
 from mrta_falsify.campaign.store import Campaign, write_atomically
 from mrta_falsify.campaigns import job_of
+from mrta_falsify.continuations import Running, run_to
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.corpus import neighbours
-from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, judge
-from simulator_interface import forking
-from simulator_interface.forecast import offer_forecasts
-from simulator_interface.simulate import Episode
+from reports.sentences import listed
 
 #: layers of the stack in the order in which they are asked; people and physics are not its own
 SUSPECTS = (
@@ -48,6 +49,7 @@ SUSPECTS = (
 )
 LEAD = 10.0  # s before the onset at which things are changed
 AFTER = 45.0  # s after the violation that a changed episode must survive
+GOES_ON = 1.0  # m from where it stood: a robot goes on
 JITTERED = 20
 #: alternatives that need an extra and take minutes for a stream: no use in a re-run
 LEFT_OUT = frozenset(("smt", "tsp"))
@@ -75,6 +77,16 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Removal:
+    """What became of the others when one of the robots that wait was taken away."""
+
+    robot: str
+    time: float  #: [s]
+    go_on: tuple[str, ...] = ()
+    stay: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
     """Why a failure happens, as far as re-runs can say."""
 
@@ -85,6 +97,7 @@ class Explanation:
     counterfactuals: tuple[Finding, ...]
     jittered: dict[str, int]  #: runs, failed
     runs: int  #: episodes or continuations simulated
+    removals: tuple[Removal, ...] = ()  #: of each robot of a deadlock; none for other failures
 
 
 def explain(
@@ -124,7 +137,8 @@ def explain_job(
     verdict = leading(judged.verdicts)
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to explain")
-    guess = suspected_layer(judged.verdicts, judged.outcome.trace)
+    trace = judged.outcome.trace
+    guess = suspected_layer(judged.verdicts, trace)
     at = moment_of_change(verdict)
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
     findings = tuple(_continue(job, verdict, at, changes, on_done))
@@ -134,6 +148,8 @@ def explain_job(
         at = 0.0
         findings = tuple(_continue(job, verdict, at, changes, on_done))
         runs += len(findings)
+    removals = tuple(_taken_away(job, verdict, trace, max_runs - runs, on_done))
+    runs += len(removals) + bool(removals)
     left = max(0, min(JITTERED, max_runs - runs))
     jittered = _jittered(job, left)
     layer, reason = verdict_on(findings, guess)
@@ -143,6 +159,7 @@ def explain_job(
         reason=reason,
         changed_at=at,
         counterfactuals=findings,
+        removals=removals,
         jittered=jittered,
         runs=runs + jittered["runs"],
     )
@@ -233,41 +250,21 @@ def _continue(
     on_done: Callable[[str], None],
 ) -> Iterator[Finding]:
     """Run to ``at`` [s] once, and from there once per change."""
-    specifications = build_specifications(job.specifications)
-    running = Episode(job.world, job.config)
-    for specification in specifications:
-        specification.start(job.world, running.dt)
-    frames = running.frames()
-    offer_forecasts(specifications, running, frames)
     until = (verdict.violated_at or job.world.horizon) + AFTER
-    try:
-        for frame in frames:
-            for specification in specifications:
-                specification.update(frame)
-            if frame.sensed.time >= at:
-                break
+    with run_to(job, at) as running:
         for change in changes:
-            run = partial(_with, running, frames, specifications, verdict, change, until)
-            finding = _in_a_copy(run)
+            finding = running.in_a_copy(partial(_with, running, verdict, change, until), Finding)
             on_done(f"{'gone ' if finding.failure_gone else 'stays'}  {finding.change}")
             yield finding
-    finally:
-        frames.close()
 
 
-def _with(
-    running: Episode,
-    frames: Iterator[Frame],
-    specifications: Sequence[Any],
-    verdict: Verdict,
-    change: Change,
-    until: float,
-) -> Finding:
-    running.swap(change.config)
-    own = [s for s in specifications if s.verdict().spec == verdict.spec]
+def _with(running: Running, verdict: Verdict, change: Change, until: float) -> Finding:
+    episode = running.episode
+    episode.swap(change.config)
+    own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
     violated = False
     ended = "the time looked at was over"
-    for frame in frames:
+    for frame in running.frames:
         for specification in own:
             specification.update(frame)
         time = frame.sensed.time
@@ -275,10 +272,10 @@ def _with(
             violated = True
             ended = f"violated again at {time:.1f} s"
             break
-        if running.world.tasks and running.all_done:
+        if episode.world.tasks and episode.all_done:
             ended = f"all tasks done at {time:.1f} s"
             break
-        if time >= min(until, running.world.horizon):
+        if time >= min(until, episode.world.horizon):
             ended = f"nothing violated until {time:.1f} s"
             break
     violated = violated or any(s.verdict().violated for s in own)
@@ -291,10 +288,58 @@ def _with(
     )
 
 
-def _in_a_copy(run: Callable[[], Finding]) -> Finding:
-    """``run()`` in a copy of this process, which is as it was afterwards."""
-    data = forking.answer_of_a_copy(lambda: codec.encode(run()))
-    return codec.decode(Finding, data, where="re-run")
+def _taken_away(
+    job: Job, verdict: Verdict, trace: Trace, max_runs: int, on_done: Callable[[str], None]
+) -> Iterator[Removal]:
+    """Take each robot of a deadlock away at its onset, and each that one of them waits for.
+
+    The run up to there counts as one of ``max_runs``, too.
+    """
+    numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
+    held = waited_for(verdict, trace)
+    names = [name for name in numbers if name in held]
+    onset = verdict.evidence.get("onset")
+    if len(names) < 2 or not isinstance(onset, float):
+        return
+    with run_to(job, onset) as running:
+        if not running.episode.can_remove:
+            return
+        for name in names[: max(0, max_runs - 1)]:
+            others = {other: numbers[other] for other in names if other != name}
+            run = partial(_without, running, name, numbers[name], others)
+            removal = running.in_a_copy(run, Removal)
+            on_done(removal_text(removal))
+            yield removal
+
+
+def _without(running: Running, name: str, robot: int, others: dict[str, int]) -> Removal:
+    """Who of the others goes on without a robot."""
+    start, time = running.last.sensed.pose, running.last.sensed.time
+    running.episode.remove(robot)
+    go_on: set[str] = set()
+    for frame in running.frames:
+        moved = np.linalg.norm((frame.sensed.pose - start)[:, :2], axis=1)
+        go_on |= {other for other, i in others.items() if moved[i] >= GOES_ON}
+        if len(go_on) == len(others) or frame.sensed.time >= time + AFTER:
+            break
+    return Removal(
+        robot=name,
+        time=time,
+        go_on=tuple(other for other in others if other in go_on),
+        stay=tuple(other for other in others if other not in go_on),
+    )
+
+
+def removal_text(removal: Removal) -> str:
+    """A removal in words."""
+    parts = []
+    for names, one, many in (
+        (removal.go_on, "goes on", "go on"),
+        (removal.stay, "stays", "stay"),
+    ):
+        if names:
+            parts.append(f"{listed(names)} {one if len(names) == 1 else many}")
+    return f"without {removal.robot} from {removal.time:.1f} s on, {', '.join(parts)}"
 
 
 def stored_explanation(folder: Path) -> Explanation | None:

@@ -20,6 +20,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
+from mrta_falsify.explaining import Removal, removal_text
 from mrta_falsify.trial import stack_of
 from reports.contents import Case, Counterfactual, FailureFamily
 from reports.sentences import listed
@@ -102,6 +103,10 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
                 change=row["change"], failure_gone=row["failure_gone"], detail=row["detail"]
             )
             for row in explained.get("counterfactuals", [])
+        ),
+        removals=tuple(
+            removal_text(codec.decode(Removal, row, where=str(folder / "explain.json")))
+            for row in explained.get("removals", [])
         ),
         family=_family(folder),
         **_checks(folder, explained),

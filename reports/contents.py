@@ -57,6 +57,7 @@ class Case:
     layer: str = ""  #: suspected
     layer_evidence: str = ""  #: a sentence or two on why
     counterfactuals: tuple[Counterfactual, ...] = ()
+    removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
     parts: str = ""  #: where the first other replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many

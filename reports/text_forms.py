@@ -74,6 +74,7 @@ def _case(case: Case) -> Iterator[str]:
         changes = f": {'; '.join(gone)}" if gone else ""
         text = f"{len(gone)} of {len(case.counterfactuals)} changes remove the failure{changes}."
         yield from (_plain(text), "")
+    yield from _bullets(case.removals)
     if case.minimised is not None:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         yield from (_plain(f"Smallest world: {left or f'{len(case.removed)} things less'}."), "")

@@ -1,15 +1,24 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
 from benchmarks.defects import worlds
 from mrta_falsify.campaign.attribution import suspected_layer
-from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.explaining import Finding, changes_of, explain_job, verdict_on
+from mrta_falsify.explaining import (
+    Finding,
+    Removal,
+    changes_of,
+    explain_job,
+    removal_text,
+    verdict_on,
+)
 from mrta_falsify.trial import Job, quick_stack
+from scenic_worlds.program import compile_program
 
 
 def _job(defect, *specifications):
@@ -85,3 +94,24 @@ def test_the_trace_alone_gives_a_first_guess(stalled):
     _, judged = stalled
     assert suspected_layer(judged.verdicts, judged.outcome.trace) == "waypoint_generator"
     assert suspected_layer((), judged.outcome.trace) == ""
+
+
+@pytest.mark.slow
+def test_the_robot_without_which_all_others_go_on_is_found():
+    folder = Path(__file__).parent.parent / "docs" / "gallery" / "stuck_at_the_door"
+    job = Job(
+        world=compile_program(folder / "world.min.scenic").sample(0),
+        config=read_config(folder / "stack.yaml"),
+        specifications=("no_deadlock",),
+        early_stop=True,
+    )
+    removals = {removal.robot: removal for removal in explain_job(job, max_runs=14).removals}
+    assert removals["robot2"].go_on == ("robot1", "robot3")
+    assert removals["robot2"].stay == ()
+    assert removals["robot1"].stay == ("robot2", "robot3")
+    assert "robot1 and robot3 go on" in removal_text(removals["robot2"])
+
+
+def test_a_removal_says_who_goes_on_and_who_stays():
+    removal = Removal(robot="a", time=12.0, go_on=("b",), stay=("c", "d"))
+    assert removal_text(removal) == "without a from 12.0 s on, b goes on, c and d stay"

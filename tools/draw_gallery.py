@@ -34,7 +34,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.explaining import JITTERED, Explanation, explain, stored_explanation
+from mrta_falsify.explaining import JITTERED, Explanation, explain, removal_text, stored_explanation
 from mrta_falsify.minimising import minimise
 from reports.errands import stories, tasks_of
 from reports.sentences import edge_sentence, sentence
@@ -291,9 +291,13 @@ def _layer(found: Told) -> str:
         f"| {row.change} | {'gone' if row.failure_gone else 'stays'} | {row.detail} |"
         for row in explanation.counterfactuals
     ]
-    if not rows:
-        return text
-    return "\n".join([text, "", "| Changed | Failure | Then |", "|---|---|---|", *rows])
+    lines = [text]
+    if rows:
+        lines += ["", "| Changed | Failure | Then |", "|---|---|---|", *rows]
+    for removal in explanation.removals:
+        said = removal_text(removal)
+        lines += ["", f"{said[:1].upper()}{said[1:]}."]
+    return "\n".join(lines)
 
 
 def commands(case: GalleryCase, explanation: Explanation) -> list[str]:

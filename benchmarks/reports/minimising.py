@@ -27,11 +27,10 @@ from benchmarks.reports.stored_failures import (
     run_study,
     study_options,
 )
+from mrta_falsify.campaign.attribution import members_of, waited_for
 from mrta_falsify.campaign.signature import leading, signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.trace import Trace
-from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
 from mrta_falsify.minimising import Minimised, minimise, share_removed
 from mrta_falsify.trial import Job, judge, specifications_of
@@ -85,35 +84,6 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
         "cpu_s": round(spent, 1),
         "check_cpu_s": round(cpu_seconds() - began - spent, 1),
     }
-
-
-def members_of(verdict: Verdict | None) -> list[str]:
-    """Robots of the deadlock, none if the failure is another one."""
-    if verdict is None or verdict.spec != "no_deadlock":
-        return []
-    return sorted({edge["robot"] for edge in verdict.evidence.get("cycle", [])})
-
-
-def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
-    """Robots of the deadlock, and all that they wait for, directly or through others.
-
-    The verdict names those whose wait is certain; a robot in the chain that the stack still
-    moves a little now and then may be missing there.
-    """
-    found = set(members_of(verdict))
-    if verdict is None or verdict.violated_at is None:
-        return found
-    tick = round(verdict.violated_at / trace.dt)
-    waits = [
-        (trace.robots[edge.robot], trace.robots[edge.other])
-        for edge in trace.edges_at(tick)
-        if edge.other >= 0 and edge.cause not in ("human", "task")
-    ]
-    while True:
-        more = {other for robot, other in waits if robot in found} - found
-        if not more:
-            return found
-        found |= more
 
 
 def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:

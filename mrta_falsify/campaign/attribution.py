@@ -70,3 +70,32 @@ def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str,
             time = max(0.0, end - span.first * trace.dt)
             spent[span.edge.cause] = spent.get(span.edge.cause, 0.0) + time
     return spent
+
+
+def members_of(verdict: Verdict | None) -> list[str]:
+    """Robots of the deadlock, none if the failure is another one."""
+    if verdict is None or verdict.spec != "no_deadlock":
+        return []
+    return sorted({edge["robot"] for edge in verdict.evidence.get("cycle", [])})
+
+
+def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
+    """Robots of the deadlock, and all that they wait for, directly or through others.
+
+    The verdict names those whose wait is certain; a robot in the chain that the stack still
+    moves a little now and then may be missing there.
+    """
+    found = set(members_of(verdict))
+    if verdict is None or verdict.violated_at is None:
+        return found
+    tick = round(verdict.violated_at / trace.dt)
+    waits = [
+        (trace.robots[edge.robot], trace.robots[edge.other])
+        for edge in trace.edges_at(tick)
+        if edge.other >= 0 and edge.cause not in ("human", "task")
+    ]
+    while True:
+        more = {other for robot, other in waits if robot in found} - found
+        if not more:
+            return found
+        found |= more

@@ -134,6 +134,8 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
     for row in found.counterfactuals:
         table.add_row(row.change, "gone" if row.failure_gone else "stays", row.detail)
     out.print(table)
+    for removal in found.removals:
+        out.print(explaining.removal_text(removal))
     if found.jittered["runs"]:
         out.print(
             f"with small differences it fails in {found.jittered['failed']} of "

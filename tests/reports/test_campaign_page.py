@@ -31,6 +31,7 @@ def report(stalled):
         identical=(3, 3),
         jittered=(18, 20),
         counterfactuals=(Counterfactual(change="planner: ompl", failure_gone=False),),
+        removals=("without robot1 from 12.0 s on, robot2 goes on",),
     )
     return Report(
         title="a <b>bold</b> title",
@@ -83,6 +84,10 @@ def test_the_page_asks_for_nothing_outside_itself(page):
 def test_text_from_names_is_escaped(page):
     assert ("b", {}) not in page.tags
     assert "a <b>bold</b> title" in "".join(page.text)
+
+
+def test_the_page_says_who_holds_up_whom(page):
+    assert "without robot1 from 12.0 s on, robot2 goes on" in " ".join(page.text)
 
 
 def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
