@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import stream
@@ -70,9 +70,13 @@ class Mutator:
     redraw: float = 0.3  #: chance that a chosen object is drawn anew instead of moved
     mean_blocks: float = 2.0  #: objects changed on average, at least one
     blocks: tuple[tuple[int, ...], ...] = field(init=False)  #: coordinates by object
+    _block_of: IntArray = field(init=False)  #: ``(k,)``
 
     def __post_init__(self) -> None:
         self.blocks = self.cube.blocks()
+        self._block_of = np.zeros(self.cube.dimensions, dtype=np.int64)
+        for number, block in enumerate(self.blocks):
+            self._block_of[list(block)] = number
 
     def child(self, parent: Array, step: float, random: np.random.Generator) -> Array:
         """A changed copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
@@ -97,11 +101,8 @@ class Mutator:
 
     def crossed(self, one: Array, other: Array, random: np.random.Generator) -> Array:
         """Objects of two parents, each from either with equal chance."""
-        u = np.array(one, dtype=np.float64)
-        for block in self.blocks:
-            if random.random() < 0.5:
-                u[list(block)] = other[list(block)]
-        return u
+        is_others = random.random(len(self.blocks)) < 0.5
+        return np.where(is_others[self._block_of], other, one)
 
 
 def reflect(value: float) -> float:

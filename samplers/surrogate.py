@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,25 +116,30 @@ class SurrogateSampler:
         results = self.results()
         seen = self._features.of(np.array([feedback.u for feedback in results]))
         inside = _Parts.between(seen, seen)
-        self._models = {
-            name: _likeliest(inside, (margins - margins.mean()) / margins.std())
-            for name, margins in _varying(results).items()
-        }
+        varying = _varying(results)
+        if varying:
+            margins = np.array(list(varying.values())).T
+            values = (margins - margins.mean(axis=0)) / margins.std(axis=0)
+            self._models = dict(zip(varying, _likeliest(inside, values), strict=True))
 
     def _promise(self, candidates: Array) -> Array:
         """Logarithm of about the chance of a new violation, ``(n,)``."""
         results = self.results()
         points = np.array([feedback.u for feedback in results])
         seen, asked = self._features.of(points), self._features.of(candidates)
-        inside, across = _Parts.between(seen, seen), _Parts.between(seen, asked)
+        alike: dict[_Model, list[Array]] = {}
+        for name, margins in _varying(results).items():
+            alike.setdefault(self._models.get(name, DEFAULT), []).append(margins)
+        lengths = sorted({model.length for model in alike})
+        inside, across = _Parts.between(seen, seen, lengths), _Parts.between(seen, asked, lengths)
         prior = _Parts.of_points(asked)
         chances = [np.full(len(candidates), -50.0)]
-        for name, margins in _varying(results).items():
-            centre, scale = margins.mean(), margins.std()
-            model = self._models.get(name, DEFAULT)
-            values = (margins - centre) / scale
-            mean, deviation = model.predict(inside, across, prior, values)
-            chances.append(log_ndtr(-(centre + scale * mean) / (scale * deviation)))
+        for model, of_model in alike.items():
+            margins = np.array(of_model).T
+            centre, scale = margins.mean(axis=0), margins.std(axis=0)
+            mean, deviation = model.predict(inside, across, prior, (margins - centre) / scale)
+            z = -(centre + scale * mean) / (scale * deviation[:, None])
+            chances.extend(log_ndtr(z).T)
         promise: Array = logsumexp(np.array(chances), axis=0)
         failed = [i for i, feedback in enumerate(results) if feedback.failed]
         if failed:
@@ -158,26 +163,35 @@ class _Features:
     """Points of the cube as :class:`_Points`."""
 
     def __init__(self, cube: Cube) -> None:
-        self._cube = cube
-        self._blocks = cube.blocks()
+        gains: list[float] = []
+        shifts: list[float] = []
+        self._smooth: list[tuple[int, int]] = []  # coordinate, its column
+        self._discrete: list[tuple[int, int, int]] = []  # coordinate, levels, first column
+        self._blocks: list[slice] = []
+        for block in cube.blocks():
+            begin = len(gains)
+            for i in block:
+                levels = cube.level(i)
+                if levels == 0:
+                    self._smooth.append((i, len(gains)))
+                else:
+                    self._discrete.append((i, levels, len(gains)))
+                gains += [np.sqrt(2.0 * levels)] * levels or [np.sqrt(12.0)]
+                shifts += [-1.0 / np.sqrt(levels)] * levels if levels else [-np.sqrt(3.0)]
+            self._blocks.append(slice(begin, len(gains)))
+        self._gains, self._shifts = np.array(gains), np.array(shifts)
 
     def of(self, points: Array) -> _Points:
         """``points`` ``(n, k)``."""
-        linear, blocks = [], []
-        for block in self._blocks:
-            columns = []
-            for i in block:
-                levels, u = self._cube.level(i), points[:, i]
-                if levels == 0:
-                    columns.append(u[:, None])
-                    linear.append((u[:, None] - 0.5) * np.sqrt(12.0))
-                else:
-                    level = np.minimum((u * levels).astype(np.int64), levels - 1)
-                    ones = np.eye(levels)[level]
-                    columns.append(ones / np.sqrt(2.0))
-                    linear.append((ones - 1.0 / levels) * np.sqrt(levels))
-            blocks.append(np.concatenate(columns, axis=1))
-        return _Points(np.concatenate(linear, axis=1), tuple(blocks))
+        columns = np.empty((len(points), len(self._gains)))
+        if self._smooth:
+            coordinates, places = map(list, zip(*self._smooth, strict=True))
+            columns[:, places] = points[:, coordinates]
+        for i, levels, first in self._discrete:
+            level = np.minimum((points[:, i] * levels).astype(np.int64), levels - 1)
+            columns[:, first : first + levels] = np.eye(levels)[level] / np.sqrt(2.0)
+        linear = columns * self._gains + self._shifts
+        return _Points(linear, tuple(columns[:, block] for block in self._blocks))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,17 +203,17 @@ class _Parts:
     apart: Array  #: squared distance over all objects
 
     @classmethod
-    def between(cls, some: _Points, others: _Points) -> _Parts:
-        """Parts between all pairs."""
+    def between(cls, some: _Points, others: _Points, lengths: Iterable[float] = LENGTHS) -> _Parts:
+        """Parts between all pairs, the smooth one for some length scales."""
         width = max(some.linear.shape[1], 1)
-        smooth = {length: np.zeros((len(some.linear), len(others.linear))) for length in LENGTHS}
+        smooth = {length: np.zeros((len(some.linear), len(others.linear))) for length in lengths}
         apart = np.zeros((len(some.linear), len(others.linear)))
         for mine, theirs in zip(some.blocks, others.blocks, strict=True):
             squares = (mine**2).sum(axis=1)[:, None] + (theirs**2).sum(axis=1)[None, :]
             squares = np.maximum(squares - 2.0 * (mine @ theirs.T), 0.0)
             apart += squares
-            for length in LENGTHS:
-                smooth[length] += 1.0 / (1.0 + squares / (2.0 * length**2))
+            for length, total in smooth.items():
+                np.add(total, 1.0 / (1.0 + squares / (2.0 * length**2)), out=total)
         count = max(len(some.blocks), 1)
         shares = {length: total / count for length, total in smooth.items()}
         return cls(some.linear @ others.linear.T / width, shares, apart)
@@ -231,27 +245,29 @@ class _Model:
         covariance = self.kernel(inside)
         return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
-    def log_likelihood(self, inside: _Parts, values: Array) -> float:
-        """Log marginal likelihood of ``values`` ``(n,)``, but for a constant."""
+    def log_likelihood(self, inside: _Parts, values: Array) -> Array:
+        """Log marginal likelihood ``(v,)`` of columns of ``values`` ``(n, v)``, but a constant."""
         lower = self.factor(inside)
         solved = solve_triangular(lower, values, lower=True)
-        return float(-0.5 * solved @ solved - np.log(np.diag(lower)).sum())
+        likelihood: Array = -0.5 * (solved**2).sum(axis=0) - np.log(np.diag(lower)).sum()
+        return likelihood
 
     def predict(
         self, inside: _Parts, across: _Parts, prior: _Parts, values: Array
     ) -> tuple[Array, Array]:
-        """Mean and standard deviation ``(m,)`` of a result at each point asked about.
+        """Means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
 
         Args:
             inside: parts between the results.
             across: parts between results and the points asked about.
             prior: parts of the latter with themselves.
-            values: of the results ``(n,)``.
+            values: ``(n, v)`` of the results, one column per quantity with these weights.
         """
         solved = solve_triangular(
             self.factor(inside), np.column_stack([self.kernel(across), values]), lower=True
         )
-        shrunk, weights = solved[:, :-1], solved[:, -1]
+        points = len(prior.linear)
+        shrunk, weights = solved[:, :points], solved[:, points:]
         variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), NUGGET)
         return shrunk.T @ weights, np.sqrt(variance)
 
@@ -269,7 +285,8 @@ def _varying(results: Sequence[Feedback]) -> dict[str, Array]:
     return {name: values for name, values in margins.items() if np.ptp(values) > SPARE}
 
 
-def _likeliest(inside: _Parts, values: Array) -> _Model:
-    """The model of the grid with the largest marginal likelihood."""
+def _likeliest(inside: _Parts, values: Array) -> list[_Model]:
+    """For each column of ``values`` ``(n, v)`` the model of largest marginal likelihood."""
     models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS)]
-    return max(models, key=lambda model: model.log_likelihood(inside, values))
+    likelihoods = np.array([model.log_likelihood(inside, values) for model in models])
+    return [models[i] for i in likelihoods.argmax(axis=0)]
