@@ -29,7 +29,9 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.explaining import explain
 from mrta_falsify.trial import Job, campaign_specifications, judge
 
-#: defect -> shipped scenario that stresses what it breaks
+OF_SUITE = Path(__file__).parent / "scenarios"
+
+#: defect -> scenario, shipped or of the suite, that stresses what it breaks
 PAIRS: dict[str, str] = {
     "cluster_rows_wrong_robot": "opposing_flows",
     "follower_zero_command": "opposing_flows",
@@ -40,20 +42,29 @@ PAIRS: dict[str, str] = {
     "humans_unseen_beyond_two": "rush_of_visitors",
     "planner_failure_blocks_all": "blockage_mid_run",
     "fourth_waiter_dropped": "hot_room",
-    "fixed_priority_starves": "narrow_doors",
-    "late_feedback_unsat": "burst_of_tasks",
-    "no_plan_when_infeasible": "burst_of_tasks",
+    "fixed_priority_starves": str(OF_SUITE / "narrow_pair.scenic"),
+    "late_feedback_unsat": str(OF_SUITE / "late_batches.scenic"),
+    "no_plan_when_infeasible": str(OF_SUITE / "hopeless_deadline.scenic"),
 }
+#: where the sound stack violates the others, too: nobody can meet a hopeless deadline
+SPECIFICATIONS: dict[str, tuple[str, ...]] = {"no_plan_when_infeasible": ("all_tasks_done",)}
 
 
 def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) -> dict[str, Any]:
     """One row: simulations until the defect showed, and the layer that was named."""
     began = clock.monotonic()
     config = StackConfig(engine=Choice("kinematic"), defects=(defect,))
+    specifications = SPECIFICATIONS.get(defect, campaign_specifications())
     settings = campaigns.new_settings(
-        PAIRS[defect], directory=directory, config=config, sampler=Choice("auto"), seed=seed
+        PAIRS[defect],
+        directory=directory,
+        config=config,
+        specifications=specifications,
+        sampler=Choice("auto"),
+        seed=seed,
     )
-    row: dict[str, Any] = {"defect": defect, "scenario": PAIRS[defect], "budget": budget}
+    name = Path(PAIRS[defect]).stem
+    row: dict[str, Any] = {"defect": defect, "scenario": name, "budget": budget}
     row |= {"found_at": None, "own_failures": 0}
     judged: set[int] = set()
     while row["found_at"] is None:
@@ -63,7 +74,7 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
         new = [r for r in result.campaign.records if r.failed and r.number not in judged]
         for record in new:
             judged.add(record.number)
-            if _passes_without(result.campaign, record, config):
+            if _passes_without(result.campaign, record, config, specifications):
                 named = explain(result.campaign, record, max_runs=16)
                 row["found_at"] = record.number + 1
                 row["violated"] = [v.spec for v in record.verdicts if v.violated]
@@ -79,11 +90,13 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
     return row
 
 
-def _passes_without(campaign: Any, record: TrialRecord, config: StackConfig) -> bool:
+def _passes_without(
+    campaign: Any, record: TrialRecord, config: StackConfig, specifications: tuple[str, ...]
+) -> bool:
     """Whether the stack without its defect passes the same world."""
     sound = dataclasses.replace(config, defects=())
     world = stored_world(campaign, record)
-    job = Job(world=world, config=sound, specifications=campaign_specifications(), early_stop=True)
+    job = Job(world=world, config=sound, specifications=specifications, early_stop=True)
     return not judge(job, keep_trace=False).failed
 
 
