@@ -267,7 +267,11 @@ def _row(
             "restricted_mean": dataclasses.asdict(mean),
             "median": survival.median(simulations),
         },
+        "simulations_per_failure": dataclasses.asdict(
+            survival.spent_per_failure_interval(simulations)
+        ),
         "seconds_to_failure": survival.restricted_mean(seconds, longest),
+        "seconds_per_failure": survival.spent_per_failure(seconds),
         "log_rank_p": survival.log_rank(simulations, [row.simulations for row in reference]),
         "trials": trials,
         "modes_per_1000": 1000.0 * sum(len(row.modes) for row in found) / max(trials, 1),

@@ -28,7 +28,7 @@ from typing import Any, Literal
 
 import yaml
 
-from mrta_falsify import campaigns, comparison
+from mrta_falsify import app, campaigns, comparison
 from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaign.statistics import failure_probability
@@ -208,7 +208,7 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     }
     options.output.mkdir(parents=True, exist_ok=True)
     path = options.output / "results.json"
-    path.write_text(json.dumps(out, indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(app.finite(out), indent=1) + "\n", encoding="utf-8")
     write_searches(panels, options.budget, options.output / "searches.png")
     print_rows(rows)
     print(json.dumps({name: out[name] for name in ("modes", "confirmation")}, indent=1))
@@ -252,16 +252,18 @@ def confirmation(directory: Path) -> dict[str, Any]:
 
 def print_rows(rows: dict[str, list[dict[str, Any]]]) -> None:
     """The searches as a table in Markdown."""
-    print("| Pair | Sampler | Found | Simulations to failure | Seconds | Log-rank p |")
-    print("|---|---|---|---|---|---|")
+    heads = ("Pair", "Sampler", "Found", "Simulations", "Per failure", "Seconds", "Log-rank p")
+    print(f"| {' | '.join(heads)} |")
+    print("|---" * len(heads) + "|")
     for pair, of in rows.items():
         for row in of:
             rate, mean = row["falsification_rate"], row["simulations_to_failure"]
-            mean = mean["restricted_mean"]
+            mean, per = mean["restricted_mean"], row["simulations_per_failure"]
             print(
                 f"| {pair} | `{row['sampler']}` | {rate['value']:.0%} of {row['searches']} "
                 f"[{rate['low']:.0%}, {rate['high']:.0%}] | {mean['value']:.1f} "
-                f"[{mean['low']:.1f}, {mean['high']:.1f}] | {row['seconds_to_failure']:.0f} | "
+                f"[{mean['low']:.1f}, {mean['high']:.1f}] | {per['value']:.0f} "
+                f"[{per['low']:.0f}, {per['high']:.0f}] | {row['seconds_to_failure']:.0f} | "
                 f"{row['log_rank_p']:.2g} |"
             )
 

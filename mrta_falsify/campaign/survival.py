@@ -7,7 +7,7 @@ Kaplan-Meier curve up to the budget) and the log-rank test, both on scipy.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,11 +62,32 @@ def restricted_mean_interval(
     searches: Sequence[Search], limit: float, *, seed: int = 0
 ) -> Estimate:
     """Restricted mean with a percentile bootstrap interval over searches."""
+    return _bootstrapped(lambda some: restricted_mean(some, limit), searches, seed)
+
+
+def spent_per_failure(searches: Sequence[Search]) -> float:
+    """All that was spent, by searches that found nothing as well, per failure found.
+
+    The maximum-likelihood mean if a failure is equally likely at any time. Unlike the restricted
+    mean it is not bounded by the budget: where most searches find nothing, that one says little.
+    """
+    found = sum(search.found for search in searches)
+    return sum(search.spent for search in searches) / found if found else float("inf")
+
+
+def spent_per_failure_interval(searches: Sequence[Search], *, seed: int = 0) -> Estimate:
+    """:func:`spent_per_failure` with a percentile bootstrap interval over searches."""
+    return _bootstrapped(spent_per_failure, searches, seed)
+
+
+def _bootstrapped(
+    statistic: Callable[[Sequence[Search]], float], searches: Sequence[Search], seed: int
+) -> Estimate:
     random = stream(seed, "bootstrap")
     picks = random.integers(len(searches), size=(RESAMPLES, len(searches)))
-    means = [restricted_mean([searches[i] for i in row], limit) for row in picks]
-    low, high = np.quantile(means, (0.025, 0.975))
-    return Estimate(value=restricted_mean(searches, limit), low=float(low), high=float(high))
+    values = np.sort([statistic([searches[i] for i in row]) for row in picks])
+    low, high = values[round(0.025 * RESAMPLES)], values[round(0.975 * RESAMPLES) - 1]
+    return Estimate(value=statistic(searches), low=float(low), high=float(high))
 
 
 def median(searches: Sequence[Search]) -> float:

@@ -191,6 +191,7 @@ def _print_comparison(rows: list[dict[str, Any]]) -> None:
         "found",
         "simulations to failure",
         "median",
+        "per failure",
         "seconds",
         "log-rank p",
         "modes/1000",
@@ -204,12 +205,17 @@ def _print_comparison(rows: list[dict[str, Any]]) -> None:
             str(row["searches"]),
             f"{rate['value']:.0%} [{rate['low']:.0%}, {rate['high']:.0%}]",
             f"{mean['value']:.1f} [{mean['low']:.1f}, {mean['high']:.1f}]",
-            f"{half:.0f}" if half < float("inf") else "more than the budget",
+            _number(half),
+            _number(row["simulations_per_failure"]["value"]),
             f"{row['seconds_to_failure']:.0f}",
             f"{row['log_rank_p']:.3g}",
             f"{row['modes_per_1000']:.1f}",
         )
     output.stdout().print(table)
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value < float("inf") else "beyond the budget"
 
 
 @main.command()

@@ -54,3 +54,15 @@ def test_the_bootstrap_interval_holds_the_true_mean_about_as_often_as_it_says():
         truth = (1 - q**60) / (1 - q)
         hits += interval.low <= truth <= interval.high
     assert hits >= 50
+
+
+def test_what_searches_without_a_failure_spent_is_shared_by_the_failures_found():
+    searches = [
+        Search(spent=10, found=True),
+        Search(spent=100, found=False),
+        Search(spent=40, found=True),
+    ]
+    assert survival.spent_per_failure(searches) == 75.0
+    assert survival.spent_per_failure(searches[1:2]) == float("inf")
+    found = survival.spent_per_failure_interval(searches)
+    assert found.low <= found.value == 75.0 <= found.high
