@@ -27,8 +27,8 @@ class AutoSampler:
 
     Each arm is told every result, whoever proposed it. An arm is rewarded for a new best score
     (in ranks, so that the scale of the score does not matter) and for a failure of a signature
-    not seen before; rewards fade, and every arm keeps a share. The first proposals come from an
-    even spread.
+    not seen before, not for one that was; rewards fade, and every arm keeps a share. The first
+    proposals come from an even spread.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,11 +103,13 @@ class AutoSampler:
     def _worth(self, feedback: Feedback) -> float:
         if feedback.fate != "judged":
             return 0.0
+        if feedback.failed and feedback.signature in self._signatures:
+            return 0.0  # the same failure again
         known = np.array(self._scores)
         self._scores.append(feedback.score)
         better = float((known > feedback.score).mean()) if len(known) else 0.5
         reward = max(0.0, 4.0 * (better - 0.75))  # the best quarter, 0 to 1
-        if feedback.failed and feedback.signature not in self._signatures:
+        if feedback.failed:
             self._signatures.add(feedback.signature)
             reward += 2.0
         return reward

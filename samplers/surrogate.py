@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter as Counts
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -37,7 +38,9 @@ class SurrogateSampler:
     grid. Of some hundred candidates, mostly children of the best scenes as
     :class:`~samplers.evolution.EvolutionSampler` makes them, the one is proposed that is most
     likely to violate some specification, less so beside failures that are known (local
-    penalisation, Gonzalez et al. 2016).
+    penalisation, Gonzalez et al. 2016), and the less the more often that specification was violated
+    already; of failures with one signature only the first has children, so that other ones are
+    looked for.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +62,9 @@ class SurrogateSampler:
         self._best = Memory(PARENTS)
         self._kept = Memory(options.memory // 2)
         self._recent: list[Feedback] = []
+        self._told = 0
+        self._signatures: set[str] = set()
+        self._violations: Counts[str] = Counts()  # by specification
         self._models: dict[str, _Model] = {}
         self._refit_at = 0
 
@@ -66,7 +72,7 @@ class SurrogateSampler:
         """The next proposal."""
         random = self._counter.stream()
         options = self._options
-        young = self._best.told < options.initial or not options.cube.dimensions
+        young = self._told < options.initial or not options.cube.dimensions
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(options.cube.dimensions))
         candidates = self._candidates(random)
@@ -80,15 +86,20 @@ class SurrogateSampler:
         """Take in a result; also of a point that somebody else proposed."""
         if feedback.fate != "judged":
             return
-        self._best.add(feedback)
+        self._told += 1
+        if not feedback.failed or feedback.signature not in self._signatures:
+            self._best.add(feedback)
+        if feedback.failed:
+            self._signatures.add(feedback.signature)
+            self._violations.update(n for n, margin in feedback.objectives.items() if margin < 0.0)
         self._kept.add(feedback)
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
         # Here and not when asked, so that a resumed campaign may skip what it need not ask again.
-        if self._options.cube.dimensions and self._best.told >= max(
+        if self._options.cube.dimensions and self._told >= max(
             self._options.initial, self._refit_at
         ):
-            self._refit_at = self._best.told + max(1, self._best.told // REFIT)
+            self._refit_at = self._told + max(1, self._told // REFIT)
             self._refit()
 
     def results(self) -> list[Feedback]:
@@ -127,19 +138,21 @@ class SurrogateSampler:
         results = self.results()
         points = np.array([feedback.u for feedback in results])
         seen, asked = self._features.of(points), self._features.of(candidates)
-        alike: dict[_Model, list[Array]] = {}
-        for name, margins in _varying(results).items():
-            alike.setdefault(self._models.get(name, DEFAULT), []).append(margins)
+        varying = _varying(results)
+        alike: dict[_Model, list[str]] = {}
+        for name in varying:
+            alike.setdefault(self._models.get(name, DEFAULT), []).append(name)
         lengths = sorted({model.length for model in alike})
         inside, across = _Parts.between(seen, seen, lengths), _Parts.between(seen, asked, lengths)
         prior = _Parts.of_points(asked)
         chances = [np.full(len(candidates), -50.0)]
-        for model, of_model in alike.items():
-            margins = np.array(of_model).T
+        for model, names in alike.items():
+            margins = np.array([varying[name] for name in names]).T
             centre, scale = margins.mean(axis=0), margins.std(axis=0)
             mean, deviation = model.predict(inside, across, prior, (margins - centre) / scale)
             z = -(centre + scale * mean) / (scale * deviation[:, None])
-            chances.extend(log_ndtr(z).T)
+            known = np.array([self._violations[name] for name in names])
+            chances.extend((log_ndtr(z) - np.log1p(known)).T)
         promise: Array = logsumexp(np.array(chances), axis=0)
         failed = [i for i, feedback in enumerate(results) if feedback.failed]
         if failed:

@@ -75,3 +75,29 @@ def test_no_more_results_than_asked_for_are_in_the_models():
     sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=0, memory=20))
     drive(sampler, lambda u: float(u.sum()), 90)
     assert len(sampler.results()) <= 20
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_other_failures_are_looked_for_once_one_is_known(seed):
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=Cube(dimensions=8), seed=seed))
+    found = []
+    for number in range(80):
+        u = np.array(sampler.ask().u)
+        margins = {
+            "often": 0.8 - u[0] + 0.1 * (u[2] - 0.5),
+            "seldom": 0.95 - u[1] - 0.2 * u[3],
+            "together": 0.75 - u[4] * u[5],
+        }
+        violated = [name for name, margin in margins.items() if margin < 0.0]
+        found += violated[:1]
+        feedback = Feedback(
+            number=number,
+            u=u,
+            fate="judged",
+            score=min(margins.values()),
+            objectives=margins,
+            failed=bool(violated),
+            signature="".join(violated[:1]),
+        )
+        sampler.tell(feedback)
+    assert set(found) == {"often", "seldom", "together"}
