@@ -256,15 +256,13 @@ class _Search:
             if group == "robots":
                 # what a robot had to do would go to the others, and change their ways
                 had = [task for i in gone for task in self._course.had.get(items[i].name, ())]
-                if had:
-                    smaller = without(self.world, group, gone, had)
-                    if smaller is not None:
-                        yield Smaller(smaller, f"{what} and what it had to do", start)
-            if had and len(gone) > 1:
-                continue
-            smaller = without(self.world, group, gone)
-            if smaller is not None:
-                yield Smaller(smaller, what, start)
+            ways = [(had, f"{what} and what it had to do")] if had else []
+            if not had or len(gone) == 1:
+                ways.append(([], what))
+            for tasks, text in ways:
+                smaller = without(self.world, group, gone, tasks)
+                if smaller is not None:
+                    yield Smaller(smaller, text, start)
 
     def _begin_later(self) -> None:
         while self._take(self._later()):

@@ -16,6 +16,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.worst import Worst
 
 FAR = 10.0  # m, cap of gaps
 TOUCH = -1e-3  # m, robustness of a contact whose measured gap is not negative
@@ -122,10 +123,7 @@ class _NarrowestGap:
         """Begin an episode."""
         del dt
         self._world = world
-        self._worst = FAR
-        self._where: dict[str, Any] = {}
-        self._who: tuple[str, ...] = ()
-        self._violated_at: float | None = None
+        self._worst = Worst(self.name, FAR, {"nearest": {}, "between": []})
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -134,15 +132,12 @@ class _NarrowestGap:
             return
         i = int(gaps.argmin())
         gap = float(gaps[i]) - self.limit
-        if gap >= self._worst:
+        if gap >= self._worst.margin:
             return
         sensed = frame.sensed
-        self._worst = gap
-        if gap < 0.0 and self._violated_at is None:
-            self._violated_at = sensed.time
-        self._who = self._names(frame, i)
+        who = self._names(frame, i)
         speed = float(np.hypot(sensed.velocity[i, 0], sensed.velocity[i, 1]))
-        self._where = {
+        nearest = {
             "gap": float(gaps[i]),
             "time": sensed.time,
             "robot": self._world.robots[i].name,
@@ -150,17 +145,11 @@ class _NarrowestGap:
             "x": float(sensed.pose[i, 0]),
             "y": float(sensed.pose[i, 1]),
         }
+        self._worst.note(gap, sensed.time, who, {"nearest": nearest, "between": list(who)})
 
     def verdict(self) -> Verdict:
         """Verdict to date."""
-        return Verdict(
-            spec=self.name,
-            robustness=self._worst,
-            violated=self._worst < 0.0,
-            violated_at=self._violated_at,
-            who=self._who if self._worst < 0.0 else (),
-            evidence={"nearest": self._where, "between": list(self._who), **self._more()},
-        )
+        return self._worst.verdict(**self._more())
 
     def _gaps(self, frame: Frame) -> Array:
         raise NotImplementedError
@@ -243,7 +232,7 @@ class _HumanGap(_NarrowestGap):
         sensed = frame.sensed
         gaps = _with_contacts(sensed.gap_human, sensed.contact[:, 1])
         self._counter.update(frame)
-        if gaps.min(initial=np.inf) >= max(self._worst + self.limit, self._at_rest):
+        if gaps.min(initial=np.inf) >= max(self._worst.margin + self.limit, self._at_rest):
             self._moving.skip(frame)
             return np.zeros(0)  # nothing new
         moving = self._moving.update(frame)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numba
 import numpy as np
@@ -15,6 +14,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
+from mrta_falsify.specs.worst import Worst
 
 FAR = 10.0  # m, cap, as for gaps
 
@@ -48,10 +48,7 @@ class ExclusiveUse:
         self._resources = tuple(crowded)
         self._areas = tuple(_inner_area(world, r, self._options.rim) for r in crowded)
         self._judged = [False] * len(crowded)
-        self._worst = FAR
-        self._who: tuple[str, ...] = ()
-        self._violated_at: float | None = None
-        self._evidence: dict[str, Any] = {}
+        self._worst = Worst("exclusive_use", FAR)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -60,35 +57,25 @@ class ExclusiveUse:
             distance = signed_distances(self._areas[k], position)
             margin = float(np.partition(distance, resource.capacity)[resource.capacity])
             self._judged[k] = self._judged[k] or margin >= 0.0
-            if self._judged[k] and margin < self._worst:
+            if self._judged[k] and margin < self._worst.margin:
                 self._note(frame, resource, distance, margin)
 
     def _note(self, frame: Frame, resource: Resource, distance: Array, margin: float) -> None:
-        self._worst = margin
         order = np.argsort(distance, kind="stable")[: resource.capacity + 1]
         near = [self._names[i] for i in order]
-        if margin < 0.0:
-            self._who = tuple(sorted(near))
-            if self._violated_at is None:
-                self._violated_at = frame.sensed.time
-        self._evidence = {
+        time = frame.sensed.time
+        evidence = {
             "resource": resource.name,
             "capacity": resource.capacity,
-            "time": frame.sensed.time,
+            "time": time,
             "nearest": near,
             "distances": [float(distance[i]) for i in order],
         }
+        self._worst.note(margin, time, tuple(sorted(near)), evidence)
 
     def verdict(self) -> Verdict:
         """Verdict to date."""
-        return Verdict(
-            spec="exclusive_use",
-            robustness=self._worst,
-            violated=self._worst < 0.0,
-            violated_at=self._violated_at,
-            who=self._who,
-            evidence=self._evidence,
-        )
+        return self._worst.verdict()
 
 
 def _inner_area(world: World, resource: Resource, rim: float) -> Array:

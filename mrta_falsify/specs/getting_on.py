@@ -17,6 +17,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deliveries import Deliveries
 from mrta_falsify.specs.motion import SAME_GOAL, Standstill, remaining_length
+from mrta_falsify.specs.worst import Worst
 
 AT_GOAL = 0.6  # m, as in ``blocked_by``
 LOOK_EVERY = 0.5  # s between two looks
@@ -100,10 +101,7 @@ class _GettingNearer:
         self._names = tuple(robot.name for robot in world.robots)
         self._stride = max(1, round(LOOK_EVERY / dt))
         self._approach = _Approach(self._step, len(world.robots))
-        self._worst = self._patience
-        self._who: tuple[str, ...] = ()
-        self._violated_at: float | None = None
-        self._evidence: dict[str, Any] = {}
+        self._worst = Worst(self._spec, self._patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -115,19 +113,16 @@ class _GettingNearer:
         if not len(margin):
             return
         i = int(margin.argmin())
-        if margin[i] >= self._worst:
+        if margin[i] >= self._worst.margin:
             return
-        self._worst = float(margin[i])
-        self._evidence = {
+        who = tuple(self._names[k] for k in np.flatnonzero(margin < 0.0))
+        evidence = {
             "robot": self._names[i],
             "since": float(self._approach.since[i]),
             "time": sensed.time,
             **self._seen(i, frame),
         }
-        if self._worst < 0.0:
-            if self._violated_at is None:
-                self._violated_at = sensed.time
-            self._who = tuple(self._names[k] for k in np.flatnonzero(margin < 0.0))
+        self._worst.note(float(margin[i]), sensed.time, who, evidence)
 
     def _margins(self, time: float) -> Array:
         """Patience left ``(N,)`` [s]."""
@@ -139,14 +134,7 @@ class _GettingNearer:
 
     def verdict(self) -> Verdict:
         """Verdict to date."""
-        return Verdict(
-            spec=self._spec,
-            robustness=self._worst,
-            violated=self._worst < 0.0,
-            violated_at=self._violated_at,
-            who=self._who,
-            evidence=self._evidence,
-        )
+        return self._worst.verdict()
 
 
 class NoLivelock(_GettingNearer):
@@ -234,10 +222,7 @@ class NoStarvation:
         self._waiting_since = np.zeros(robots)
         self._last_stop = np.full(robots, -np.inf)  # of each robot itself [s]
         self._deliveries = Deliveries(world)
-        self._worst = self._options.robot_patience
-        self._who: tuple[str, ...] = ()
-        self._violated_at: float | None = None
-        self._evidence: dict[str, Any] = {}
+        self._worst = Worst("no_starvation", self._options.robot_patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -276,23 +261,12 @@ class NoStarvation:
                 self._note(margin, f"task{i}", task.arrival, time)
 
     def _note(self, margin: float, name: str, since: float, time: float) -> None:
-        if margin >= self._worst:
+        if margin >= self._worst.margin:
             return
-        self._worst = margin
-        if margin < 0.0:
-            if self._violated_at is None:
-                self._violated_at = time
-            if name not in self._who:
-                self._who = (*self._who, name)
-        self._evidence = {"who": name, "waiting_since": since, "time": time}
+        who = tuple(dict.fromkeys((*self._worst.who, name)))
+        evidence = {"who": name, "waiting_since": since, "time": time}
+        self._worst.note(margin, time, who, evidence)
 
     def verdict(self) -> Verdict:
         """Verdict to date."""
-        return Verdict(
-            spec="no_starvation",
-            robustness=self._worst,
-            violated=self._worst < 0.0,
-            violated_at=self._violated_at,
-            who=self._who,
-            evidence=self._evidence,
-        )
+        return self._worst.verdict()

@@ -11,29 +11,6 @@ from collections.abc import Sequence
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import Specification
-from mrta_falsify.specs.contacts import (
-    HumanClearance,
-    NoRobotHumanContact,
-    NoRobotRobotContact,
-    NoRobotStaticContact,
-)
-from mrta_falsify.specs.deliveries import AllTasksDone, Deadlines
-from mrta_falsify.specs.getting_on import NoLivelock, NoStarvation, Progress
-
-__all__ = [
-    "AllTasksDone",
-    "Deadlines",
-    "HumanClearance",
-    "NoLivelock",
-    "NoRobotHumanContact",
-    "NoRobotRobotContact",
-    "NoRobotStaticContact",
-    "NoStarvation",
-    "Progress",
-    "build_specifications",
-    "default_specifications",
-    "specification_choice",
-]
 
 
 def default_specifications() -> tuple[str, ...]:
