@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from mrta_falsify import app
 from mrta_falsify.campaign.rare_events import estimated_probability, is_estimating
-from mrta_falsify.campaign.runner import Ended, Executor, Progress, build_sampler, run_campaign
+from mrta_falsify.campaign.runner import Ended, Executor, Progress, run_campaign
 from mrta_falsify.campaign.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.campaign.statistics import failure_probability, why_no_probability
 from mrta_falsify.campaign.store import (
@@ -63,6 +63,7 @@ def new_settings(
     specifications: Sequence[str] = (),
     mode: Literal["repair", "exact"] = "repair",
     screen: bool = False,
+    jittered: int = 0,
     early_stop: bool = True,
     window: int = 8,
     time_limit: float = 300.0,
@@ -79,6 +80,7 @@ def new_settings(
         specifications: names, or ``stl:FORMULA``; the default ones of campaigns if empty.
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
+        jittered: copies with small differences that are run of each failing world.
         early_stop: end an episode once its verdict is decided.
         window: how far trials may run ahead of what the sampler knows.
         time_limit: wall clock of one trial [s].
@@ -94,6 +96,7 @@ def new_settings(
         seed=seed,
         mode=mode,
         screen=screen,
+        jittered=jittered,
         early_stop=early_stop,
         directory=str(directory.resolve()),
     )
@@ -108,7 +111,11 @@ def new_settings(
         window=window,
         time_limit=time_limit,
     )
-    build_sampler(settings)
+    if is_estimating(settings) and jittered:
+        raise InputError(
+            f"jittered is {jittered}: a probability counts every failure, so sampler "
+            f"{settings.sampler.name} takes no copies; it must be 0"
+        )
     return settings
 
 
@@ -216,6 +223,7 @@ def summary(result: Result) -> dict[str, Any]:
         "budget": progress.limits.budget,
         "ran": progress.ran,
         "failed": progress.failed,
+        "robust": progress.wanted if result.campaign.settings.trials.jittered else None,
         "rejected": progress.rejected,
         "errors": progress.errors,
         "first_failure_at": progress.first_failure,
@@ -286,6 +294,7 @@ def rows(campaign: Campaign, *, failed_only: bool = False) -> list[dict[str, Any
             "score": record.score,
             "signature": record.signature,
             "failed": record.failed,
+            "jittered": codec.encode(record.jittered),
             "violated": [verdict.spec for verdict in record.verdicts if verdict.violated],
             "layer": record.layer,
             "engine": record.engine,

@@ -124,7 +124,7 @@ def _has_ended(plan: Plan, folder: Path) -> bool:
         if record.number != number:
             return False
         progress.take(record)
-        if plan.stop_after and progress.failed >= plan.stop_after:
+        if plan.stop_after and progress.wanted >= plan.stop_after:
             return True
     return progress.ran >= plan.budget
 
@@ -201,7 +201,7 @@ def told(campaign: Campaign, plan: Plan) -> Told:
         if record.status == "rejected":
             continue
         simulations += 1
-        if record.failed:
+        if record.wanted:
             signatures.add(record.signature)
             found = found or (
                 Search(spent=simulations, found=True),

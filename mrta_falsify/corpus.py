@@ -12,11 +12,10 @@ from mrta_falsify.campaign.signature import signature
 from mrta_falsify.campaign.store import Campaign
 from mrta_falsify.campaigns import stored_world
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World
 from mrta_falsify.trial import rerun
-from scenic_worlds.variation import jitter_world
+from scenic_worlds.variation import jittered_worlds
 
 Fate = Literal["fixed", "still failing", "flaky"]
 
@@ -75,7 +74,7 @@ def _recheck(settings: TrialSettings, record: TrialRecord, world: World, jittere
     # A changed stack is judged by physics if that is its engine, whatever found the failure.
     record = dataclasses.replace(record, engine=settings.stack.engine.name)
     judged = rerun(settings, record, world)
-    around = [rerun(settings, record, near) for near in neighbours(world, jittered)]
+    around = [rerun(settings, record, near) for near in jittered_worlds(world, jittered)]
     failures = sum(run.failed for run in around)
     fate: Fate = "still failing" if judged.failed else "flaky" if failures else "fixed"
     return Recheck(
@@ -87,17 +86,6 @@ def _recheck(settings: TrialSettings, record: TrialRecord, world: World, jittere
         jittered_failures=failures,
         jittered=len(around),
     )
-
-
-def neighbours(world: World, count: int) -> list[World]:
-    """``count`` jittered copies of ``world``; fewer if some have no place for their robots."""
-    found = []
-    for seed in range(count):
-        try:
-            found.append(jitter_world(world, seed))
-        except WorldError:
-            continue
-    return found
 
 
 def summary(rows: tuple[Recheck, ...]) -> dict[str, Any]:

@@ -33,9 +33,9 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.corpus import neighbours
 from mrta_falsify.trial import Job, judge
 from reports.sentences import listed
+from scenic_worlds.variation import jittered_worlds
 
 #: layers of the stack in the order in which they are asked; people and physics are not its own
 SUSPECTS = (
@@ -234,7 +234,7 @@ def verdict_on(findings: Sequence[Finding], guess: str) -> tuple[str, str]:
 def _jittered(job: Job, count: int) -> dict[str, int]:
     runs = [
         judge(dataclasses.replace(job, world=world), keep_trace=False)
-        for world in neighbours(job.world, count)
+        for world in jittered_worlds(job.world, count)
     ]
     return {"runs": len(runs), "failed": sum(run.failed for run in runs)}
 

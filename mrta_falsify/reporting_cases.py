@@ -16,7 +16,7 @@ from mrta_falsify.campaigns import modes
 from mrta_falsify.core import codec
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import Jittered, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
@@ -109,7 +109,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
             for row in explained.get("removals", [])
         ),
         family=_family(folder),
-        **_checks(folder, explained),
+        **_checks(folder, explained, record.jittered),
         **_minimised(campaign, record, config),
     )
 
@@ -154,8 +154,8 @@ def _layer_evidence(explained: dict[str, Any], verdicts: Sequence[Verdict], trac
     )
 
 
-def _checks(folder: Path, explained: dict[str, Any]) -> dict[str, Any]:
-    """What `replay --verify` and the jittered runs of `explain` have shown."""
+def _checks(folder: Path, explained: dict[str, Any], jittered: Jittered | None) -> dict[str, Any]:
+    """What `replay --verify` and runs with small differences have shown."""
     found: dict[str, Any] = {}
     verified = _stored(folder / "verify.json")
     if verified:
@@ -166,6 +166,8 @@ def _checks(folder: Path, explained: dict[str, Any]) -> dict[str, Any]:
             found["parts"] = f"first differs {where}"
     if explained.get("jittered", {}).get("runs"):
         found["jittered"] = (explained["jittered"]["failed"], explained["jittered"]["runs"])
+    elif jittered is not None:
+        found["jittered"] = (jittered.failed, jittered.runs)
     return found
 
 

@@ -26,7 +26,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
-from mrta_falsify.core.record import Screening, TrialRecord, versions
+from mrta_falsify.core.record import Jittered, Screening, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
@@ -34,6 +34,7 @@ from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from mrta_falsify.specs.objectives import objectives, score
 from mrta_falsify.specs.situation import Situation
+from scenic_worlds.variation import jittered_worlds
 from simulator_interface.simulate import Outcome, simulate
 
 if TYPE_CHECKING:
@@ -246,8 +247,18 @@ class Trials:
                 wall_s=quick.outcome.wall_s,
             )
         judged = self._judge(world, config, scene)
-        record = dataclasses.replace(record, screening=screening)
+        jittered = self._jitter(world, config, scene) if judged.failed else None
+        record = dataclasses.replace(record, screening=screening, jittered=jittered)
         return self._finish(world, record, judged, config.engine.name, began)
+
+    def _jitter(self, world: World, config: StackConfig, scene: Any) -> Jittered | None:
+        if not self._settings.jittered:
+            return None
+        runs = [
+            self._judge(near, config, scene)
+            for near in jittered_worlds(world, self._settings.jittered)
+        ]
+        return Jittered(runs=len(runs), failed=sum(run.failed for run in runs))
 
     def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:
         job = _job(self._settings, world, config, scene)
@@ -265,7 +276,7 @@ class Trials:
             verdicts=judged.verdicts,
             objectives=judged.margins,
             descriptors=judged.descriptors,
-            score=score(judged.margins),
+            score=-record.jittered.share if record.jittered else score(judged.margins),
             signature=signature(judged.verdicts),
             layer=suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
             trace_file=trace_file,

@@ -107,6 +107,22 @@ def _outlines(world: World) -> list[Array]:
     return [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
 
 
+def jittered_worlds(world: World, count: int) -> list[World]:
+    """``count`` copies of ``world`` with small differences (see :func:`jitter_world`).
+
+    Args:
+        world: any world that runs.
+        count: copies; fewer come back if some have no place for their robots.
+    """
+    found = []
+    for seed in range(count):
+        try:
+            found.append(jitter_world(world, seed))
+        except WorldError:
+            continue
+    return found
+
+
 def _moved_start(
     robot: RobotSpec,
     placed: list[RobotSpec],

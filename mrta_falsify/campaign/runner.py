@@ -52,6 +52,7 @@ class Progress:
     rejected: int = 0
     errors: int = 0
     failed: int = 0
+    wanted: int = 0  #: of the failures, those that count for ``stop_after``
     first_failure: int | None = None  #: simulated candidates until it, itself included
     best: float = float("inf")  #: smallest score
     by_specification: dict[str, int] = field(default_factory=dict)  #: violations
@@ -78,6 +79,7 @@ class Progress:
                 self.by_specification[verdict.spec] = count + 1
         if record.failed:
             self.failed += 1
+            self.wanted += record.wanted
             if self.first_failure is None:
                 self.first_failure = self.ran
 
@@ -115,7 +117,7 @@ def feedback_of(record: TrialRecord) -> Feedback:
         score=record.score,
         objectives=record.objectives,
         descriptors=record.descriptors,
-        failed=record.failed,
+        failed=record.wanted,
         signature=record.signature,
     )
 
@@ -189,7 +191,7 @@ class _Loop:
                     self._take(finished)
                 continue
             self._tell(record)
-            if self._limits.stop_after and progress.failed >= self._limits.stop_after:
+            if self._limits.stop_after and progress.wanted >= self._limits.stop_after:
                 return "stop-after"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 raise InputError(

@@ -26,6 +26,9 @@ class TrialSettings:
     mode: Literal["repair", "exact"] = "repair"  #: how scenes are accepted: "repair" or "exact"
     early_stop: bool = True  #: end an episode once its verdict is decided
     screen: bool = False  #: kinematic engine first, physics only for its failures
+    jittered: int = quantity(low=0, high=100, default=0)
+    """Copies with small differences that are run of each failing world. With them the search
+    goes for worlds most copies of which fail."""
     keep_every: int = quantity(low=1, default=50)  #: of the passing trials, one in so many traces
     directory: str = ""  #: for worlds and traces, "" : nothing is written
 

@@ -21,6 +21,7 @@ from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
     FiniteRange,
+    copies_option,
     format_option,
     param_option,
     spec_option,
@@ -57,6 +58,11 @@ if TYPE_CHECKING:
 @click.option(
     "--screen", is_flag=True, help="Kinematic engine first; physics only confirms what fails there."
 )
+@copies_option(
+    0,
+    "Runs of each failing world with small differences; then the search goes for failures that "
+    "most of them share, and only these count for --stop-after.",
+)
 @click.option(
     "--mode",
     type=click.Choice(("repair", "exact")),
@@ -89,6 +95,7 @@ def campaign(
     params: tuple[str, ...],
     stop_after: int | None,
     screen: bool,
+    jittered: int,
     mode: Literal["repair", "exact"],
     time_limit: float,
     dry_run: bool,
@@ -123,6 +130,7 @@ def campaign(
             specifications=specs,
             mode=mode,
             screen=screen,
+            jittered=jittered,
             time_limit=time_limit,
         )
         if dry_run:
@@ -194,6 +202,7 @@ def _refuse_with_resume(context: click.Context) -> None:
         "specs",
         "params",
         "screen",
+        "jittered",
         "mode",
         "time_limit",
     )
@@ -283,6 +292,11 @@ def print_summary(data: dict[str, Any]) -> None:
         out.print(
             f"screening: physics confirmed {agreed['confirmed']} of "
             f"{agreed['failed_in_screening']} failures of the kinematic engine"
+        )
+    if data["robust"] is not None:
+        out.print(
+            f"with small differences most copies fail too: {data['robust']} of {data['failed']} "
+            "failures"
         )
     if data["modes"]:
         table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")

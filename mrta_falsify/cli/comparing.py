@@ -13,6 +13,7 @@ from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
+    copies_option,
     count_option,
     format_option,
     param_option,
@@ -25,13 +26,7 @@ from mrta_falsify.cli.options import (
 @main.command()
 @click.argument("directory", type=FILE)
 @stack_options
-@count_option(
-    "--jittered",
-    0,
-    100,
-    default=2,
-    text="Runs beside each failure with starts, pace and times a little different.",
-)
+@copies_option(2, "Runs beside each failure with starts, pace and times a little different.")
 @format_option
 def corpus(
     directory: Path, stack: Path | None, settings: tuple[str, ...], jittered: int, style: str
@@ -104,6 +99,9 @@ def corpus(
     is_flag=True,
     help="Run each budget out, to count failure modes, instead of stopping at the first.",
 )
+@copies_option(
+    0, "Runs of each failing world with small differences; most must fail for it to count."
+)
 @workers_option
 @stack_options
 @spec_option
@@ -118,6 +116,7 @@ def compare(
     budget: int,
     seed: int,
     all_failures: bool,
+    jittered: int,
     workers: int | None,
     stack: Path | None,
     settings: tuple[str, ...],
@@ -149,6 +148,7 @@ def compare(
         config=app.load_stack(stack, settings),
         params=campaigns.parse_params(params),
         specifications=specs,
+        jittered=jittered,
     )
     plan = comparison.Plan(
         settings=chosen,

@@ -93,6 +93,11 @@ def workers_option(command: Command) -> Command:
     )(command)
 
 
+def copies_option(default: int, text: str) -> Callable[[Command], Command]:
+    """``--jittered N``."""
+    return count_option("--jittered", 0, 100, default=default, text=text)
+
+
 def count_option(
     flag: str, low: int, high: int, *, default: int, text: str
 ) -> Callable[[Command], Command]:

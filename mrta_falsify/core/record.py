@@ -27,6 +27,24 @@ class Screening:
     wall_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jittered:
+    """What became of copies of a failing world with small differences."""
+
+    runs: int
+    failed: int  #: of them
+
+    @property
+    def robust(self) -> bool:
+        """Whether most copies fail too; a failure of few of them stands on a knife edge."""
+        return 2 * self.failed > self.runs
+
+    @property
+    def share(self) -> float:
+        """Of all runs that fail, the world itself included: above 0, at most 1."""
+        return (self.failed + 1) / (self.runs + 1)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialRecord:
     """One trial, finished for good."""
@@ -45,6 +63,7 @@ class TrialRecord:
     trace_digest: str = ""
     engine: str = ""  #: that the verdicts come from
     screening: Screening | None = None
+    jittered: Jittered | None = None  #: of a failure, where the campaign asks for it
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
     scene_s: float = 0.0  #: measured time to sample the world [s]
@@ -67,6 +86,11 @@ class TrialRecord:
     def failed(self) -> bool:
         """Whether a specification was violated; an error is not a failure."""
         return any(verdict.violated for verdict in self.verdicts)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether it is a failure as the campaign wants them: robust, where it asks for copies."""
+        return self.failed and (self.jittered is None or self.jittered.robust)
 
 
 @functools.cache

@@ -16,7 +16,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import Jittered, TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 
@@ -27,6 +27,7 @@ TARGET = "tests.campaign.standin:open_trials"
 def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Fails where the mean of u is below 0.3; rejects where u[0] > ``params.reject_above``.
 
+    With ``trials.jittered`` copies lie up to 0.3 higher, evenly.
     ``params``: ``sleep`` [s] per trial, ``crash`` and ``hang`` numbers of trials that do so.
     """
     params = settings.params
@@ -58,6 +59,7 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
             violated=margin < 0.0,
             violated_at=12.0 if margin < 0.0 else None,
         )
+        copies = margin + np.linspace(0.0, 0.3, settings.jittered)
         done = TrialRecord(
             candidate=candidate,
             status="ok",
@@ -66,6 +68,9 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
             objectives={"no_deadlock": margin},
             score=margin,
             signature="no_deadlock" if margin < 0.0 else "",
+            jittered=Jittered(runs=len(copies), failed=int((copies < 0.0).sum()))
+            if len(copies) and margin < 0.0
+            else None,
             sim_time=60.0,
             wall_s=params.get("sleep", 0.0),
         )
@@ -81,11 +86,12 @@ def settings(
     sampler: Choice = RANDOM,
     window: int = 4,
     time_limit: float = 60.0,
+    jittered: int = 0,
     **params: Any,
 ) -> CampaignSettings:
     """Settings of a campaign over the stand-in."""
     return CampaignSettings(
-        trials=TrialSettings(scenario="standin", seed=seed, params=params),
+        trials=TrialSettings(scenario="standin", seed=seed, params=params, jittered=jittered),
         target=TARGET,
         sampler=sampler,
         cube=Cube(dimensions=dimensions),

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from mrta_falsify.campaign.executors import ProcessExecutor, SerialExecutor
-from mrta_falsify.campaign.runner import run_campaign
+from mrta_falsify.campaign.runner import feedback_of, run_campaign
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaign.store import RECORDS, Store, StoreError, read_campaign
 from mrta_falsify.core import codec
@@ -67,6 +67,20 @@ def test_it_stops_after_the_wanted_number_of_failures(tmp_path):
     assert progress.first_failure is not None
     assert progress.first_failure < progress.ran < 500
     assert progress.by_specification == {"no_deadlock": 2}
+
+
+def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
+    told = []
+    with Store.create(tmp_path, settings(jittered=8, dimensions=2)) as store:
+        progress, ended = _run(store, budget=500, stop_after=4)
+        for record in store.campaign().records[: progress.told]:
+            told.append((record, feedback_of(record)))
+    assert ended == "stop-after"
+    assert progress.wanted == 4 < progress.failed
+    for record, feedback in told:
+        assert record.failed == (record.jittered is not None)
+        most = record.failed and record.jittered.failed > 4
+        assert record.wanted == feedback.failed == most
 
 
 @pytest.mark.parametrize("fault", ["crash", "raise"])

@@ -151,6 +151,31 @@ def test_a_dry_run_stores_nothing_and_says_what_it_costs(campaign):
     assert sorted(directory.parent.rglob("*")) == before
 
 
+@pytest.mark.slow
+def test_copies_say_which_failures_are_robust(campaign):
+    directory, call, *_ = campaign
+    folder = directory.parent
+    result = call(
+        "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 6, "--workers", 1,
+        "--seed", 4, "--jittered", 3, *QUICK, "--format", "json",
+    )  # fmt: skip
+    assert result.exit_code == 1, result.stderr
+    data = json.loads(result.stdout)
+    rows = json.loads(call("list", folder / "j", "--format", "json").stdout)
+    failed = {row["id"]: row["jittered"] for row in rows if row["failed"]}
+    assert all((row["jittered"] is None) == (not row["failed"]) for row in rows)
+    assert data["robust"] == sum(found["failed"] > 1 for found in failed.values())
+    scores = {row["id"]: row["score"] for row in rows}
+    assert all(scores[id] == -(found["failed"] + 1) / 4 for id, found in failed.items())
+    # The same copies, run by another command.
+    again = json.loads(call("corpus", folder / "j", "--jittered", 3, "--format", "json").stdout)[
+        "failures"
+    ]
+    assert {row["id"]: row["jittered_failures"] for row in again} == {
+        id: found["failed"] for id, found in failed.items()
+    }
+
+
 def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
     assert cli("init", "start").exit_code == 0
     assert (tmp_path / "start" / "my_scenario.scenic").is_file()
@@ -167,6 +192,11 @@ def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
         (("campaign", "hospital_day", "-o", "x", "--budget", "0"), "0 is not in the range x>=1"),
         (("campaign", "--resume", "nowhere"), "is not a campaign directory"),
         (("campaign", "--resume", "x", "--seed", "3"), "--seed cannot be changed by --resume"),
+        (
+            ("campaign", "hospital_day", "-o", "x", "--sampler", "splitting", "--jittered", "2"),
+            "a probability counts every failure",
+        ),
+        (("campaign", "--resume", "x", "--jittered", "3"), "--jittered cannot be changed"),
         (("campaign", "--resume", "x", "--dry-run"), "--dry-run is about a new campaign"),
         (("campaign", "hospital_dey", "-o", "x"), "did you mean 'hospital_day'"),
         (("list", "nowhere"), "is not a campaign directory"),
