@@ -2,15 +2,16 @@
 
     python -m benchmarks.falsification.suite rates DIR [--trials 200]
     python -m benchmarks.falsification.suite search DIR [--samplers random auto ...] [--repeats 10]
-    python -m benchmarks.falsification.suite modes DIR [--budget 200]
+    python -m benchmarks.falsification.suite modes DIR [--budget 200] [--jittered 4]
     python -m benchmarks.falsification.suite confirm DIR
     python -m benchmarks.falsification.suite table DIR [-o OUT]
 
 ``rates`` draws uniform worlds and counts failures: what makes a pair easy or hard. ``search`` is
 ``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
-that runs its budget out; ``confirm`` runs each search's first failure again in PyBullet; ``table``
-sums up what is in DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default
-all of the hard half.
+that runs its budget out, with ``--jittered`` going for robust failures; ``confirm`` runs each
+search's first failure, and its first robust one, again in PyBullet; ``table`` sums up what is in
+DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default all of the hard
+half.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from mrta_falsify import app, campaigns, comparison
 from mrta_falsify.campaign.journal import append_row, read_rows
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaign.statistics import failure_probability
-from mrta_falsify.campaign.store import SETTINGS
+from mrta_falsify.campaign.store import SETTINGS, Campaign
 from mrta_falsify.campaigns import open_campaign, open_store, stored_world
 from mrta_falsify.comparison import Plan, Told
 from mrta_falsify.core import codec
@@ -75,6 +76,7 @@ class Pair:
             config=self.stack,
             specifications=self.specifications,
             window=1,  # a search runs in one process: nothing has to run ahead
+            jittered=options.jittered,
         )
         return Plan(
             settings=settings,
@@ -149,36 +151,42 @@ def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = 
 
 
 def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
-    """Run the first failure of each search again in PyBullet, to the end of the episode."""
+    """Run failures again in PyBullet, to the end of the episode.
+
+    Of each search the first one, and the first that most of its copies share.
+    """
     path = options.directory / CONFIRMED
-    known = {(row["pair"], row["search"]) for row in read_rows(path)}
+    known = {(row["pair"], row["search"], row["id"]) for row in read_rows(path)}
     for pair in pairs:
-        root = options.directory / "searches" / pair.name
-        for settings in sorted(root.glob(f"*/*/{SETTINGS}")):
-            name = str(settings.parent.relative_to(root))
+        for settings in sorted(options.directory.glob(f"*/{pair.name}/*/*/{SETTINGS}")):
+            kind, _, sampler, seed = settings.relative_to(options.directory).parts[:4]
+            name = f"{kind}/{sampler}/{seed}"
             campaign = open_campaign(settings.parent)
             failed = [record for record in campaign.records if record.failed]
-            if not failed or (pair.name, name) in known:
-                continue
-            stack = dataclasses.replace(pair.stack, engine=Choice("bullet"))
-            job = Job(
-                world=stored_world(campaign, failed[0]),
-                config=stack,
-                specifications=pair.specifications or campaign_specifications(),
-            )
-            judged = judge(job, keep_trace=False)
-            quick = sorted(v.spec for v in failed[0].verdicts if v.violated)
-            physics = sorted(v.spec for v in judged.verdicts if v.violated)
-            row = {
-                "pair": pair.name,
-                "search": name,
-                "score": round(failed[0].score, 4),
-                "kinematic": quick,
-                "bullet": physics,
-                "confirmed": judged.failed,
-            }
-            append_row(path, row)
-            print(json.dumps(row), flush=True)
+            robust = [r for r in failed if r.jittered is not None and r.jittered.robust]
+            for record in {r.number: r for r in (*failed[:1], *robust[:1])}.values():
+                if (pair.name, name, record.id) not in known:
+                    row = {"pair": pair.name, "search": name, **in_physics(pair, campaign, record)}
+                    append_row(path, row)
+                    print(json.dumps(row), flush=True)
+
+
+def in_physics(pair: Pair, campaign: Campaign, record: TrialRecord) -> dict[str, Any]:
+    """What PyBullet says about a failure of the kinematic engine."""
+    job = Job(
+        world=stored_world(campaign, record),
+        config=dataclasses.replace(pair.stack, engine=Choice("bullet")),
+        specifications=pair.specifications or campaign_specifications(),
+    )
+    judged = judge(job, keep_trace=False)
+    copies = record.jittered
+    return {
+        "id": record.id,
+        "jittered": [copies.failed, copies.runs] if copies is not None else None,
+        "kinematic": sorted(v.spec for v in record.verdicts if v.violated),
+        "bullet": sorted(v.spec for v in judged.verdicts if v.violated),
+        "confirmed": judged.failed,
+    }
 
 
 # --- what came of it -----------------------------------------------------------------------------
@@ -222,7 +230,7 @@ def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict
         for folder in sorted(path.parent for path in root.glob(f"*/*/{SETTINGS}")):
             records = [r for r in open_campaign(folder).records if r.status == "ok"]
             failed = [record for record in records if record.failed]
-            modes = len({record.signature for record in failed})
+            robust = [record for record in failed if record.wanted]
             rows.append(
                 {
                     "pair": pair.name,
@@ -230,23 +238,36 @@ def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict
                     "seed": int(folder.name),
                     "trials": len(records),
                     "failed": len(failed),
-                    "modes": modes,
-                    "modes_per_1000": round(1000.0 * modes / len(records), 1),
+                    "modes": sorted({record.signature for record in failed}),
+                    "robust": len(robust),
+                    "robust_modes": sorted({record.signature for record in robust}),
+                    "first": first_number(records, failed),
+                    "first_robust": first_number(records, robust),
                 }
             )
     return rows
 
 
+def first_number(records: Sequence[TrialRecord], chosen: Sequence[TrialRecord]) -> int | None:
+    """Simulations until the first of ``chosen``, itself included."""
+    return records.index(chosen[0]) + 1 if chosen else None
+
+
 def confirmation(directory: Path) -> dict[str, Any]:
-    """Share of the searches' failures that physics confirms."""
+    """Share of the searches' failures that physics confirms, by pair and by copies that fail."""
     rows = list(read_rows(directory / CONFIRMED))
     by_pair: dict[str, list[bool]] = {}
+    by_copies: dict[str, list[bool]] = {}
     for row in rows:
         by_pair.setdefault(row["pair"], []).append(row["confirmed"])
+        if row["jittered"] is not None:
+            copies = "{} of {}".format(*row["jittered"])
+            by_copies.setdefault(copies, []).append(row["confirmed"])
     return {
         "failures": len(rows),
         "confirmed": sum(row["confirmed"] for row in rows),
         "by_pair": {name: f"{sum(of)} of {len(of)}" for name, of in by_pair.items()},
+        "by_copies": {name: f"{sum(of)} of {len(of)}" for name, of in sorted(by_copies.items())},
     }
 
 
@@ -280,6 +301,7 @@ def main() -> None:
     parser.add_argument("--budget", type=int, default=100)
     parser.add_argument("--trials", type=int, default=200, help="of rates")
     parser.add_argument("--seed", type=int, default=0, help="of the first repeat")
+    parser.add_argument("--jittered", type=int, default=0, help="copies of each failing world")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("-o", "--output", type=Path, default=HERE / "results")
     options = parser.parse_args()

@@ -162,18 +162,16 @@ def test_copies_say_which_failures_are_robust(campaign):
     assert result.exit_code == 1, result.stderr
     data = json.loads(result.stdout)
     rows = json.loads(call("list", folder / "j", "--format", "json").stdout)
-    failed = {row["id"]: row["jittered"] for row in rows if row["failed"]}
-    assert all((row["jittered"] is None) == (not row["failed"]) for row in rows)
-    assert data["robust"] == sum(found["failed"] > 1 for found in failed.values())
+    assert all(row["jittered"] == (3 if row["failed"] else 0) for row in rows)
+    failed = {row["id"]: row["jittered_failures"] for row in rows if row["failed"]}
+    assert data["robust"] == sum(copies > 1 for copies in failed.values())
     scores = {row["id"]: row["score"] for row in rows}
-    assert all(scores[id] == -(found["failed"] + 1) / 4 for id, found in failed.items())
+    assert all(scores[id] == -(copies + 1) / 4 for id, copies in failed.items())
     # The same copies, run by another command.
     again = json.loads(call("corpus", folder / "j", "--jittered", 3, "--format", "json").stdout)[
         "failures"
     ]
-    assert {row["id"]: row["jittered_failures"] for row in again} == {
-        id: found["failed"] for id, found in failed.items()
-    }
+    assert {row["id"]: row["jittered_failures"] for row in again} == failed
 
 
 def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
