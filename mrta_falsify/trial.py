@@ -247,18 +247,25 @@ class Trials:
                 wall_s=quick.outcome.wall_s,
             )
         judged = self._judge(world, config, scene)
-        jittered = self._jitter(world, config, scene) if judged.failed else None
+        jittered = self._jitter(world, config, scene, judged) if judged.failed else None
         record = dataclasses.replace(record, screening=screening, jittered=jittered)
         return self._finish(world, record, judged, config.engine.name, began)
 
-    def _jitter(self, world: World, config: StackConfig, scene: Any) -> Jittered | None:
+    def _jitter(
+        self, world: World, config: StackConfig, scene: Any, judged: Judged
+    ) -> Jittered | None:
         if not self._settings.jittered:
             return None
         runs = [
             self._judge(near, config, scene)
             for near in jittered_worlds(world, self._settings.jittered)
         ]
-        return Jittered(runs=len(runs), failed=sum(run.failed for run in runs))
+        margins = [run.margins for run in (judged, *runs)]
+        return Jittered(
+            runs=len(runs),
+            failed=sum(run.failed for run in runs),
+            objectives={name: float(np.mean([of[name] for of in margins])) for name in margins[0]},
+        )
 
     def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:
         job = _job(self._settings, world, config, scene)

@@ -108,14 +108,18 @@ def build_sampler(settings: CampaignSettings) -> Sampler:
 
 
 def feedback_of(record: TrialRecord) -> Feedback:
-    """What the sampler is told about a record; errors look like rejected scenes to it."""
+    """What the sampler is told about a record; errors look like rejected scenes to it.
+
+    Of a failure with copies it is told the mean margins, so that a knife edge looks like the
+    passing worlds around it.
+    """
     judged = record.status == "ok"
     return Feedback(
         number=record.number,
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
         score=record.score,
-        objectives=record.objectives,
+        objectives=record.jittered.objectives if record.jittered else record.objectives,
         descriptors=record.descriptors,
         failed=record.wanted,
         signature=record.signature,

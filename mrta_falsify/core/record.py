@@ -33,6 +33,8 @@ class Jittered:
 
     runs: int
     failed: int  #: of them
+    objectives: dict[str, float] = field(default_factory=dict)
+    """Mean margins of all runs, the world's own included; see specs.objectives."""
 
     @property
     def robust(self) -> bool:
