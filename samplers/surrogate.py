@@ -21,7 +21,7 @@ PARENTS = 8
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
-ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain
+ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain: noise
 CLOSE = 0.1  # distance in the cube at which they do: about the same scene, about the same run
 NUGGET = 1e-6  # so that equal points do not make the covariance singular
 REFIT = 10  # weights are chosen anew when a tenth more results are known
@@ -34,13 +34,13 @@ class SurrogateSampler:
 
     The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
     additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
-    from dozens of results. Its few weights are those of largest marginal likelihood on a small
-    grid. Of some hundred candidates, mostly children of the best scenes as
-    :class:`~samplers.evolution.EvolutionSampler` makes them, the one is proposed that is most
-    likely to violate some specification, less so beside failures that are known (local
-    penalisation, Gonzalez et al. 2016), and the less the more often that specification was violated
-    already; of failures with one signature only the first has children, so that other ones are
-    looked for.
+    from dozens of results, and a noise that only about the same scenes share. Its few weights are
+    those of largest marginal likelihood on a small grid. Of some hundred candidates, mostly
+    children of the best scenes as :class:`~samplers.evolution.EvolutionSampler` makes them, the one
+    is proposed that is most likely to violate some specification without the noise (what only the
+    noise violates is a knife edge), less so beside failures that are known (local penalisation,
+    Gonzalez et al. 2016), and the less the more often that specification was violated already; of
+    failures with one signature only the first has children, so that other ones are looked for.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,14 +248,14 @@ class _Model:
     rough: float  #: share of the part that only points close by explain
 
     def kernel(self, parts: _Parts) -> Array:
-        """Covariances of results."""
+        """Covariances of what is predicted."""
         smooth = (1.0 - self.linear) * parts.smooth[self.length]
-        far = (1.0 - self.rough) * (self.linear * parts.linear + smooth)
-        return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
+        return (1.0 - self.rough) * (self.linear * parts.linear + smooth)
 
     def factor(self, inside: _Parts) -> Array:
         """Lower Cholesky factor ``(n, n)`` of the covariance of results."""
-        covariance = self.kernel(inside)
+        noise = self.rough * np.exp(-inside.apart / (2.0 * CLOSE**2))
+        covariance = self.kernel(inside) + noise
         return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
     def log_likelihood(self, inside: _Parts, values: Array) -> Array:
@@ -268,7 +268,7 @@ class _Model:
     def predict(
         self, inside: _Parts, across: _Parts, prior: _Parts, values: Array
     ) -> tuple[Array, Array]:
-        """Means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
+        """Means ``(m, v)`` and standard deviations ``(m,)`` without the noise, where asked about.
 
         Args:
             inside: parts between the results.
