@@ -189,10 +189,11 @@ class Told:
     modes: frozenset[str]  #: signatures of its failures
 
 
-def told(campaign: Campaign, plan: Plan) -> Told:
+def told(campaign: Campaign, plan: Plan, *, knife_edges: bool = False) -> Told:
     """What a search came to within the plan's budget.
 
-    Only the trials up to the first failure count for how long it took.
+    Only the trials up to the first failure count for how long it took; a knife edge is none,
+    where copies were run to tell, but with ``knife_edges``.
     """
     simulations, seconds, signatures = 0, 0.0, set()
     found: tuple[Search, Search] | None = None
@@ -201,7 +202,7 @@ def told(campaign: Campaign, plan: Plan) -> Told:
         if record.status == "rejected":
             continue
         simulations += 1
-        if record.wanted:
+        if record.failed if knife_edges else record.wanted:
             signatures.add(record.signature)
             found = found or (
                 Search(spent=simulations, found=True),
@@ -219,14 +220,14 @@ def told(campaign: Campaign, plan: Plan) -> Told:
     )
 
 
-def results(plan: Plan, directory: Path) -> dict[str, list[Told]]:
-    """What the searches that have begun came to, by sampler, in the plan's order."""
+def results(plan: Plan, directory: Path, *, knife_edges: bool = False) -> dict[str, list[Told]]:
+    """What the searches that have begun came to (:func:`told`), by sampler, in the plan's order."""
     found: dict[str, list[Told]] = {name: [] for name in plan.samplers}
     for name, _, folder in plan.searches(directory):
         if (folder / SETTINGS).exists():
             campaign = campaigns.open_campaign(folder)
             if campaign.records:
-                found[name].append(told(campaign, plan))
+                found[name].append(told(campaign, plan, knife_edges=knife_edges))
     return {name: rows for name, rows in found.items() if rows}
 
 

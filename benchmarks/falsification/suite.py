@@ -193,13 +193,34 @@ def in_physics(pair: Pair, campaign: Campaign, record: TrialRecord) -> dict[str,
 
 
 def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
-    """Rows per pair and for all pairs together, as JSON, and survival curves."""
+    """Rows per pair and for all pairs together, as JSON, and survival curves.
+
+    Once for robust failures, where copies were run, and once for failures of any kind.
+    """
+    options.output.mkdir(parents=True, exist_ok=True)
+    out: dict[str, Any] = {"budget": options.budget}
+    for kind, knife_edges in (("searches", False), ("searches_with_knife_edges", True)):
+        out[kind], panels = searches_table(pairs, options, knife_edges=knife_edges)
+        write_searches(panels, options.budget, options.output / f"{kind}.png")
+        print_rows(out[kind])
+    out["modes"] = modes_table(pairs, options)
+    out["confirmation"] = confirmation(options.directory)
+    path = options.output / "results.json"
+    path.write_text(json.dumps(app.finite(out), indent=1) + "\n", encoding="utf-8")
+    print(json.dumps({name: out[name] for name in ("modes", "confirmation")}, indent=1))
+
+
+def searches_table(
+    pairs: Iterable[Pair], options: argparse.Namespace, *, knife_edges: bool
+) -> tuple[dict[str, list[dict[str, Any]]], dict[str, dict[str, Curve]]]:
+    """Rows and survival curves of the searches, per pair and of all pairs together."""
     rows: dict[str, list[dict[str, Any]]] = {}
     panels: dict[str, dict[str, Curve]] = {}
     pooled: dict[str, list[Told]] = {}
     for pair in pairs:
         plan = pair.plan(options.directory, options)
-        found = comparison.results(plan, options.directory / "searches" / pair.name)
+        folder = options.directory / "searches" / pair.name
+        found = comparison.results(plan, folder, knife_edges=knife_edges)
         if not found:
             continue
         rows[pair.name] = comparison.table(found, options.budget)
@@ -208,18 +229,7 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
             pooled.setdefault(name, []).extend(told)
     rows[ALL] = comparison.table(pooled, options.budget)
     panels[ALL] = comparison.curves(pooled)
-    out = {
-        "budget": options.budget,
-        "searches": rows,
-        "modes": modes_table(pairs, options),
-        "confirmation": confirmation(options.directory),
-    }
-    options.output.mkdir(parents=True, exist_ok=True)
-    path = options.output / "results.json"
-    path.write_text(json.dumps(app.finite(out), indent=1) + "\n", encoding="utf-8")
-    write_searches(panels, options.budget, options.output / "searches.png")
-    print_rows(rows)
-    print(json.dumps({name: out[name] for name in ("modes", "confirmation")}, indent=1))
+    return rows, panels
 
 
 def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict[str, Any]]:

@@ -111,7 +111,8 @@ def feedback_of(record: TrialRecord) -> Feedback:
     """What the sampler is told about a record; errors look like rejected scenes to it.
 
     Of a failure with copies it is told the mean margins, so that a knife edge looks like the
-    passing worlds around it.
+    passing worlds around it, and a knife edge is another kind of failure than a robust one, so
+    that a sampler which looks for other kinds leaves it.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -121,9 +122,16 @@ def feedback_of(record: TrialRecord) -> Feedback:
         score=record.score,
         objectives=record.jittered.objectives if record.jittered else record.objectives,
         descriptors=record.descriptors,
-        failed=record.wanted,
-        signature=record.signature,
+        failed=record.failed,
+        signature=_kind(record),
     )
+
+
+def _kind(record: TrialRecord) -> str:
+    copies = record.jittered
+    if copies is None or copies.robust:
+        return record.signature
+    return f"{copies.failed} of {copies.runs} copies: {record.signature}"
 
 
 def run_campaign(

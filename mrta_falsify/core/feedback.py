@@ -64,7 +64,7 @@ class Feedback:
     score: float = 0.0  #: smaller is closer to a violation; meaningless unless judged
     objectives: dict[str, float] = field(default_factory=dict)  #: by specification
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
-    failed: bool = False  #: a specification is violated, robustly where the campaign wants that
+    failed: bool = False  #: a specification is violated
     signature: str = ""  #: of the failure mode, empty: no failure
 
 

@@ -101,3 +101,51 @@ def test_other_failures_are_looked_for_once_one_is_known(seed):
         )
         sampler.tell(feedback)
     assert set(found) == {"often", "seldom", "together"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_knife_edges_do_not_hold_the_search(seed):
+    """Ten waves and five of their products under a rough field that copies do not share."""
+    dimensions = 48
+    random = stream(seed, "test/rough")
+    chosen = random.permutation(dimensions)[:10]
+    weights, shifts = random.normal(size=10), random.uniform(0.0, 2.0 * np.pi, 10)
+    pairs = random.integers(10, size=(5, 2))
+    rough_waves = random.normal(size=(dimensions, 200)) / 0.35
+    own_phases = random.uniform(0.0, 2.0 * np.pi, 200)
+
+    def smooth(u):
+        waves = np.sin(np.pi * u[..., chosen] + shifts)
+        products = waves[..., pairs[:, 0]] * waves[..., pairs[:, 1]]
+        return waves @ weights + 0.7 * products.sum(axis=-1)
+
+    uniform = smooth(random.random((20_000, dimensions)))
+    edge, spread = np.quantile(uniform, 0.003), uniform.std()
+
+    def margin(u, phases):
+        rough = 0.1 * float(np.cos(u @ rough_waves + phases).sum())
+        value = 0.1 * (float(smooth(u) - edge) / spread + rough)
+        return max(value, -0.025)  # ended soon after the violation
+
+    cube = Cube(dimensions=dimensions, groups=tuple(i // 4 for i in range(dimensions)))
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=seed))
+    robust = 0
+    for number in range(120):
+        u = np.array(sampler.ask().u)
+        margins = [margin(u, own_phases)]
+        if margins[0] < 0.0:
+            margins += [margin(u, random.uniform(0.0, 2.0 * np.pi, 200)) for _ in range(4)]
+        failed = sum(value < 0.0 for value in margins[1:])
+        robust += failed > 2
+        feedback = Feedback(
+            number=number,
+            u=u,
+            fate="judged",
+            score=-(failed + 1) / 5 if margins[0] < 0.0 else margins[0],
+            objectives={"deadlines": float(np.mean(margins))},
+            failed=failed > 2,
+            signature="deadlines/1" if failed > 2 else "",
+        )
+        sampler.tell(feedback)
+    assert robust > 9
