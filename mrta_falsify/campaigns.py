@@ -263,9 +263,12 @@ def probability_of(campaign: Campaign, *, stopped_early: bool = False) -> dict[s
 
 
 def modes(campaign: Campaign) -> list[dict[str, Any]]:
-    """Failures grouped by signature, most frequent first: signature, count, ids."""
+    """Failures grouped by signature, most frequent first: signature, count, ids.
+
+    Knife edges come last among the ids, so that the first one is worth a look.
+    """
     groups: dict[str, list[str]] = {}
-    for record in campaign.records:
+    for record in sorted(campaign.records, key=lambda record: not record.wanted):
         if record.failed:
             groups.setdefault(record.signature, []).append(record.id)
     ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))

@@ -240,12 +240,14 @@ def live(
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    first: list[str] = []
+    told: set[str] = set()
 
     def on_record(record: TrialRecord, is_new: bool) -> None:
-        if record.failed and not first:
-            first.append(record.id)
-            console.print(f"first failure: trial {record.id}, {record.signature}")
+        if record.failed and "failure" not in told and (record.wanted or not told):
+            kind = "failure" if record.wanted else "knife edge"
+            told.add(kind)
+            copies = f" ({record.jittered})" if record.jittered else ""
+            console.print(f"first {kind}: trial {record.id}, {record.signature}{copies}")
             console.print(
                 f"  replay it by: mrta-falsify replay {shlex.quote(str(directory))} {record.id}"
             )

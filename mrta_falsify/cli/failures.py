@@ -35,6 +35,8 @@ def show(directory: Path, name: str, style: str) -> int:
     out.print(f"score      {record.score:+.4f}")
     if record.signature:
         out.print(f"failure    {record.signature}")
+    if record.jittered:
+        out.print(f"           {record.jittered}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:

@@ -36,6 +36,10 @@ class Jittered:
     objectives: dict[str, float] = field(default_factory=dict)
     """Mean margins of all runs, the world's own included; see specs.objectives."""
 
+    def __str__(self) -> str:
+        """As in ``3 of 4 copies with small differences fail too``."""
+        return f"{self.failed} of {self.runs} copies with small differences fail too"
+
     @property
     def robust(self) -> bool:
         """Whether most copies fail too; a failure of few of them stands on a knife edge."""
