@@ -254,12 +254,10 @@ class Trials:
     def _jitter(
         self, world: World, config: StackConfig, scene: Any, judged: Judged
     ) -> Jittered | None:
-        if not self._settings.jittered:
+        copies = jittered_worlds(world, self._settings.jittered)
+        if not copies:
             return None
-        runs = [
-            self._judge(near, config, scene)
-            for near in jittered_worlds(world, self._settings.jittered)
-        ]
+        runs = [self._judge(copy, config, scene) for copy in copies]
         margins = [run.margins for run in (judged, *runs)]
         return Jittered(
             runs=len(runs),

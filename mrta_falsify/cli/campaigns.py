@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     default=300.0,
     show_default=True,
     metavar="SECONDS",
-    help="Wall clock of one trial, after which it is killed.",
+    help="Wall clock of one trial, its copies included, after which it is killed.",
 )
 @click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
 @format_option
