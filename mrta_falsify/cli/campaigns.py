@@ -355,7 +355,11 @@ def list_(directory: Path, failed: bool, style: str) -> int:
         table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
         for name in ("id", "status", "score", "signature", "layer", "simulated"):
             table.add_column(name, justify="right" if name in ("score", "simulated") else "left")
+        with_copies = any(row["jittered"] for row in found)
+        if with_copies:
+            table.add_column("copies that fail")
         for row in found:
+            copies = f"{row['jittered_failures']} of {row['jittered']}" if row["jittered"] else ""
             score = f"{row['score']:+.3f}" if row["status"] == "ok" else ""
             table.add_row(
                 row["id"],
@@ -364,6 +368,7 @@ def list_(directory: Path, failed: bool, style: str) -> int:
                 row["signature"],
                 row["layer"],
                 f"{row['sim_time_s']:.1f} s",
+                *([copies] if with_copies else []),
                 style="red" if row["failed"] else None,
             )
         output.stdout().print(table)
