@@ -40,6 +40,7 @@ class AutoSampler:
         initial: int = quantity(low=1, default=8)  #: proposals from the even spread at first
         floor: float = quantity(low=0.0, high=0.1, default=0.04)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
+        robust: bool = False  #: whether knife edges are not wanted
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -51,7 +52,9 @@ class AutoSampler:
             "local_search": LocalSearchSampler(LocalSearchSampler.Options(cube=cube, seed=seed)),
             "cross_entropy": CrossEntropySampler(CrossEntropySampler.Options(cube=cube, seed=seed)),
             "surrogate": SurrogateSampler(
-                SurrogateSampler.Options(cube=cube, seed=seed, initial=2, explore=0.0)
+                SurrogateSampler.Options(
+                    cube=cube, seed=seed, initial=2, explore=0.0, robust=options.robust
+                )
             ),
         }
         self._reward = dict.fromkeys(ARMS, 1.0)

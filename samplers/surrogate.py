@@ -21,7 +21,7 @@ PARENTS = 8
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
-ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain: noise
+ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain
 CLOSE = 0.1  # distance in the cube at which they do: about the same scene, about the same run
 NUGGET = 1e-6  # so that equal points do not make the covariance singular
 REFIT = 10  # weights are chosen anew when a tenth more results are known
@@ -34,13 +34,14 @@ class SurrogateSampler:
 
     The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
     additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
-    from dozens of results, and a noise that only about the same scenes share. Its few weights are
-    those of largest marginal likelihood on a small grid. Of some hundred candidates, mostly
+    from dozens of results, and a rough part that only about the same scenes share. Its few weights
+    are those of largest marginal likelihood on a small grid. Of some hundred candidates, mostly
     children of the best scenes as :class:`~samplers.evolution.EvolutionSampler` makes them, the one
-    is proposed that is most likely to violate some specification without the noise (what only the
-    noise violates is a knife edge), less so beside failures that are known (local penalisation,
-    Gonzalez et al. 2016), and the less the more often that specification was violated already; of
-    failures with one signature only the first has children, so that other ones are looked for.
+    is proposed that is most likely to violate some specification, less so beside failures that are
+    known (local penalisation, Gonzalez et al. 2016), and the less the more often that specification
+    was violated already; of failures with one signature only the first has children, so that other
+    ones are looked for. Where robust failures are wanted the rough part is noise: what only it
+    violates is a knife edge.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +54,7 @@ class SurrogateSampler:
         candidates: int = quantity(low=2, default=128)  #: that a proposal is chosen from
         memory: int = quantity(low=8, default=128)  #: results the models are made from
         explore: float = quantity(low=0.0, high=1.0, default=0.05)  #: chance of a uniform proposal
+        robust: bool = False  #: whether knife edges are not wanted
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -149,7 +151,9 @@ class SurrogateSampler:
         for model, names in alike.items():
             margins = np.array([varying[name] for name in names]).T
             centre, scale = margins.mean(axis=0), margins.std(axis=0)
-            mean, deviation = model.predict(inside, across, prior, (margins - centre) / scale)
+            mean, deviation = model.predict(
+                inside, across, prior, (margins - centre) / scale, robust=self._options.robust
+            )
             z = -(centre + scale * mean) / (scale * deviation[:, None])
             known = np.array([self._violations[name] for name in names])
             chances.extend((log_ndtr(z) - np.log1p(known)).T)
@@ -247,15 +251,17 @@ class _Model:
     length: float  #: of the smooth part
     rough: float  #: share of the part that only points close by explain
 
-    def kernel(self, parts: _Parts) -> Array:
-        """Covariances of what is predicted."""
+    def kernel(self, parts: _Parts, *, robust: bool = False) -> Array:
+        """Covariances of results, with ``robust`` of what they would be without the rough part."""
         smooth = (1.0 - self.linear) * parts.smooth[self.length]
-        return (1.0 - self.rough) * (self.linear * parts.linear + smooth)
+        far = (1.0 - self.rough) * (self.linear * parts.linear + smooth)
+        if robust:
+            return far
+        return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
 
     def factor(self, inside: _Parts) -> Array:
         """Lower Cholesky factor ``(n, n)`` of the covariance of results."""
-        noise = self.rough * np.exp(-inside.apart / (2.0 * CLOSE**2))
-        covariance = self.kernel(inside) + noise
+        covariance = self.kernel(inside)
         return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
     def log_likelihood(self, inside: _Parts, values: Array) -> Array:
@@ -266,22 +272,25 @@ class _Model:
         return likelihood
 
     def predict(
-        self, inside: _Parts, across: _Parts, prior: _Parts, values: Array
+        self, inside: _Parts, across: _Parts, prior: _Parts, values: Array, *, robust: bool
     ) -> tuple[Array, Array]:
-        """Means ``(m, v)`` and standard deviations ``(m,)`` without the noise, where asked about.
+        """Means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
 
         Args:
             inside: parts between the results.
             across: parts between results and the points asked about.
             prior: parts of the latter with themselves.
             values: ``(n, v)`` of the results, one column per quantity with these weights.
+            robust: leave the rough part out of what is predicted.
         """
         solved = solve_triangular(
-            self.factor(inside), np.column_stack([self.kernel(across), values]), lower=True
+            self.factor(inside),
+            np.column_stack([self.kernel(across, robust=robust), values]),
+            lower=True,
         )
         points = len(prior.linear)
         shrunk, weights = solved[:, :points], solved[:, points:]
-        variance = np.maximum(self.kernel(prior) - (shrunk**2).sum(axis=0), NUGGET)
+        variance = np.maximum(self.kernel(prior, robust=robust) - (shrunk**2).sum(axis=0), NUGGET)
         return shrunk.T @ weights, np.sqrt(variance)
 
 

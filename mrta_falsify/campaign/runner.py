@@ -7,6 +7,7 @@ settings: resuming asks and tells again what is stored, and goes on where nothin
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -96,14 +97,16 @@ def build_sampler(settings: CampaignSettings) -> Sampler:
     Raises:
         InputError: unknown name or option.
     """
+    name = settings.sampler.name
     options = {
         **settings.sampler.options,
         "cube": codec.encode(settings.cube),
         "seed": settings.trials.seed,
     }
-    sampler: Sampler = registry.build(
-        "sampler", Choice(settings.sampler.name, options), where="campaign"
-    )
+    known = registry.load("sampler", name, where="campaign").Options
+    if settings.trials.jittered and any(f.name == "robust" for f in dataclasses.fields(known)):
+        options["robust"] = True
+    sampler: Sampler = registry.build("sampler", Choice(name, options), where="campaign")
     return sampler
 
 

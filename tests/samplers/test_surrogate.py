@@ -129,7 +129,7 @@ def test_knife_edges_do_not_hold_the_search(seed):
         return max(value, -0.025)  # ended soon after the violation
 
     cube = Cube(dimensions=dimensions, groups=tuple(i // 4 for i in range(dimensions)))
-    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=seed))
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=seed, robust=True))
     robust = 0
     for number in range(120):
         u = np.array(sampler.ask().u)
