@@ -11,7 +11,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -97,17 +97,26 @@ def build_sampler(settings: CampaignSettings) -> Sampler:
     Raises:
         InputError: unknown name or option.
     """
-    name = settings.sampler.name
-    options = {
+    choice = Choice(settings.sampler.name, sampler_options(settings))
+    sampler: Sampler = registry.build("sampler", choice, where="campaign")
+    return sampler
+
+
+def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
+    """Options of the campaign's sampler: the user's, and what the campaign knows.
+
+    Raises:
+        InputError: unknown sampler.
+    """
+    known = registry.load("sampler", settings.sampler.name, where="campaign").Options
+    options: dict[str, Any] = {
         **settings.sampler.options,
         "cube": codec.encode(settings.cube),
         "seed": settings.trials.seed,
     }
-    known = registry.load("sampler", name, where="campaign").Options
-    if settings.trials.jittered and any(f.name == "robust" for f in dataclasses.fields(known)):
-        options["robust"] = True
-    sampler: Sampler = registry.build("sampler", Choice(name, options), where="campaign")
-    return sampler
+    if any(field.name == "robust" for field in dataclasses.fields(known)):
+        options.setdefault("robust", settings.trials.jittered > 0)
+    return options
 
 
 def feedback_of(record: TrialRecord) -> Feedback:

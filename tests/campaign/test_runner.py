@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from mrta_falsify.campaign.executors import ProcessExecutor, SerialExecutor
-from mrta_falsify.campaign.runner import feedback_of, run_campaign
+from mrta_falsify.campaign.runner import feedback_of, run_campaign, sampler_options
 from mrta_falsify.campaign.settings import Limits
 from mrta_falsify.campaign.store import RECORDS, Store, StoreError, read_campaign
 from mrta_falsify.core import codec
@@ -83,6 +83,15 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
         assert record.wanted == most
         assert feedback.failed == record.failed
         assert (feedback.signature == record.signature) == (record.wanted or not record.failed)
+
+
+def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
+    for name, expected in (("auto", True), ("surrogate", True), ("random", None)):
+        chosen = settings(sampler=Choice(name), jittered=2)
+        assert sampler_options(chosen).get("robust") is expected
+        assert not sampler_options(settings(sampler=Choice(name))).get("robust")
+    own = settings(sampler=Choice("auto", {"robust": False}), jittered=2)
+    assert sampler_options(own)["robust"] is False
 
 
 @pytest.mark.parametrize("fault", ["crash", "raise"])
