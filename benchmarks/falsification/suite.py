@@ -195,11 +195,12 @@ def in_physics(pair: Pair, campaign: Campaign, record: TrialRecord) -> dict[str,
 def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     """Rows per pair and for all pairs together, as JSON, and survival curves.
 
-    Once for robust failures, where copies were run, and once for failures of any kind.
+    Where copies were run once for robust failures and once for all.
     """
     options.output.mkdir(parents=True, exist_ok=True)
     out: dict[str, Any] = {"budget": options.budget}
-    for kind, knife_edges in (("searches", False), ("searches_with_knife_edges", True)):
+    kinds = {"searches": False} | ({"searches_with_knife_edges": True} if options.jittered else {})
+    for kind, knife_edges in kinds.items():
         out[kind], panels = searches_table(pairs, options, knife_edges=knife_edges)
         write_searches(panels, options.budget, options.output / f"{kind}.png")
         print_rows(out[kind])
