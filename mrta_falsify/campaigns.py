@@ -111,7 +111,8 @@ def new_settings(
         window=window,
         time_limit=time_limit,
     )
-    if is_estimating(settings) and jittered:
+    estimating = is_estimating(settings)  # builds the sampler, and so checks its options
+    if estimating and jittered:
         raise InputError(
             f"jittered is {jittered}: a probability counts every failure, so sampler "
             f"{settings.sampler.name} takes no copies; it must be 0"

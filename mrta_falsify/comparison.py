@@ -124,7 +124,7 @@ def _has_ended(plan: Plan, folder: Path) -> bool:
         if record.number != number:
             return False
         progress.take(record)
-        if plan.stop_after and progress.wanted >= plan.stop_after:
+        if progress.has_enough:
             return True
     return progress.ran >= plan.budget
 

@@ -64,7 +64,6 @@ class SurrogateSampler:
         self._best = Memory(PARENTS)
         self._kept = Memory(options.memory // 2)
         self._recent: list[Feedback] = []
-        self._told = 0
         self._signatures: set[str] = set()
         self._violations: Counts[str] = Counts()  # by specification
         self._models: dict[str, _Model] = {}
@@ -74,7 +73,7 @@ class SurrogateSampler:
         """The next proposal."""
         random = self._counter.stream()
         options = self._options
-        young = self._told < options.initial or not options.cube.dimensions
+        young = self._kept.told < options.initial or not options.cube.dimensions
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(options.cube.dimensions))
         candidates = self._candidates(random)
@@ -88,7 +87,6 @@ class SurrogateSampler:
         """Take in a result; also of a point that somebody else proposed."""
         if feedback.fate != "judged":
             return
-        self._told += 1
         if not feedback.failed or feedback.signature not in self._signatures:
             self._best.add(feedback)
         if feedback.failed:
@@ -98,10 +96,10 @@ class SurrogateSampler:
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
         # Here and not when asked, so that a resumed campaign may skip what it need not ask again.
-        if self._options.cube.dimensions and self._told >= max(
+        if self._options.cube.dimensions and self._kept.told >= max(
             self._options.initial, self._refit_at
         ):
-            self._refit_at = self._told + max(1, self._told // REFIT)
+            self._refit_at = self._kept.told + max(1, self._kept.told // REFIT)
             self._refit()
 
     def results(self) -> list[Feedback]:

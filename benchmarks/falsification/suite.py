@@ -163,7 +163,7 @@ def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
             name = f"{kind}/{sampler}/{seed}"
             campaign = open_campaign(settings.parent)
             failed = [record for record in campaign.records if record.failed]
-            robust = [r for r in failed if r.jittered is not None and r.jittered.robust]
+            robust = [record for record in failed if record.wanted]
             for record in {r.number: r for r in (*failed[:1], *robust[:1])}.values():
                 if (pair.name, name, record.id) not in known:
                     row = {"pair": pair.name, "search": name, **in_physics(pair, campaign, record)}
@@ -239,29 +239,19 @@ def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict
     for pair in pairs:
         root = options.directory / "modes" / pair.name
         for folder in sorted(path.parent for path in root.glob(f"*/*/{SETTINGS}")):
-            records = [r for r in open_campaign(folder).records if r.status == "ok"]
-            failed = [record for record in records if record.failed]
-            robust = [record for record in failed if record.wanted]
-            rows.append(
-                {
-                    "pair": pair.name,
-                    "sampler": folder.parent.name,
-                    "seed": int(folder.name),
-                    "trials": len(records),
-                    "failed": len(failed),
-                    "modes": sorted({record.signature for record in failed}),
-                    "robust": len(robust),
-                    "robust_modes": sorted({record.signature for record in robust}),
-                    "first": first_number(records, failed),
-                    "first_robust": first_number(records, robust),
-                }
-            )
+            campaign = open_campaign(folder)
+            records = [record for record in campaign.records if record.status == "ok"]
+            kinds = {"failed": [record for record in records if record.failed]}
+            if campaign.settings.trials.jittered:
+                kinds["robust"] = [record for record in records if record.wanted]
+            row = {"pair": pair.name, "sampler": folder.parent.name, "seed": int(folder.name)}
+            row["trials"] = len(records)
+            for kind, of in kinds.items():
+                row[kind] = len(of)
+                row[f"{kind}_modes"] = sorted({record.signature for record in of})
+                row[f"{kind}_first"] = records.index(of[0]) + 1 if of else None
+            rows.append(row)
     return rows
-
-
-def first_number(records: Sequence[TrialRecord], chosen: Sequence[TrialRecord]) -> int | None:
-    """Simulations until the first of ``chosen``, itself included."""
-    return records.index(chosen[0]) + 1 if chosen else None
 
 
 def confirmation(directory: Path) -> dict[str, Any]:

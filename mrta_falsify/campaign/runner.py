@@ -60,6 +60,11 @@ class Progress:
     rejected_in_a_row: int = 0
     sim_time: float = 0.0  #: simulated [s]
 
+    @property
+    def has_enough(self) -> bool:
+        """Whether the failures that were asked for are found."""
+        return 0 < self.limits.stop_after <= self.wanted
+
     def take(self, record: TrialRecord) -> None:
         """Count a told record."""
         self.told += 1
@@ -215,7 +220,7 @@ class _Loop:
                     self._take(finished)
                 continue
             self._tell(record)
-            if self._limits.stop_after and progress.wanted >= self._limits.stop_after:
+            if progress.has_enough:
                 return "stop-after"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 raise InputError(

@@ -21,8 +21,8 @@ from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
     FiniteRange,
-    copies_option,
     format_option,
+    jittered_option,
     param_option,
     spec_option,
     stack_options,
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 @click.option(
     "--screen", is_flag=True, help="Kinematic engine first; physics only confirms what fails there."
 )
-@copies_option(
+@jittered_option(
     0,
     "Runs of each failing world with small differences; then the search goes for failures that "
     "most of them share, and only these count for --stop-after.",

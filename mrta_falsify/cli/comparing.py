@@ -13,9 +13,9 @@ from mrta_falsify.cli.commands import main
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
-    copies_option,
     count_option,
     format_option,
+    jittered_option,
     param_option,
     spec_option,
     stack_options,
@@ -26,7 +26,7 @@ from mrta_falsify.cli.options import (
 @main.command()
 @click.argument("directory", type=FILE)
 @stack_options
-@copies_option(2, "Runs beside each failure with starts, pace and times a little different.")
+@jittered_option(2, "Runs beside each failure with starts, pace and times a little different.")
 @format_option
 def corpus(
     directory: Path, stack: Path | None, settings: tuple[str, ...], jittered: int, style: str
@@ -99,7 +99,7 @@ def corpus(
     is_flag=True,
     help="Run each budget out, to count failure modes, instead of stopping at the first.",
 )
-@copies_option(
+@jittered_option(
     0, "Runs of each failing world with small differences; most must fail for it to count."
 )
 @workers_option

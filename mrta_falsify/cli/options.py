@@ -93,7 +93,7 @@ def workers_option(command: Command) -> Command:
     )(command)
 
 
-def copies_option(default: int, text: str) -> Callable[[Command], Command]:
+def jittered_option(default: int, text: str) -> Callable[[Command], Command]:
     """``--jittered N``."""
     return count_option("--jittered", 0, 100, default=default, text=text)
 
