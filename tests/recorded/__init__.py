@@ -1,0 +1,1 @@
+"""Runs and campaigns recorded by an earlier version; see ``record.py``."""
