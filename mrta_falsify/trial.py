@@ -1,44 +1,24 @@
-"""The one road: from a job to the record of its trial.
-
-Module-level and free of closures over processes, so that a spawned worker can run it.
-"""
+"""One world under one stack: simulate it and judge it."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from mrta_falsify.campaign.attribution import suspected_layer
-from mrta_falsify.campaign.runner import point_digest
-from mrta_falsify.campaign.settings import TrialSettings
-from mrta_falsify.campaign.signature import signature
-from mrta_falsify.campaign.store import trial_folder
-from mrta_falsify.core import codec
-from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
-from mrta_falsify.core.record import Jittered, Screening, TrialRecord, versions
-from mrta_falsify.core.seeding import candidate_seed
-from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import World, write_world
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.descriptors import Situation
 from mrta_falsify.specs.library import build_specifications, default_specifications
-from mrta_falsify.specs.objectives import objectives, score
-from mrta_falsify.specs.situation import Situation
-from scenic_worlds.variation import jittered_worlds
+from mrta_falsify.specs.objectives import objectives
 from simulator_interface.simulate import Outcome, simulate
-
-if TYPE_CHECKING:
-    from scenic_worlds.program import Program
 
 SETTLE = 3.0  # s of simulation kept after the violation that decides a run
 LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
@@ -63,7 +43,7 @@ class Judged:
     outcome: Outcome
     verdicts: tuple[Verdict, ...]  #: that the executed part decides
     margins: dict[str, float]  #: see :mod:`mrta_falsify.specs.objectives`
-    descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.situation`
+    descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.descriptors`
 
     @property
     def failed(self) -> bool:
@@ -97,7 +77,7 @@ def _run_episode(
     """Our own loop, or Scenic's over the same loop for a scripted world."""
     episode = functools.partial(simulate, job.world, job.config)
     if job.world.scripted and job.scene is not None:
-        from simulator_interface.scenic_simulator import simulate_scene  # noqa: PLC0415 - Scenic
+        from simulator_interface.scenic_bridge.simulator import simulate_scene  # noqa: PLC0415 - Scenic
 
         episode = functools.partial(simulate_scene, job.scene, job.world, job.config)
     return episode(
@@ -158,190 +138,9 @@ def _bounded(verdict: Verdict) -> Verdict:
     return dataclasses.replace(verdict, robustness=limit)
 
 
-# --- trials of a campaign ------------------------------------------------------------------
-
-
-def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Compile a campaign's scenario; the result runs one job after the other.
-
-    Args:
-        settings: of the campaign.
-
-    Returns:
-        A function from ``{"number": n, "u": [...]}`` to a record as JSON-shaped data.
-
-    Raises:
-        InputError: the program does not compile, or is not the one the campaign began with.
-    """
-    trials = Trials(settings, open_program(settings))
-    return lambda job: codec.encode(
-        trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
-    )
-
-
-def open_program(settings: TrialSettings) -> Program:
-    """Compile a campaign's scenario.
-
-    Raises:
-        InputError: it does not compile, or is not the one the campaign began with.
-    """
-    from scenic_worlds import program  # noqa: PLC0415 - Scenic takes seconds to import
-
-    compiled = program.compile_program(program.scenario_path(settings.scenario), settings.params)
-    if settings.sources_digest and compiled.sources_digest != settings.sources_digest:
-        raise InputError(
-            f"{settings.scenario}: the program (or a file it imports) has changed since the "
-            "campaign began; undo the change, or begin a new campaign"
-        )
-    return compiled
-
-
-class Trials:
-    """Runs the trials of one campaign in this process."""
-
-    def __init__(self, settings: TrialSettings, program: Program) -> None:
-        self._settings = settings
-        self._program = program
-
-    def run(self, number: int, u: np.ndarray) -> TrialRecord:
-        """The record of proposal ``number`` at ``u`` ``(k,)``; its files are written first."""
-        settings = self._settings
-        began = time.perf_counter()
-        asked = Candidate(
-            number=number,
-            u=u,
-            seed=candidate_seed(settings.seed, number),
-            params=settings.params,
-        )
-        record = TrialRecord(
-            candidate=asked, status="rejected", proposal_digest=point_digest(u), versions=versions()
-        )
-        try:
-            realised = self._program.realise(asked, mode=settings.mode)
-        except InputError as error:
-            spent = time.perf_counter() - began
-            return dataclasses.replace(record, error=str(error), scene_s=spent)
-        record = dataclasses.replace(
-            record,
-            candidate=realised.candidate,
-            world_digest=realised.world.digest(),
-            attempts=realised.attempts,
-            scene_s=time.perf_counter() - began,
-        )
-        return self._simulate(realised.world, record, realised.scene)
-
-    def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:
-        settings = self._settings
-        began = time.perf_counter()
-        config, screening = settings.stack, None
-        if settings.screen:
-            quick = self._judge(world, quick_stack(config), scene)
-            if not quick.failed:
-                return self._finish(world, record, quick, quick_stack(config).engine.name, began)
-            screening = Screening(
-                engine=quick_stack(config).engine.name,
-                failed=True,
-                violated=tuple(v.spec for v in quick.verdicts if v.violated),
-                trace_digest=quick.outcome.trace.digest,
-                sim_time=quick.outcome.sim_time,
-                wall_s=quick.outcome.wall_s,
-            )
-        judged = self._judge(world, config, scene)
-        jittered = self._jitter(world, config, scene, judged) if judged.failed else None
-        record = dataclasses.replace(record, screening=screening, jittered=jittered)
-        return self._finish(world, record, judged, config.engine.name, began)
-
-    def _jitter(
-        self, world: World, config: StackConfig, scene: Any, judged: Judged
-    ) -> Jittered | None:
-        copies = jittered_worlds(world, self._settings.jittered)
-        if not copies:
-            return None
-        runs = [self._judge(copy, config, scene) for copy in copies]
-        margins = [run.margins for run in (judged, *runs)]
-        return Jittered(
-            runs=len(runs),
-            failed=sum(run.failed for run in runs),
-            objectives={name: float(np.mean([of[name] for of in margins])) for name in margins[0]},
-        )
-
-    def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:
-        job = _job(self._settings, world, config, scene)
-        return judge(job)
-
-    def _finish(
-        self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
-    ) -> TrialRecord:
-        outcome = judged.outcome
-        keep = judged.failed or record.number % self._settings.keep_every == 0
-        trace_file = self._write(world, outcome, record.number) if keep else ""
-        return dataclasses.replace(
-            record,
-            status="ok",
-            verdicts=judged.verdicts,
-            objectives=judged.margins,
-            descriptors=judged.descriptors,
-            score=-record.jittered.share if record.jittered else score(judged.margins),
-            signature=signature(judged.verdicts),
-            layer=suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
-            trace_file=trace_file,
-            trace_digest=outcome.trace.digest,
-            engine=engine,
-            ended=outcome.ended,
-            sim_time=outcome.sim_time,
-            wall_s=time.perf_counter() - began,
-        )
-
-    def _write(self, world: World, outcome: Outcome, number: int) -> str:
-        if not self._settings.directory:
-            return ""
-        root = Path(self._settings.directory)
-        folder = trial_folder(root, number)
-        folder.mkdir(parents=True, exist_ok=True)
-        write_world(world, folder / "world.json")
-        write_trace(outcome.trace, folder / "trace.zip")
-        return str((folder / "trace.zip").relative_to(root))
-
-
-def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
-    return Job(
-        world=world,
-        config=config,
-        scene=scene,
-        specifications=specifications_of(settings),
-        early_stop=settings.early_stop,
-    )
-
-
-def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
-    """Run a recorded trial again, on the engine its verdicts come from.
-
-    Args:
-        settings: of its campaign.
-        record: of the trial.
-        world: its world.
-    """
-    scene = None
-    if world.scripted:
-        scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
-    return judge(_job(settings, world, stack_of(settings, record), scene))
-
-
-def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
-    """The campaign's stack on the engine that a record's verdicts come from."""
-    if record.engine in ("", settings.stack.engine.name):
-        return settings.stack
-    return quick_stack(settings.stack)
-
-
 def quick_stack(config: StackConfig) -> StackConfig:
     """``config`` on the kinematic engine."""
     return dataclasses.replace(config, engine=Choice("kinematic"))
-
-
-def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
-    """What the trials of a campaign are judged by."""
-    return settings.specifications or campaign_specifications()
 
 
 def campaign_specifications() -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, 
 from reports.figure_floor import draw_floor
 from reports.figure_motion import robot_outline
 from reports.furnishing import fixed_outlines, movable_outlines
-from reports.views import RunView, extent_of
+from reports.run_view import RunView, extent_of
 
 HEIGHT = 900  # pixels of the taller side
 FRAMES_PER_SECOND = 12

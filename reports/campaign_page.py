@@ -14,10 +14,12 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
+from mrta_falsify.core import task_history as errands
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.verdict import Verdict
-from reports import charts, drawings, errands, packing
+from reports import drawings, packing
+from reports import time_charts as charts
 from reports.colours import costmap_colours
 from reports.contents import Case, Report
 from reports.sentences import edge_sentence, sentence

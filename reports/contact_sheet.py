@@ -22,7 +22,7 @@ from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
 from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
 from reports.figure_floor import draw_blockages, draw_floor
 from reports.figures import DPI, MAP_HEIGHT, MAP_WIDTH, MARGIN
-from reports.views import extent_of
+from reports.run_view import extent_of
 from reports.world_marks import (
     OUTAGE,
     TASK,

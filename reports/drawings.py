@@ -12,8 +12,8 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import robot_colour
 from reports.furnishing import fixed_outlines, movable_outlines
+from reports.run_view import extent_of
 from reports.svg import Drawing, Floor
-from reports.views import extent_of
 
 CLOSE_UP = 4.0  # m around the members of a cycle that a close-up shows
 FITS = 8  # letters of a name inside its node

@@ -14,7 +14,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import FURNITURE, FURNITURE_EDGE, INK, ROOM, UNSAFE, WALL, costmap_image
-from reports.views import extent_of
+from reports.run_view import extent_of
 
 
 def draw_floor(

@@ -12,7 +12,7 @@ from mrta_falsify.core.fleet import Phase, StackEvent
 from mrta_falsify.core.trace import Trace
 from reports.colours import HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
 from reports.figure_floor import draw_label, write_text
-from reports.views import RunView
+from reports.run_view import RunView
 
 
 def _column(trace: Trace, name: str) -> np.ndarray | None:

@@ -25,7 +25,7 @@ from reports.colours import (
 )
 from reports.figure_floor import write_text
 from reports.figure_motion import _column
-from reports.views import RunView
+from reports.run_view import RunView
 
 
 def draw_panel(axes: Axes, view: RunView, height: float) -> None:

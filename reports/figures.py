@@ -11,7 +11,7 @@ from reports.figure_floor import draw_floor
 from reports.figure_motion import draw_contacts, draw_humans, draw_robots
 from reports.figure_panel import draw_panel
 from reports.furnishing import fixed_outlines, movable_outlines
-from reports.views import RunView, extent_of
+from reports.run_view import RunView, extent_of
 
 __all__ = ["RunView", "draw_floor", "draw_run", "write_picture"]
 

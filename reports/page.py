@@ -15,7 +15,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import StackEvent
 from reports.colours import robot_colour
 from reports.figure_panel import robustness_text
-from reports.views import RunView
+from reports.run_view import RunView
 
 MAX_EVENTS = 2000  # rows of the event table; a four-hour shift has more than a page can show
 MAX_EVIDENCE = 4000  # characters

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from reports import errands
+from mrta_falsify.core import task_history as errands
 from reports.contents import Case, Mode, Report, Table
 from reports.sentences import edge_sentence, sentence
 

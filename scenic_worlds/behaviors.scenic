@@ -11,7 +11,7 @@ without this program. Behaviours of your own use them with `do`, `do ... until` 
 `try: do ... interrupt when`; who takes no action stands.
 """
 
-from simulator_interface.scenic_actions import CarryOn, errand
+from simulator_interface.scenic_bridge.actions import CarryOn, errand
 
 
 behavior WalkTo(place, speed=0):

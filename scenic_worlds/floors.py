@@ -14,7 +14,7 @@ from __future__ import annotations
 from scenic_worlds.layouts.hospital import hospital as _hospital
 from scenic_worlds.layouts.store import department_store as _department_store
 from scenic_worlds.layouts.warehouse import warehouse as _warehouse
-from scenic_worlds.lifting import lifted
+from scenic_worlds.lifted import lifted
 
 department_store = lifted(_department_store)
 hospital = lifted(_hospital)

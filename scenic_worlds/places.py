@@ -27,7 +27,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import InputError, UnknownNameError, WorldError
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts import load_layout
-from scenic_worlds.lifting import lifted
+from scenic_worlds.lifted import lifted
 from scenic_worlds.shapes import (
     facing_away,
     heading_of,

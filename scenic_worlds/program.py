@@ -25,9 +25,9 @@ from scenic_worlds.checking import FastChecker
 from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
-from scenic_worlds.sampled import SampledWorlds
 from scenic_worlds.sources import sources_digest
-from simulator_interface.world_from_scene import world_from_scene
+from scenic_worlds.validity import SampledWorlds
+from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
 
 __all__ = [
     "Mode",
@@ -238,7 +238,8 @@ def _restriction(
     """Intervals of ``param restrict = {'bed1.position.0': (0.2, 0.4)}``, by coordinate.
 
     The names are those of the search dimensions (see ``check``), the numbers shares of each
-    one's range. Programs that :mod:`mrta_falsify.family` writes say by it what they stand for.
+    one's range. Programs that
+    :mod:`mrta_falsify.verbs.family.finding` writes say by it what they stand for.
 
     Raises:
         FormatError: it is not of that form, or names what the program does not have.

@@ -13,7 +13,7 @@ from scenic.core.regions import Region
 from scenic.core.vectors import Vector, VectorField
 from shapely.geometry import Polygon
 
-from scenic_worlds.lifting import lifted
+from scenic_worlds.lifted import lifted
 from scenic_worlds.places import Places
 from scenic_worlds.shapes import heading_of, region_from
 

@@ -23,10 +23,10 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.checking import FastChecker, Rejection
+from scenic_worlds.placing import Settling
 from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver, Sample, bits
 from scenic_worlds.primitives.plan import NodeRejected
-from scenic_worlds.settling import Settling
 
 MAX_ATTEMPTS = 3000  # scenes; at 1 to 10 ms each
 PATIENCE = 40  # redraws of one object until what it shares with others is redrawn too

@@ -7,9 +7,11 @@ from typing import Any
 
 
 def pybullet_simulator() -> Any:
-    """A :class:`simulator_interface.scenic_simulator.PyBulletSimulator`.
+    """A :class:`simulator_interface.scenic_bridge.simulator.PyBulletSimulator`.
 
     Sampling a program needs neither the physics engine nor the stack, so they are imported
     here and not with the model.
     """
-    return importlib.import_module("simulator_interface.scenic_simulator").PyBulletSimulator()
+    return importlib.import_module(
+        "simulator_interface.scenic_bridge.simulator"
+    ).PyBulletSimulator()

@@ -12,7 +12,7 @@ from typing import Any
 from scenic.core.distributions import DiscreteRange, Options, Range
 
 from mrta_falsify.core.errors import WorldError
-from scenic_worlds.lifting import lifted
+from scenic_worlds.lifted import lifted
 from scenic_worlds.random_places import (
     longest_approach,
     pick_other_room,

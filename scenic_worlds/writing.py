@@ -43,7 +43,7 @@ from mrta_falsify.core.world import (
     without_actors,
     write_world,
 )
-from scenic_worlds.exact import Box, box_of, heading_text, number_text, point_text
+from scenic_worlds.exact_numbers import Box, box_of, heading_text, number_text, point_text
 from scenic_worlds.layouts import layout_names, load_layout
 
 LIBRARY = Path(__file__).parent

@@ -104,7 +104,7 @@ class BoundCostmap:
         self._blockages.append(blockage)
 
     def forget_after(self, time: float) -> None:
-        """See :class:`simulator_interface.forecast.ForgettingPart`."""
+        """See :class:`simulator_interface.staging.ForgettingPart`."""
         self._blockages = without_later(self._blockages, time)
 
     @property

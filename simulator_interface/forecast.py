@@ -9,31 +9,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any
 
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Foreseeing, Watch
 from simulator_interface import forking
-
-if TYPE_CHECKING:
-    from simulator_interface.simulate import Episode
-
-
-@runtime_checkable
-class ForgettingPart(Protocol):
-    """An engine or a costmap source that can leave out what is to come."""
-
-    def forget_after(self, time: float) -> None:
-        """No blockage that starts after ``time`` [s] will ever stand."""
-
-
-@runtime_checkable
-class RemovingEngine(Protocol):
-    """An engine that can take a robot out of the building."""
-
-    def remove(self, robot: int) -> None:
-        """From now on ``robot`` is far outside the map and in nobody's way."""
+from simulator_interface.episode import Episode
 
 
 class EpisodeForecast:

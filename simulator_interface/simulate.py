@@ -6,33 +6,20 @@ trace and verdicts. Both are functions of (world, configuration): same input, sa
 
 from __future__ import annotations
 
-import dataclasses
 import time as wall_clock
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from mrta_falsify.core import registry, seeding
-from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.errors import ConfigError, WorldError
-from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, StackEvent
-from mrta_falsify.core.protocols import CostmapSource, Engine, Specification
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import Blockage, HumanSpec, World
-from mrta_falsify.specs.blocked_by import BlockedByTracker
+from mrta_falsify.core.world import World
 from mrta_falsify.specs.contacts import ContactCounter
-from mrta_falsify.stack.missions import StackState
-from mrta_falsify.stack.stack import Stack
-from simulator_interface.crowd import Crowd
-from simulator_interface.forecast import ForgettingPart, RemovingEngine, offer_forecasts
-from simulator_interface.sensing import fill_rest
-from simulator_interface.staging import StagedEngine, StagedSource, needs_stage
-
-#: people need more room than a robot's disc; they see every object
-PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
+from simulator_interface.episode import Episode
+from simulator_interface.forecast import offer_forecasts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,220 +43,6 @@ class Outcome:
     ended: str  #: why the episode ended
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
-
-
-class _Localisation:
-    """Turns ground truth into what the stack is told."""
-
-    def __init__(self, world: World, human_radius: Array) -> None:
-        robots = world.robots
-        self._spread = np.array(
-            [[r.position_noise, r.position_noise, r.heading_noise] for r in robots]
-        ).reshape(-1, 3)
-        self._is_noisy = bool(self._spread.any())
-        self._random = seeding.stream(world.seed, "localisation")
-        self._human_radius = human_radius
-        self._anchor = np.full((len(robots), 2), np.inf)
-        self._since = np.zeros(len(robots))
-
-    def fleet(self, sensed: Sensed) -> FleetState:
-        """What the stack is told about ``sensed``."""
-        fill_rest(sensed.pose, sensed.time, self._anchor, self._since)
-        pose = sensed.pose
-        if self._is_noisy:
-            pose = pose + self._random.normal(size=pose.shape) * self._spread
-        return FleetState(
-            tick=sensed.tick,
-            time=sensed.time,
-            pose=pose,
-            velocity=sensed.velocity,
-            human_position=sensed.human_position,
-            human_velocity=sensed.human_velocity,
-            human_radius=self._human_radius,
-            obstacle_points=sensed.obstacle_points,
-            parked_for=sensed.time - self._since,
-        )
-
-
-class Episode:
-    """An episode in progress: iterate it for its frames, or fork its stack on the way."""
-
-    def __init__(self, world: World, config: StackConfig) -> None:
-        self.world = world
-        self.config = config
-        self.dt = 1.0 / config.control_rate
-        self.state: StackState | None = None
-        self.tick = 0  #: of the last frame
-        source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
-        self._engine: Engine = registry.build("engine", config.engine)
-        self._source: CostmapSource = source
-        if needs_stage(world):
-            self._check_stage()
-        self.stack = Stack(world, config, source)
-        self.crowd = self._new_crowd()
-        self._resting: tuple[int, ...] | None = None
-        self._removed: list[int] = []
-        self._tracker = BlockedByTracker(world, self.dt)
-        self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
-
-    def _new_crowd(self) -> Crowd:
-        # People find their way on the true map, whatever the stack's own map leaves out.
-        true_map = registry.build("costmap", PEOPLES_MAP).bind(self.world)
-        model = registry.build("human_model", self.config.human_model)
-        planner = registry.build("planner", StackConfig().planner)
-        return Crowd(world=self.world, model=model, planner=planner, source=true_map, dt=self.dt)
-
-    def _check_stage(self) -> None:
-        """Refuse components for which the building never changes.
-
-        Raises:
-            ConfigError: names the component.
-        """
-        parts = (
-            ("engine", self.config.engine, isinstance(self._engine, StagedEngine)),
-            ("costmap", self.config.costmap, isinstance(self._source, StagedSource)),
-        )
-        for layer, choice, is_able in parts:
-            if not is_able:
-                raise ConfigError(
-                    f"{layer}={choice.name} cannot run a world with directives or movable "
-                    "furniture; see simulator_interface/staging.py for what it needs"
-                )
-
-    def add_blockage(self, name: str, polygon: Array, *, height: float, end: float) -> Blockage:
-        """Put something down; it stands from the next tick to ``end`` [s].
-
-        Raises:
-            ConfigError: engine or costmap cannot take it.
-        """
-        self._check_stage()
-        assert isinstance(self._source, StagedSource)
-        blockage = Blockage(
-            name=name,
-            polygon=polygon,
-            height=height,
-            start=(self.tick + 1) * self.dt,
-            end=max(end, (self.tick + 1) * self.dt),
-        )
-        self.crowd.add_blockage(blockage)
-        self._source.add_blockage(blockage)
-        self.world = self.crowd.world
-        return blockage
-
-    def replace_person(self, person: int, spec: HumanSpec) -> None:
-        """Let somebody new take the place of a person who never appeared."""
-        self._check_stage()
-        self.crowd.replace_person(person, spec)
-        self.world = self.crowd.world
-
-    def frames(self) -> Generator[Frame, None, None]:
-        """Frames from time 0 on, for as long as they are asked for."""
-        try:
-            human_position = self.crowd.start()
-            sensed = self._engine.start(self.world, self.dt, human_position)
-            self.state = self.stack.start()
-            while True:
-                self.tick = sensed.tick
-                measured, sensed = sensed, self._as_staged(sensed)
-                seen = self._without_absent(sensed)
-                fleet = self._localisation.fleet(seen)
-                self.state, command, intent, events = self.stack.step(self.state, fleet)
-                edges = self._tracker.update(seen, command, intent, events)
-                yield Frame(
-                    sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
-                )
-                command = self._without_removed(command)
-                human_velocity = self.crowd.velocities(measured)
-                stage = self.crowd.stage()
-                if stage is not None:
-                    assert isinstance(self._engine, StagedEngine)
-                    self._engine.arrange(stage)
-                sensed = self._engine.step(command, human_velocity)
-        finally:
-            self._engine.close()
-
-    def swap(self, config: StackConfig) -> None:
-        """Let another stack go on from the same memory; to be called between two frames.
-
-        Everything but engine, people and control rate may differ. The controller starts anew if
-        it is another one; all other layers keep their memory in the stack's state.
-        """
-        assert self.state is not None, "the episode has not begun"
-        source = self._source
-        changed = config.costmap != self.config.costmap or config.defects != self.config.defects
-        if changed:
-            source = registry.build("costmap", config.costmap, defects=config.defects)
-            source = source.bind(self.world)
-        self.stack = Stack(self.world, config, source)
-        if config.controller != self.config.controller or config.defects != self.config.defects:
-            self.state.controller = self.stack.start().controller
-        self.config, self._source = config, source
-
-    def forget_events(self) -> None:
-        """From now on nothing new comes from outside; to be called between two frames.
-
-        No task arrives any more, and no blockage or outage begins. Engines and costmap sources
-        that are not :class:`~simulator_interface.forecast.ForgettingPart` keep theirs.
-        """
-        assert self.state is not None, "the episode has not begun"
-        time = self.tick * self.dt
-        self.stack.forget_after(self.state, time)
-        self.crowd.forget_after(time)
-        for part in (self._engine, self._source, self.crowd.source):
-            if isinstance(part, ForgettingPart):
-                part.forget_after(time)
-
-    @property
-    def can_remove(self) -> bool:
-        """Whether robots can be taken away."""
-        return isinstance(self._engine, RemovingEngine)
-
-    def remove(self, robot: int) -> None:
-        """Take a robot out of the building; to be called between two frames.
-
-        The stack sees it far outside the map, standing, with all that follows from that.
-        """
-        assert isinstance(self._engine, RemovingEngine)
-        self._engine.remove(robot)
-        self._removed.append(robot)
-
-    def _without_removed(self, command: Command) -> Command:
-        if not self._removed:
-            return command
-        twist = np.array(command.twist)
-        twist[self._removed] = 0.0
-        return Command(twist=twist)
-
-    def _as_staged(self, sensed: Sensed) -> Sensed:
-        """``sensed`` with what the crowd knows: who is gone, and where furniture stands."""
-        errands = self.crowd.errands
-        things = errands.furnishings
-        if things.pieces:
-            resting = things.at_rest(sensed.time)
-            if resting != self._resting:
-                self._resting = resting
-                assert isinstance(self._source, StagedSource)
-                self._source.furnish(tuple(things.outline(k) for k in resting))
-            sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
-        if all(errands.inside.tolist()):
-            return sensed
-        position = np.where(errands.inside[:, None], sensed.human_position, np.nan)
-        return dataclasses.replace(sensed, human_position=position)
-
-    def _without_absent(self, sensed: Sensed) -> Sensed:
-        """What can be perceived: people who are not in the building are nowhere."""
-        if not self.world.humans:
-            return sensed
-        present = self.crowd.present(sensed.time)
-        if all(present.tolist()):
-            return sensed
-        seen = np.where(present[:, None], sensed.human_position, np.inf)
-        return dataclasses.replace(sensed, human_position=seen)
-
-    @property
-    def all_done(self) -> bool:
-        """Whether every task is delivered and none is to come."""
-        return self.state is not None and self.stack.all_done(self.state)
 
 
 def episode(world: World, config: StackConfig) -> Iterator[Frame]:

@@ -52,6 +52,22 @@ class StagedSource(Protocol):
         """Something put down while the episode runs."""
 
 
+@runtime_checkable
+class ForgettingPart(Protocol):
+    """An engine or a costmap source that can leave out what is to come."""
+
+    def forget_after(self, time: float) -> None:
+        """No blockage that starts after ``time`` [s] will ever stand."""
+
+
+@runtime_checkable
+class RemovingEngine(Protocol):
+    """An engine that can take a robot out of the building."""
+
+    def remove(self, robot: int) -> None:
+        """From now on ``robot`` is far outside the map and in nobody's way."""
+
+
 def needs_stage(world: World) -> bool:
     """Whether a world asks for more than routes: coming, going, pushing."""
     return bool(world.movable_furniture()) or any(h.directives for h in world.humans)

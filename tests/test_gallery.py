@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from mrta_falsify.campaign.signature import signature
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.trial import Job, campaign_specifications, judge
 from scenic_worlds.program import compile_program

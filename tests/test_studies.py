@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.reports import families, minimising
 from benchmarks.reports.stored_failures import append_row, parse_part, rows_of, stored_failures
-from mrta_falsify.campaign.store import Store
+from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job
-from tests.campaign.standin import settings
+from tests.campaigns.standin import settings
 from tests.conftest import scripted_trace
 from tests.reports.planted import planted_campaign
 from tools.gallery_pictures import Seen, write_picture

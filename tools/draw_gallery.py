@@ -22,21 +22,27 @@ from typing import Any
 
 import yaml
 
-from mrta_falsify import campaigns
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaign.signature import leading
-from mrta_falsify.campaign.store import SETTINGS, Campaign, StoreError, trial_folder
-from mrta_falsify.campaigns import open_campaign, open_store, replay, store_replay
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.signature import leading
+from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.explaining import JITTERED, Explanation, explain, removal_text, stored_explanation
-from mrta_falsify.minimising import minimise
-from reports.errands import stories, tasks_of
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.campaign import open_campaign, open_store, replay, store_replay
+from mrta_falsify.verbs.explain import (
+    JITTERED,
+    Explanation,
+    explain,
+    removal_text,
+    stored_explanation,
+)
+from mrta_falsify.verbs.minimize.minimising import minimise
 from reports.sentences import edge_sentence, sentence
 from tools.gallery_pictures import Seen, write_picture
 

@@ -16,16 +16,16 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 from PIL import Image
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from reports.colours import HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
 from reports.drawings import blocker_of
-from reports.errands import robots_of, tasks_of
 from reports.figure_floor import draw_floor, draw_label
 from reports.figure_motion import robot_outline
 from reports.furnishing import fixed_outlines, movable_outlines
-from reports.views import extent_of
+from reports.run_view import extent_of
 
 DPI = 100
 COLOURS = 128  # of the palette: keeps the files small

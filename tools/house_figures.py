@@ -146,7 +146,7 @@ def complex_functions(root: Path) -> list[str]:
         check=False,
     )
     return [
-        f"{Path(row['filename']).relative_to(root.resolve())}:{row['location']['row']} {row['message']}"
+        f"{Path(row['filename']).name}:{row['location']['row']} {row['message']}"
         for row in json.loads(done.stdout)
     ]
 

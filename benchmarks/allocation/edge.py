@@ -20,9 +20,9 @@ import numpy as np
 
 from benchmarks.allocation.measuring import INSERTION, batch_problem, cpu, family
 from benchmarks.allocation.second_opinion import can_be_covered
-from mrta_falsify.core.allocation import AllocationProblem
-from mrta_falsify.stack.allocation.checking import verify
+from mrta_falsify.core.allocation_problem import AllocationProblem
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
+from mrta_falsify.stack.allocation.verification import verify
 from simulator_interface.formats.smrta import Case, read_case, read_travel_times
 
 EXACT = Exact(ExactOptions(improvement_steps=0, fewest_lost=False))

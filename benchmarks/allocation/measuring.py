@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrta_falsify.core.allocation import AllocationProblem, RobotPlan
+from mrta_falsify.core.allocation_problem import AllocationProblem, RobotPlan
 from mrta_falsify.core.seeding import stream as random_stream
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.stream import Batch, Stream

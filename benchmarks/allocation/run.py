@@ -33,14 +33,14 @@ from benchmarks.allocation.measuring import (
     family,
     stream_ms,
 )
-from mrta_falsify.core.allocation import OpenTask
+from mrta_falsify.core.allocation_problem import OpenTask
 from mrta_falsify.core.seeding import stream as random_stream
-from mrta_falsify.stack.allocation.checking import verify
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.objective import completion_bound, score
 from mrta_falsify.stack.allocation.proving import Prover
 from mrta_falsify.stack.allocation.timing import closed_travel_times
+from mrta_falsify.stack.allocation.verification import verify
 from simulator_interface.formats.smrta import Case, read_case, read_travel_times
 
 

@@ -7,7 +7,7 @@ sets cover all tasks.
 
 from __future__ import annotations
 
-from mrta_falsify.core.allocation import AllocationProblem, OpenTask, RobotPlan
+from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 
 MOST_STATES = 600_000  # of one robot, kept at once; more: not decided
 EFFORT = 60.0  # CP-SAT's deterministic time

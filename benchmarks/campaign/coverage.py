@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from mrta_falsify.campaign.statistics import blaker_interval, why_no_probability
-from mrta_falsify.campaigns import open_campaign
+from mrta_falsify.campaigns.statistics import blaker_interval, why_no_probability
 from mrta_falsify.core.seeding import stream
+from mrta_falsify.verbs.campaign import open_campaign
 
 
 def coverage(p: float, trials: int, campaigns: int, seed: int) -> dict[str, float]:

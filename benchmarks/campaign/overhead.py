@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from mrta_falsify.campaign.executors import ProcessExecutor
-from mrta_falsify.campaign.runner import point_digest
-from mrta_falsify.campaign.store import Store, decode_record
+from mrta_falsify.campaigns.executors import ProcessExecutor
+from mrta_falsify.campaigns.runner import point_digest
+from mrta_falsify.campaigns.store import Store, decode_record
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
@@ -29,7 +29,7 @@ from mrta_falsify.core.protocols import Sampler
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.verdict import Verdict
-from tests.campaign.standin import settings
+from tests.campaigns.standin import settings
 
 DIMENSIONS = 200
 SPECIFICATIONS = ("no_deadlock", "deadlines", "all_tasks_done", "no_robot_robot_contact")
@@ -161,7 +161,7 @@ def trip_cost(measured: int) -> dict[str, Any]:
 def trial_cost(trials: int) -> float:
     """CPU time [s] of a trial, median."""
     from benchmarks.campaign.ward_rounds import ward_rounds  # noqa: PLC0415 - Scenic is slow
-    from mrta_falsify.trial import open_trials as open_real  # noqa: PLC0415
+    from mrta_falsify.worker import open_trials as open_real  # noqa: PLC0415
 
     chosen = ward_rounds()
     run = open_real(chosen.trials)

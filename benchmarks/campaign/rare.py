@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from mrta_falsify.campaign.rare_events import rare_probability
+from mrta_falsify.campaigns.rare_events import rare_probability
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import candidate_seed, stream

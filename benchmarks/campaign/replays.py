@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.campaign.ward_rounds import ward_rounds
-from mrta_falsify import campaigns
-from mrta_falsify.campaign.executors import ProcessExecutor
-from mrta_falsify.campaign.settings import Limits, TrialSettings
-from mrta_falsify.campaign.store import Store
+from mrta_falsify.campaigns.executors import ProcessExecutor
+from mrta_falsify.campaigns.settings import Limits, TrialSettings
+from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice
+from mrta_falsify.verbs import campaign as campaigns
 
 
 def open_replays(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:

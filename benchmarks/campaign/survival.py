@@ -21,14 +21,14 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from mrta_falsify.campaign.executors import ProcessExecutor
-from mrta_falsify.campaign.runner import run_campaign
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaign.store import RECORDS, Store, read_campaign
+from mrta_falsify.campaigns.executors import ProcessExecutor
+from mrta_falsify.campaigns.runner import run_campaign
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.store import RECORDS, Store, read_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import stream
-from tests.campaign.standin import settings
+from tests.campaigns.standin import settings
 
 WORKERS = 2
 

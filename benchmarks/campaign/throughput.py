@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.campaign.ward_rounds import PROGRAM
-from mrta_falsify import campaigns
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaign.store import Store
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs import campaign as campaigns
 
 
 def one_run(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from mrta_falsify.campaign.settings import CampaignSettings
-from mrta_falsify.campaigns import new_settings
+from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.verbs.campaign import new_settings
 
 PROGRAM = Path(__file__).parent / "ward_rounds.scenic"
 

@@ -25,10 +25,10 @@ from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.world import RobotSpec, World
 from scenic_worlds.layouts import load_world
-from simulator_interface import gaps
-from simulator_interface.bodies import ROBOTS
-from simulator_interface.bullet import BulletEngine
-from simulator_interface.kinematic import KinematicEngine
+from simulator_interface.engines import gaps
+from simulator_interface.engines.bodies import ROBOTS
+from simulator_interface.engines.bullet import BulletEngine
+from simulator_interface.engines.kinematic import KinematicEngine
 
 DT = 0.05
 CIRCLE = (0.3, 0.0, 0.9)

@@ -19,15 +19,15 @@ import time as clock
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify import campaigns
-from mrta_falsify.campaign.journal import append_row, read_rows
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaigns import open_store, stored_world
+from mrta_falsify.campaigns.journal import append_row, read_rows
+from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.explaining import explain
 from mrta_falsify.trial import Job, campaign_specifications, judge
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.campaign import open_store, stored_world
+from mrta_falsify.verbs.explain import explain
 
 OF_SUITE = Path(__file__).parent / "scenarios"
 

@@ -29,17 +29,19 @@ from typing import Any, Literal
 
 import yaml
 
-from mrta_falsify import app, campaigns, comparison
-from mrta_falsify.campaign.journal import append_row, read_rows
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaign.statistics import failure_probability
-from mrta_falsify.campaign.store import SETTINGS, Campaign
-from mrta_falsify.campaigns import open_campaign, open_store, stored_world
-from mrta_falsify.comparison import Plan, Told
+from mrta_falsify.campaigns.journal import append_row, read_rows
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.statistics import failure_probability
+from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, campaign_specifications, judge
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs import compare as comparison
+from mrta_falsify.verbs import run as app
+from mrta_falsify.verbs.campaign import open_campaign, open_store, stored_world
+from mrta_falsify.verbs.compare import Plan, Told
 from reports.figure_searches import Curve, write_searches
 
 HERE = Path(__file__).parent

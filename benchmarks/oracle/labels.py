@@ -27,10 +27,10 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.progress import Progress
-from mrta_falsify.specs.standoff import groups_of
+from mrta_falsify.specs.deadlock.counterfactual import groups_of
+from mrta_falsify.specs.deadlock.progress_clock import Progress
+from simulator_interface.episode import Episode
 from simulator_interface.forking import answer_of_a_copy
-from simulator_interface.simulate import Episode
 
 CONTINUE = 600.0  # s
 FREE_WITHIN = 120.0  # s in which the rest must go free once a member is gone

@@ -25,11 +25,11 @@ import numpy as np
 from benchmarks.oracle.labels import EVERY, PLACE, Deadlock, label
 from benchmarks.oracle.worlds import KINDS, SAMPLED, Case, cases
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.specs.deadlock import NoDeadlock
-from mrta_falsify.specs.motion import Standstill
-from mrta_falsify.specs.progress import Progress
+from mrta_falsify.specs.deadlock.motion import Standstill
+from mrta_falsify.specs.deadlock.oracle import NoDeadlock
+from mrta_falsify.specs.deadlock.progress_clock import Progress
+from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
-from simulator_interface.simulate import Episode
 
 SUSPICIOUS = 8.0  # s of standing with a goal that make an unclaimed run worth a label
 TOLERANCE = 1.0  # s after a claim; whoever gets 0.25 m nearer later than that refutes it

@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem, OpenTask, RobotPlan, Stop
+from mrta_falsify.core.allocation_problem import (
+    Allocation,
+    AllocationProblem,
+    OpenTask,
+    RobotPlan,
+    Stop,
+)
 from mrta_falsify.core.config import Choice, StackConfig
 
 CONTROL_RATE = 10  # Hz: half the default's, and half the time

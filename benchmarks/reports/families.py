@@ -23,7 +23,7 @@ from benchmarks.reports.stored_failures import (
     study_options,
 )
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.family import find_family, rule_lines
+from mrta_falsify.verbs.family.finding import find_family, rule_lines
 
 STUDY = "families"
 

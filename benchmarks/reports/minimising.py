@@ -27,13 +27,14 @@ from benchmarks.reports.stored_failures import (
     run_study,
     study_options,
 )
-from mrta_falsify.campaign.attribution import members_of, waited_for
-from mrta_falsify.campaign.signature import leading, signature
+from mrta_falsify.campaigns.attribution import members_of, waited_for
+from mrta_falsify.campaigns.signature import leading, signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
-from mrta_falsify.minimising import Minimised, minimise, share_removed
-from mrta_falsify.trial import Job, judge, specifications_of
+from mrta_falsify.trial import Job, judge
+from mrta_falsify.verbs.minimize.minimising import Minimised, minimise, share_removed
+from mrta_falsify.worker import specifications_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts
 

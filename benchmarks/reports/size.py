@@ -28,11 +28,14 @@ from typing import Any
 
 import numpy as np
 
-from mrta_falsify import campaigns, explaining, minimising, reporting
-from mrta_falsify.campaign.settings import Limits
-from mrta_falsify.campaign.store import Campaign, Store, trial_folder
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs import explain as explaining
+from mrta_falsify.verbs.minimize import minimising
+from mrta_falsify.verbs.report import build as reporting
 
 SCENARIO = "burst_of_tasks"
 TRIALS = 6  # of the real campaign

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaign import journal
-from mrta_falsify.campaign.journal import read_rows
-from mrta_falsify.campaign.store import SETTINGS, Campaign
-from mrta_falsify.campaigns import open_campaign, stored_world
+from mrta_falsify.campaigns import journal
+from mrta_falsify.campaigns.journal import read_rows
+from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import write_world
+from mrta_falsify.verbs.campaign import open_campaign, stored_world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -32,13 +32,13 @@ import pybullet
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from mrta_falsify import scenarios
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.world import Blockage, Furniture, World
+from mrta_falsify.verbs import check as scenarios
 from scenic_worlds.program import Program, scenario_names
-from simulator_interface.bullet import RAY_HEIGHT, BulletEngine
 from simulator_interface.costmap_layers import build_costmap
+from simulator_interface.engines.bullet import RAY_HEIGHT, BulletEngine
 
 ASIDE = 0.0031  # m, lines run beside the centres: a ray along an edge may slip past both faces
 BEYOND = 1e-5  # m, behind a hit a ray goes on from here

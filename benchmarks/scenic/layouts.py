@@ -22,8 +22,8 @@ from mrta_falsify.core.geometry import path_length
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import RobotSpec, Task, World
 from mrta_falsify.specs.library import default_specifications
-from mrta_falsify.travel_times import measure_travel_times
 from mrta_falsify.trial import Job, run_job
+from mrta_falsify.verbs.travel_times import measure_travel_times
 from scenic_worlds.layouts import load_layout
 from scenic_worlds.layouts.hospital import hospital
 from scenic_worlds.layouts.store import department_store

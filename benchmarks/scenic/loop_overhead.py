@@ -20,7 +20,7 @@ from pathlib import Path
 
 from mrta_falsify.core.config import Choice, StackConfig
 from scenic_worlds.program import compile_program, scenario_path
-from simulator_interface.scenic_simulator import PyBulletSimulator
+from simulator_interface.scenic_bridge.simulator import PyBulletSimulator
 from simulator_interface.simulate import simulate
 
 RECORDS = """

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mrta_falsify.cli import campaigns as campaign_commands
-from mrta_falsify.cli import output
-from mrta_falsify.cli.commands import main
+from mrta_falsify.cli import campaign_commands, output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import FILE, stack_options
+from mrta_falsify.cli.run_commands import main
 
 if TYPE_CHECKING:
-    from mrta_falsify.campaigns import Result
+    from mrta_falsify.verbs.campaign import Result
 
 FIXED_WORLD = "aws_hospital_day"
 SCENARIO = "hospital_day"
@@ -45,7 +44,8 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
     found, or says that none was. Last, labelled as such, the same search on a stack with a planted
     fault.
     """
-    from mrta_falsify import app, reporting  # noqa: PLC0415 - loads the whole stack
+    from mrta_falsify.verbs import run as app
+    from mrta_falsify.verbs.report import build as reporting
 
     config = app.load_stack(stack, settings)
     app.make_directory(directory)
@@ -75,7 +75,7 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
 
 
 def _one_day(seed: int, config: Any, directory: Path) -> bool:
-    from mrta_falsify import app  # noqa: PLC0415
+    from mrta_falsify.verbs import run as app
 
     world = app.find_world(FIXED_WORLD, seed=seed)
     click.echo(f"{len(world.robots)} robots, {len(world.humans)} people, {len(world.tasks)} tasks")
@@ -99,8 +99,8 @@ def _search(
     stop_after: int = 0,
 ) -> Result | None:
     """A campaign, begun or gone on with; None after Ctrl-C."""
-    from mrta_falsify import campaigns  # noqa: PLC0415
-    from mrta_falsify.campaign.settings import Limits  # noqa: PLC0415
+    from mrta_falsify.campaigns.settings import Limits
+    from mrta_falsify.verbs import campaign as campaigns
 
     chosen = campaigns.new_settings(
         scenario, directory=directory, config=config, seed=seed, screen=True

@@ -17,7 +17,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
 
 if TYPE_CHECKING:
-    from mrta_falsify.health import Check
+    from mrta_falsify.verbs.doctor import Check
 
 FORMATS = ("text", "json")
 

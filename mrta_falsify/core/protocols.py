@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap

@@ -16,7 +16,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.worst import Worst
+from mrta_falsify.specs.running_min import Worst
 
 FAR = 10.0  # m, cap of gaps
 TOUCH = -1e-3  # m, robustness of a contact whose measured gap is not negative

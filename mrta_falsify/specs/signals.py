@@ -37,7 +37,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.motion import Standstill
+from mrta_falsify.specs.deadlock.motion import Standstill
 
 CAP = 10.0  # m, of gaps
 MOVING = 0.05  # m/s

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.allocation import (
+from mrta_falsify.core.allocation_problem import (
     Allocation,
     AllocationProblem,
     OpenTask,
@@ -26,8 +26,8 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.allocation.checking import verify
 from mrta_falsify.stack.allocation.timing import assemble, closed_travel_times
+from mrta_falsify.stack.allocation.verification import verify
 
 LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part may be planned again
 REPLAN_PERIOD = 10.0  # s, at most one such re-plan per period

@@ -9,7 +9,7 @@ from scipy import ndimage
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, Costmap
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.planning import kernels
+from mrta_falsify.stack.planning import search_kernels as kernels
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
 MAX_CELLS = 2_000_000  # finer than this takes coarser cells

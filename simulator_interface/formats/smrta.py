@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.allocation import OpenTask, Stop
+from mrta_falsify.core.allocation_problem import OpenTask, Stop
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrta_falsify.campaign.settings import CampaignSettings, TrialSettings
-from mrta_falsify.campaign.store import Store
+from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.candidate import Candidate

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from mrta_falsify import campaigns
-from mrta_falsify.trial import rerun
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.worker import rerun
 
 PROGRAM = """
 model scenic_worlds.model

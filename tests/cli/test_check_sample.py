@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrta_falsify import app, scenarios
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.costmap import LETHAL
 from mrta_falsify.core.world import read_world
+from mrta_falsify.verbs import check as scenarios
+from mrta_falsify.verbs import run as app
 from simulator_interface.formats import nav2
 
 BAD = Path(__file__).parent / "bad_scenarios"
@@ -288,8 +289,8 @@ def test_a_campaign_refuses_a_misspelt_parameter(cli, program):
 
 
 def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
-    from mrta_falsify.campaign.settings import TrialSettings
-    from mrta_falsify.trial import Trials, open_program
+    from mrta_falsify.campaigns.settings import TrialSettings
+    from mrta_falsify.worker import Trials, open_program
 
     path = tmp_path / "sometimes.scenic"
     path.write_text(

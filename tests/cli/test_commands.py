@@ -9,12 +9,12 @@ import sys
 import pytest
 import yaml
 
-from mrta_falsify import app
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import read_world
 from mrta_falsify.specs.library import default_specifications
+from mrta_falsify.verbs import run as app
 
 QUICK = ("--set", "engine=kinematic")
 

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.allocation import AllocationProblem, OpenTask, RobotPlan
+from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import Allocator
-from mrta_falsify.stack.allocation.checking import verify
 from mrta_falsify.stack.allocation.timing import closed_travel_times
+from mrta_falsify.stack.allocation.verification import verify
 from mrta_falsify.stack.dispatcher import fault_of
 
 NAMES = registry.names("allocator")

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from mrta_falsify.allocate import allocate_file, as_data
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.verbs.allocate import allocate_file, as_data
 from simulator_interface.formats.smrta import read_case, read_travel_times
 
 TIMES = [[0, 10, 20], [10, 0, 10], [20, 10, 0]]

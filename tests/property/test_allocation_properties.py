@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mrta_falsify.core.allocation import Infeasible, OpenTask
-from mrta_falsify.stack.allocation.checking import verify
+from mrta_falsify.core.allocation_problem import Infeasible, OpenTask
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
+from mrta_falsify.stack.allocation.verification import verify
 from tests.stack.allocation_cases import problem
 
 EXACT = Exact(ExactOptions(improvement_steps=0, fewest_lost=False))

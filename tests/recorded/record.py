@@ -26,8 +26,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaign.attribution import suspected_layer
-from mrta_falsify.campaign.signature import signature
+from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import World

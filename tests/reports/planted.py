@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.defects.worlds import PLANTS
-from mrta_falsify.campaign.attribution import suspected_layer
-from mrta_falsify.campaign.settings import CampaignSettings, TrialSettings
-from mrta_falsify.campaign.signature import signature
-from mrta_falsify.campaign.store import Campaign, Store, trial_folder
-from mrta_falsify.campaigns import open_campaign
+from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.feedback import Cube
@@ -20,6 +19,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.objectives import score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
+from mrta_falsify.verbs.campaign import open_campaign
 
 
 def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ...]) -> Campaign:

@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
+from mrta_falsify.core import task_history as errands
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.verdict import Verdict
-from reports import errands
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from mrta_falsify.core.world import Blockage
 from reports import figures
 from reports.colours import costmap_image, robot_colour
 from reports.figure_motion import runs_of
-from reports.views import RunView
+from reports.run_view import RunView
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ import shlex
 import pytest
 from click.testing import CliRunner
 
-from mrta_falsify import reporting
 from mrta_falsify.cli import main
 from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.verbs.report import build as reporting
 from tests.reports import newcomer
 from tests.reports.planted import planted_campaign
 

@@ -13,7 +13,7 @@ from reports.colours import FURNITURE
 from reports.drawings import moment
 from reports.furnishing import furniture_poses, movable_outlines
 from reports.packing import pack
-from reports.views import RunView
+from reports.run_view import RunView
 from tests.reports.test_packing import unpack
 
 

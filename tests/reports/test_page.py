@@ -9,7 +9,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.verdict import Verdict
 from reports.figures import write_picture
 from reports.page import headline, write_page
-from reports.views import RunView
+from reports.run_view import RunView
 
 
 class _Reader(HTMLParser):

@@ -11,14 +11,15 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner
 
-from mrta_falsify import campaigns, reporting
-from mrta_falsify.campaign.store import SETTINGS, Campaign, Store
+from mrta_falsify.campaigns.store import SETTINGS, Campaign, Store
 from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.report import build as reporting
 from reports.campaign_page import render
 from tests import browser
 from tests.reports.newcomer import lines_of

@@ -18,9 +18,9 @@ from matplotlib.patheffects import withStroke
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import Phase
+from mrta_falsify.core.polyline import remaining_path
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
-from mrta_falsify.stack.control.lookahead import remaining_path
 from reports.colours import INK, robot_colour
 from reports.figure_floor import draw_floor
 from reports.figure_motion import robot_outline

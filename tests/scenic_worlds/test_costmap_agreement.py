@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify import scenarios
+from mrta_falsify.verbs import check as scenarios
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "scenic" / "costmap_agreement.py"

@@ -113,7 +113,7 @@ def test_repair_changes_only_what_places_the_objects_to_blame(crowded):
 
 
 def test_places_are_drawn_in_batches_as_if_one_at_a_time(crowded, monkeypatch):
-    from scenic_worlds import settling
+    from scenic_worlds import placing as settling
 
     assert sum(settling.BATCHES) == 60
     together = [crowded.realise(crowded.candidate(3, number)) for number in range(6)]

@@ -9,7 +9,7 @@ import pytest
 
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Furniture, World
-from scenic_worlds.sampled import SampledWorlds
+from scenic_worlds.validity import SampledWorlds
 
 
 @pytest.fixture

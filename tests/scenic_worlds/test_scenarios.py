@@ -10,11 +10,11 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 import mrta_falsify as mf
-from mrta_falsify import app
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.protocols import Plan
+from mrta_falsify.verbs import run as app
 from scenic_worlds.program import SCENARIO_DIR, compile_program, scenario_names, scenario_path
-from simulator_interface import bodies
+from simulator_interface.engines import bodies
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -10,7 +10,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.world import Blockage, CommsOutage, HumanSpec, World
-from simulator_interface.world_from_scene import SceneRejected, world_from_scene
+from simulator_interface.scenic_bridge.world_from_scene import SceneRejected, world_from_scene
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -13,8 +13,9 @@ from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.specs.library import build_specifications
+from simulator_interface.episode import Episode
 from simulator_interface.forecast import EpisodeForecast
-from simulator_interface.simulate import Episode, simulate
+from simulator_interface.simulate import simulate
 
 ENGINES = ("bullet", "kinematic")
 DRIVE = Task(arrival=0.0, start=0, end=1, deadline=900.0)

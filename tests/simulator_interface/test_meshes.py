@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from mrta_falsify.core.errors import UnknownNameError
-from simulator_interface.meshes import build_mesh, mesh_names
+from simulator_interface.furniture_shapes import build_mesh, mesh_names
 
 
 @pytest.mark.parametrize("name", mesh_names())

@@ -46,7 +46,7 @@ def realise(tmp_path):
 
 
 def simulated(realised, **options):
-    from simulator_interface.scenic_simulator import PyBulletSimulator
+    from simulator_interface.scenic_bridge.simulator import PyBulletSimulator
 
     simulator = PyBulletSimulator(realise=lambda _: realised.world, specifications=tuple)
     return simulator.simulate(realised.scene, verbosity=0, **options)
@@ -122,7 +122,7 @@ def test_sampling_a_program_loads_neither_engine_nor_stack(tmp_path):
     code = (
         "import sys; from scenic_worlds.program import compile_program as c; from pathlib import "
         f"Path; p = c(Path({str(program)!r}), needs_tasks=False); p.sample(0);"
-        "print({'pybullet', 'mrta_falsify.stack.stack'} & set(sys.modules))"
+        "print({'pybullet', 'mrta_falsify.stack.pipeline'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split()[-1] == "set()"
@@ -207,7 +207,7 @@ def test_a_world_of_own_behaviors_says_that_it_needs_its_program(own_behaviors):
 
 
 def test_own_behaviors_give_the_same_trace_again(own_behaviors):
-    from simulator_interface.scenic_simulator import simulate_scene
+    from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     drawn, simulation = own_behaviors
     again = simulate_scene(drawn.scene, drawn.world, KINEMATIC)
@@ -230,7 +230,7 @@ def test_what_behaviors_draw_comes_from_the_seed_of_the_world(realise):
 
 
 def test_behaviors_run_outside_the_main_thread(own_behaviors):
-    from simulator_interface.scenic_simulator import simulate_scene
+    from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     drawn, simulation = own_behaviors
     found = []
@@ -376,7 +376,7 @@ def test_a_robot_cannot_appear_mid_run(realise):
 )
 def test_a_wrong_argument_of_a_behavior_is_named_with_what_is_allowed(name, args, words):
     from scenic_worlds.places import places_of
-    from simulator_interface.scenic_actions import Reader
+    from simulator_interface.scenic_bridge.actions import Reader
 
     reader = Reader(places_of("aws_hospital"), {})
     with pytest.raises(InputError, match=f"behavior {name}: .*{re.escape(words)}"):
@@ -389,7 +389,7 @@ def test_a_wrong_argument_of_a_behavior_names_the_person(realise):
 
 
 def test_pushing_what_has_no_wheels_is_refused_with_file_and_line(realise):
-    from simulator_interface.scenic_simulator import simulate_scene
+    from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     drawn = realise(
         "shelf = new Bookshelf at (4.4, -6), facing 0 deg, with name 'shelf'\n"
@@ -402,7 +402,7 @@ def test_pushing_what_has_no_wheels_is_refused_with_file_and_line(realise):
 
 
 def test_an_error_in_the_program_while_it_runs_names_file_and_line(realise):
-    from simulator_interface.scenic_simulator import simulate_scene
+    from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     drawn = realise(
         "behavior Broken():\n"
@@ -425,14 +425,14 @@ def test_an_error_in_the_program_while_it_runs_names_file_and_line(realise):
     ],
 )
 def test_wrong_parameters_are_refused_in_words(params, words):
-    from simulator_interface.scenic_settings import read_settings
+    from simulator_interface.scenic_bridge.parameters import read_settings
 
     with pytest.raises(InputError, match=re.escape(words)):
         read_settings(params)
 
 
 def test_parameters_choose_stack_and_specifications(tmp_path):
-    from simulator_interface.scenic_settings import read_settings
+    from simulator_interface.scenic_bridge.parameters import read_settings
 
     stack = tmp_path / "stack.yaml"
     stack.write_text("engine: bullet\nplanner: {name: astar}\ncontrol_rate: 10\n")
@@ -467,8 +467,8 @@ def test_a_finer_time_step_changes_nothing_in_the_world(realise):
 
 
 def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
-    from mrta_falsify import app
-    from simulator_interface.scenic_simulator import simulate_scene
+    from mrta_falsify.verbs import run as app
+    from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")
@@ -482,8 +482,8 @@ def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
 
 @pytest.mark.slow
 def test_a_trial_of_a_scripted_program_runs_again_from_its_candidate(tmp_path):
-    from mrta_falsify.campaign.settings import TrialSettings
-    from mrta_falsify.trial import Trials, open_program, rerun
+    from mrta_falsify.campaigns.settings import TrialSettings
+    from mrta_falsify.worker import Trials, open_program, rerun
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")

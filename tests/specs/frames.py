@@ -21,7 +21,7 @@ from mrta_falsify.core.world import (
     Wall,
     World,
 )
-from mrta_falsify.specs.blocked_by import BlockedByTracker
+from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 
 DT = 0.05
 NOWHERE = (np.nan, np.nan)

@@ -8,7 +8,7 @@ from frames import DT, Human, Robot, Script, corridor, drive, room_resource
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Resource, Task
-from mrta_falsify.specs.blocked_by import BlockedByTracker
+from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 
 SPOTS = [(2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
 

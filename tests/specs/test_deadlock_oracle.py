@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
-from mrta_falsify.specs.deadlock import NoDeadlock
-from mrta_falsify.specs.progress import Progress
-from mrta_falsify.specs.standoff import GoingOn
+from mrta_falsify.specs.deadlock.counterfactual import GoingOn
+from mrta_falsify.specs.deadlock.oracle import NoDeadlock
+from mrta_falsify.specs.deadlock.progress_clock import Progress
 
 
 def oracle(**options):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrta_falsify.core.allocation import AllocationProblem, OpenTask, RobotPlan
+from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.stack.allocation.timing import closed_travel_times
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mrta_falsify.core.polyline import lookahead_point, remaining_path
 from mrta_falsify.core.protocols import ControlView
-from mrta_falsify.stack.control.lookahead import lookahead_point, remaining_path
 
 BODY = np.array([[-0.1965, -0.1525], [0.0685, -0.1525], [0.0685, 0.1525], [-0.1965, 0.1525]])
 NO_PATH = np.zeros((0, 2))

@@ -13,9 +13,9 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.world import Resource, RobotSpec, Task, World
-from mrta_falsify.stack.missions import StackState
+from mrta_falsify.stack.mission import StackState
 from scenic_worlds.layouts.ward import ward_layout
-from simulator_interface.simulate import Episode
+from simulator_interface.episode import Episode
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
 

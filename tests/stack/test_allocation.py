@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrta_falsify.core.allocation import AllocationProblem, OpenTask, RobotPlan
+from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.stack.allocation.auction import Auction
 from mrta_falsify.stack.allocation.chain import Chain, ChainOptions
-from mrta_falsify.stack.allocation.checking import verify
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.nearest import Nearest
 from mrta_falsify.stack.allocation.objective import score
 from mrta_falsify.stack.allocation.stream import Batch, Stream, run_stream
 from mrta_falsify.stack.allocation.timing import assemble
+from mrta_falsify.stack.allocation.verification import verify
 from tests.stack.allocation_cases import floor, problem
 
 TIMES = np.array([[0.0, 10, 20], [10, 0, 10], [20, 10, 0]])

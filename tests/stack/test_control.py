@@ -11,7 +11,9 @@ from scipy.optimize import minimize
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
-from mrta_falsify.stack.control import qp, yielding
+from mrta_falsify.core.polyline import lookahead_point, remaining_path
+from mrta_falsify.stack.control import manoeuvres as yielding
+from mrta_falsify.stack.control import qp
 from mrta_falsify.stack.control.barrier import (
     OBSTACLE,
     ROBOT,
@@ -20,11 +22,10 @@ from mrta_falsify.stack.control.barrier import (
     input_box,
     kind_table,
 )
-from mrta_falsify.stack.control.clusters import connected_clusters, elect_leaders, precedence
-from mrta_falsify.stack.control.lookahead import lookahead_point, remaining_path
-from mrta_falsify.stack.control.memory import SECTORS, remember_points
-from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.survey import _sorted_by, _without_leader
+from mrta_falsify.stack.control.barrier_options import CbfOptions
+from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
+from mrta_falsify.stack.control.perception import _sorted_by, _without_leader
+from mrta_falsify.stack.control.state import SECTORS, remember_points
 
 KINDS = kind_table(CbfOptions())
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mrta_falsify.core.allocation import Allocation, Stop
+from mrta_falsify.core.allocation_problem import Allocation, Stop
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.world import RobotSpec, Room, Task, World
 from mrta_falsify.stack.allocation.insertion import Insertion

@@ -7,8 +7,7 @@ import pytest
 
 from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.protocols import Plan
-from mrta_falsify.stack.areas import find_crossing, nearest_arc
-from mrta_falsify.stack.navigation import (
+from mrta_falsify.stack.planning_service import (
     PlanningService,
     ServiceState,
     Way,
@@ -16,6 +15,7 @@ from mrta_falsify.stack.navigation import (
     look_along,
     path_length,
 )
+from mrta_falsify.stack.resources.corridors import find_crossing, nearest_arc
 
 BOX = np.array([[2.0, -1.0], [4.0, -1.0], [4.0, 1.0], [2.0, 1.0]])
 LINE = np.array([[0.0, 0.0], [6.0, 0.0]])

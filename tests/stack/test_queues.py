@@ -11,8 +11,8 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.protocols import Waiter
 from mrta_falsify.core.world import Resource
-from mrta_falsify.stack.queue_policies import DeadlineFirst, Fifo
-from mrta_falsify.stack.room_queues import Queue, QueueState, inside, point_before_end
+from mrta_falsify.stack.resources.policies import DeadlineFirst, Fifo
+from mrta_falsify.stack.resources.queue import Queue, QueueState, inside, point_before_end
 
 FIFO = Fifo(Fifo.Options())
 SPOTS = [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]

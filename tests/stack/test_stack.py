@@ -14,7 +14,7 @@ from mrta_falsify.core.fleet import FleetState, Phase
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Wall
 from scenic_worlds.layouts.ward import ward_layout
-from simulator_interface.simulate import Episode
+from simulator_interface.episode import Episode
 
 NOBODY = frozen_array(np.zeros((0, 2)))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrta_falsify.stack.navigation import Way, look_along
-from mrta_falsify.stack.views import LOOK_AHEAD, Outlook
+from mrta_falsify.stack.lookahead import LOOK_AHEAD, Outlook
+from mrta_falsify.stack.planning_service import Way, look_along
 
 PATH = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.allocation import (
+from mrta_falsify.core.allocation_problem import (
     Allocation,
     AllocationProblem,
     Infeasible,

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.stack.allocation.kernels import construct
 from mrta_falsify.stack.allocation.objective import Objective, late_weights_of, weights_of
-from mrta_falsify.stack.allocation.repair import place_late, ruin_and_recreate
+from mrta_falsify.stack.allocation.route_kernels import construct
+from mrta_falsify.stack.allocation.ruin_and_recreate import place_late, ruin_and_recreate
 from mrta_falsify.stack.allocation.table import RouteTable
 from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem, OpenTask, Stop
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, OpenTask, Stop
 from mrta_falsify.stack.allocation.timing import (
     assemble,
     dropoff_of,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem
-from mrta_falsify.stack.allocation.kernels import Weights
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
+from mrta_falsify.stack.allocation.route_kernels import Weights
 
 Objective = Literal["completion", "makespan", "travel", "lateness"]
 TIE = 1e-3  # completion times decide between plans of equal makespan or travel

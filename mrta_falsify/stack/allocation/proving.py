@@ -18,7 +18,7 @@ import numpy as np
 from pysat.card import ITotalizer
 from pysat.solvers import Solver
 
-from mrta_falsify.core.allocation import AllocationProblem, Stop
+from mrta_falsify.core.allocation_problem import AllocationProblem, Stop
 from mrta_falsify.stack.allocation.covering import Covering
 from mrta_falsify.stack.allocation.single_robots import (
     Bits,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
-from mrta_falsify.stack.allocation.kernels import entry, inner
+from mrta_falsify.stack.allocation.route_kernels import entry, inner
 
 FEASIBLE, INFEASIBLE, CUT_OFF = 1, 0, -1
 MOST_TASKS = 30  # of one route: 3^30 x 64 fits into 64 bits

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrta_falsify.core.allocation import AllocationProblem, Stop
+from mrta_falsify.core.allocation_problem import AllocationProblem, Stop
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.stack.allocation.covering import Covering
 from mrta_falsify.stack.allocation.route_search import (

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem, Infeasible, Stop
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, Infeasible, Stop
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.stack.allocation.exact import without_plans, without_robots

@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from mrta_falsify.core.allocation import (
+from mrta_falsify.core.allocation_problem import (
     Allocation,
     AllocationProblem,
     Commitment,
@@ -26,10 +26,10 @@ from mrta_falsify.core.allocation import (
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.protocols import Allocator
-from mrta_falsify.stack.allocation.checking import Fault, verify
 from mrta_falsify.stack.allocation.insertion import Insertion
 from mrta_falsify.stack.allocation.table import RouteTable
 from mrta_falsify.stack.allocation.timing import assemble, lost_in_words
+from mrta_falsify.stack.allocation.verification import Fault, verify
 
 
 @runtime_checkable

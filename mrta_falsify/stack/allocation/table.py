@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mrta_falsify.core.allocation import (
+from mrta_falsify.core.allocation_problem import (
     Allocation,
     AllocationProblem,
     Commitment,
@@ -15,7 +15,7 @@ from mrta_falsify.core.allocation import (
     Stop,
 )
 from mrta_falsify.core.arrays import Array, IntArray
-from mrta_falsify.stack.allocation.kernels import (
+from mrta_falsify.stack.allocation.route_kernels import (
     FREE,
     GONE,
     NODE,
@@ -25,7 +25,13 @@ from mrta_falsify.stack.allocation.kernels import (
     Weights,
     refresh,
 )
-from mrta_falsify.stack.allocation.repair import board, commit_until, link_last, relieve, strip
+from mrta_falsify.stack.allocation.ruin_and_recreate import (
+    board,
+    commit_until,
+    link_last,
+    relieve,
+    strip,
+)
 
 COMPLETION = Weights(completion=1.0, travel=0.0, makespan=0.0, own=0.0)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrta_falsify.core.allocation import (
+from mrta_falsify.core.allocation_problem import (
     Allocation,
     AllocationProblem,
     OpenTask,

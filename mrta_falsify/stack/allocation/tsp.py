@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mrta_falsify.core.allocation import Allocation, AllocationProblem, OpenTask, Stop
+from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, OpenTask, Stop
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.stack.allocation.timing import (

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
-from mrta_falsify.stack.control.options import CbfOptions
+from mrta_falsify.stack.control.barrier_options import CbfOptions
 
 OBSTACLE, HUMAN, ROBOT = 0, 1, 2  #: kinds of things
 KIND_FIELDS = 5  #: a, b [1/s], floor of the gap [m], share of the distance, slack coupling

@@ -14,12 +14,9 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
+from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
-from mrta_falsify.stack.control.memory import Memory
-from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
-from mrta_falsify.stack.control.survey import Survey, survey_fleet
-from mrta_falsify.stack.control.yielding import (
+from mrta_falsify.stack.control.manoeuvres import (
     ASIDE,
     GO,
     PASS,
@@ -28,6 +25,9 @@ from mrta_falsify.stack.control.yielding import (
     Manoeuvres,
     choose_manoeuvres,
 )
+from mrta_falsify.stack.control.perception import Survey, survey_fleet
+from mrta_falsify.stack.control.state import Memory
+from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
 
 NO_PATHS = np.zeros((0, 2))
 

@@ -9,9 +9,9 @@ import numpy as np
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
+from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
-from mrta_falsify.stack.control.memory import Memory, remember_points, track_robots
-from mrta_falsify.stack.control.options import CbfOptions
+from mrta_falsify.stack.control.state import Memory, remember_points, track_robots
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
 
 

@@ -17,14 +17,14 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import Rows, assemble_rows, input_box, kind_table
+from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
-from mrta_falsify.stack.control.options import CbfOptions
-from mrta_falsify.stack.control.qp import Answer, solve_fleet
-from mrta_falsify.stack.control.surroundings import (
+from mrta_falsify.stack.control.obstacles import (
     list_things,
     seen_by_wrong_robot,
     speed_limits,
 )
+from mrta_falsify.stack.control.qp import Answer, solve_fleet
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most

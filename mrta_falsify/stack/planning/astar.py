@@ -18,9 +18,15 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.protocols import Plan
-from mrta_falsify.stack.planning import kernels
+from mrta_falsify.stack.planning import search_kernels as kernels
 from mrta_falsify.stack.planning.grid import PlanningGrid, build_grid
-from mrta_falsify.stack.planning.paths import exit_cell, finished_plan, goal_cell, joined, no_plan
+from mrta_falsify.stack.planning.path_ends import (
+    exit_cell,
+    finished_plan,
+    goal_cell,
+    joined,
+    no_plan,
+)
 
 KEPT_MAPS = 4  # maps whose grids and goal fields are kept
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, ByteArray
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
-from mrta_falsify.stack.planning import kernels
+from mrta_falsify.stack.planning import search_kernels as kernels
 
 _BLOCKED = 2**16 - 1  # while pooling: dearer than any price
 

@@ -1,0 +1,289 @@
+"""Where trials run: in this process, or in worker processes of this machine.
+
+An executor takes jobs and gives back what became of them, in any order; the runner puts
+them in order. A job is ``{"number": n, "u": [...]}``, the outcome a record as JSON-shaped
+data. Executors know neither samplers nor stores.
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import importlib
+import json
+import os
+import selectors
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.core import codec
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.errors import HarnessError, InputError
+
+Job = dict[str, Any]
+#: runs one job; raises only if the toolkit itself fails
+Trial = Callable[[Job], dict[str, Any]]
+
+START_LIMIT = 300.0  # s for a worker to import and compile
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Finished:
+    """What became of one job."""
+
+    number: int
+    fate: Literal["ok", "crashed", "timeout"]
+    record: dict[str, Any] | None = None  #: for ok
+    error: str = ""  #: otherwise
+
+
+def open_target(settings: CampaignSettings) -> Trial:
+    """The function that runs trials, opened for a campaign: compiles what can be compiled once.
+
+    Raises:
+        InputError: the scenario does not compile or has changed.
+    """
+    module, _, name = settings.target.partition(":")
+    opened: Trial = getattr(importlib.import_module(module), name)(settings.trials)
+    return opened
+
+
+# --- here --------------------------------------------------------------------------------
+
+
+class SerialExecutor:
+    """Runs each job in this process when it is collected; no time limit, no rescue."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """None."""
+
+    def __init__(self, options: Options) -> None:
+        del options
+        self._trial: Trial | None = None
+        self._jobs: collections.deque[Job] = collections.deque()
+
+    def open(self, settings: CampaignSettings) -> None:
+        """Compile."""
+        self._trial = open_target(settings)
+
+    def submit(self, job: Job) -> None:
+        """Take a job."""
+        self._jobs.append(job)
+
+    def collect(self, timeout: float) -> tuple[Finished, ...]:
+        """Run the oldest job."""
+        del timeout
+        if self._trial is None:
+            raise HarnessError("the executor is not open")
+        if not self._jobs:
+            return ()
+        job = self._jobs.popleft()
+        try:
+            return (Finished(number=job["number"], fate="ok", record=self._trial(job)),)
+        except InputError:
+            raise
+        except Exception:
+            text = traceback.format_exc()
+            return (Finished(number=job["number"], fate="crashed", error=text),)
+
+    def close(self) -> None:
+        """Forget all jobs."""
+        self._jobs.clear()
+
+
+# --- local processes -----------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class _Worker:
+    """One worker process and the job it has."""
+
+    process: subprocess.Popen[bytes]
+    results: int  #: file descriptor
+    buffer: bytearray = field(default_factory=bytearray)
+    ready: bool = False
+    job: Job | None = None
+    since: float = 0.0  #: monotonic time at which it started or got its job [s]
+    served: int = 0  #: jobs done
+
+    def send(self, message: Any) -> None:
+        """One line to the worker; a worker that has died is noticed when it is read."""
+        if self.process.stdin is None:
+            raise HarnessError("a worker has no stdin")
+        with contextlib.suppress(BrokenPipeError):
+            self.process.stdin.write(json.dumps(message).encode() + b"\n")
+            self.process.stdin.flush()
+
+    def kill(self) -> None:
+        """End the process for good."""
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self.process.stdin.close()
+        os.close(self.results)
+
+
+class ProcessExecutor:
+    """Worker processes that compile once each; a crash or a hang costs one job.
+
+    Workers are started anew (never forked), speak lines of JSON over pipes, end themselves
+    when the parent is gone, and are replaced after ``recycle`` jobs.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Options of :class:`ProcessExecutor`."""
+
+        workers: int = quantity(low=1, high=512, default=1)
+        recycle: int = quantity(low=1, default=200)  #: jobs per process
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._settings: CampaignSettings | None = None
+        self._workers: list[_Worker] = []
+        self._waiting: collections.deque[Job] = collections.deque()
+        self._selector = selectors.DefaultSelector()
+
+    def open(self, settings: CampaignSettings) -> None:
+        """Start the workers."""
+        self._settings = settings
+        for _ in range(self._options.workers):
+            self._start()
+
+    def submit(self, job: Job) -> None:
+        """Take a job."""
+        self._waiting.append(job)
+        self._hand_out()
+
+    def collect(self, timeout: float) -> tuple[Finished, ...]:
+        """Wait up to ``timeout`` [s] for jobs to end.
+
+        Raises:
+            InputError: a worker cannot open the scenario.
+            HarnessError: workers cannot be started.
+        """
+        self._hand_out()
+        done: list[Finished] = []
+        for key, _ in self._selector.select(timeout):
+            done += self._read(key.data)
+        done += self._overdue()
+        self._hand_out()
+        return tuple(done)
+
+    def close(self) -> None:
+        """Kill all workers."""
+        for worker in list(self._workers):
+            self._drop(worker)
+        self._waiting.clear()
+        self._selector.close()
+
+    # --- workers -------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        if self._settings is None:
+            raise HarnessError("the executor is not open")
+        read_end, write_end = os.pipe()
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "mrta_falsify.campaigns.worker_process",
+                str(write_end),
+                str(os.getpid()),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            pass_fds=(write_end,),
+            env={**os.environ, **ONE_THREAD},
+            start_new_session=True,  # Ctrl-C is the parent's business
+        )
+        os.close(write_end)
+        worker = _Worker(process=process, results=read_end, since=time.monotonic())
+        worker.send(codec.encode(self._settings))
+        self._workers.append(worker)
+        self._selector.register(read_end, selectors.EVENT_READ, worker)
+
+    def _drop(self, worker: _Worker) -> None:
+        self._workers.remove(worker)
+        self._selector.unregister(worker.results)
+        worker.kill()
+
+    def _replace(self, worker: _Worker) -> None:
+        self._drop(worker)
+        self._start()
+
+    def _hand_out(self) -> None:
+        for worker in self._workers:
+            if not self._waiting:
+                return
+            if worker.ready and worker.job is None:
+                worker.job = self._waiting.popleft()
+                worker.since = time.monotonic()
+                worker.send(worker.job)
+
+    def _read(self, worker: _Worker) -> list[Finished]:
+        data = os.read(worker.results, 1 << 20)
+        if not data:
+            return self._died(worker)
+        worker.buffer += data
+        done = []
+        while b"\n" in worker.buffer:
+            line, _, rest = bytes(worker.buffer).partition(b"\n")
+            worker.buffer = bytearray(rest)
+            done += self._message(worker, json.loads(line))
+        return done
+
+    def _message(self, worker: _Worker, message: dict[str, Any]) -> list[Finished]:
+        if "refused" in message:
+            raise InputError(message["refused"])
+        if "broken" in message:
+            raise HarnessError(f"a worker cannot start: {message['broken']}")
+        if "ready" in message:
+            worker.ready = True
+            return []
+        job, worker.job = worker.job, None
+        if job is None or job["number"] != message["number"]:
+            raise HarnessError(f"a worker answered for trial {message['number']}, which it had not")
+        worker.served += 1
+        if worker.served >= self._options.recycle:
+            self._replace(worker)
+        if "crashed" in message:
+            return [Finished(number=job["number"], fate="crashed", error=message["crashed"])]
+        return [Finished(number=job["number"], fate="ok", record=message["record"])]
+
+    def _died(self, worker: _Worker) -> list[Finished]:
+        code = worker.process.wait()
+        job, was_ready = worker.job, worker.ready
+        self._drop(worker)
+        how = f"signal {-code}" if code < 0 else f"exit code {code}"
+        if not was_ready:
+            raise HarnessError(f"a worker ended by {how} before it was ready")
+        self._start()
+        if job is None:
+            return []
+        return [Finished(number=job["number"], fate="crashed", error=f"worker ended by {how}")]
+
+    def _overdue(self) -> list[Finished]:
+        if self._settings is None:
+            return []
+        now = time.monotonic()
+        done = []
+        for worker in list(self._workers):
+            age = now - worker.since
+            if not worker.ready and age > START_LIMIT:
+                raise HarnessError(f"a worker was not ready after {START_LIMIT:.0f} s")
+            if worker.job is not None and age > self._settings.time_limit:
+                job = worker.job
+                self._replace(worker)
+                text = f"killed after {self._settings.time_limit:g} s of wall-clock time"
+                done.append(Finished(number=job["number"], fate="timeout", error=text))
+        return done

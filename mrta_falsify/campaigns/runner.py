@@ -1,0 +1,292 @@
+"""The search loop: ask, run, store, tell.
+
+Proposal n is asked for once results 0 to n - window are told, whatever the budget, the number
+of workers or the order in which trials end. A campaign is therefore a function of its
+settings: resuming asks and tells again what is stored, and goes on where nothing is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from mrta_falsify.campaigns.executors import Finished, Job
+from mrta_falsify.campaigns.settings import CampaignSettings, Limits
+from mrta_falsify.campaigns.store import Store, StoreError, decode_record
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.feedback import Feedback
+from mrta_falsify.core.protocols import Sampler, SkippingSampler
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.seeding import candidate_seed
+
+COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
+PATIENCE = 1.0  # s between two looks at overdue workers
+Ended = Literal["budget", "stop-after", "interrupted"]
+
+
+class Executor(Protocol):
+    """Runs jobs somewhere."""
+
+    def submit(self, job: Job) -> None:
+        """Take a job."""
+
+    def collect(self, timeout: float) -> tuple[Finished, ...]:
+        """Jobs that have ended, after at most about ``timeout`` [s]."""
+
+
+@dataclass(slots=True)
+class Progress:
+    """How far a campaign is; told results only, so it is the same for any worker count."""
+
+    limits: Limits
+    told: int = 0  #: proposals
+    ran: int = 0  #: simulated candidates
+    rejected: int = 0
+    errors: int = 0
+    failed: int = 0
+    wanted: int = 0  #: of the failures, those that count for ``stop_after``
+    first_failure: int | None = None  #: simulated candidates until it, itself included
+    best: float = float("inf")  #: smallest score
+    by_specification: dict[str, int] = field(default_factory=dict)  #: violations
+    rejected_in_a_row: int = 0
+    sim_time: float = 0.0  #: simulated [s]
+
+    @property
+    def has_enough(self) -> bool:
+        """Whether the failures that were asked for are found."""
+        return 0 < self.limits.stop_after <= self.wanted
+
+    def take(self, record: TrialRecord) -> None:
+        """Count a told record."""
+        self.told += 1
+        if record.status == "rejected":
+            self.rejected += 1
+            self.rejected_in_a_row += 1
+            return
+        self.rejected_in_a_row = 0
+        self.ran += 1
+        self.sim_time += record.sim_time
+        if record.status != "ok":
+            self.errors += 1
+            return
+        self.best = min(self.best, record.score)
+        for verdict in record.verdicts:
+            if verdict.violated:
+                count = self.by_specification.get(verdict.spec, 0)
+                self.by_specification[verdict.spec] = count + 1
+        if record.failed:
+            self.failed += 1
+            self.wanted += record.wanted
+            if self.first_failure is None:
+                self.first_failure = self.ran
+
+
+def point_digest(u: Array) -> str:
+    """Short digest of a point of the cube, equal only for bit-equal points."""
+    data = np.ascontiguousarray(u, dtype=np.float64) + 0.0
+    return hashlib.sha256(data.tobytes()).hexdigest()[:16]
+
+
+def build_sampler(settings: CampaignSettings) -> Sampler:
+    """The campaign's sampler, before its first proposal.
+
+    Raises:
+        InputError: unknown name or option.
+    """
+    choice = Choice(settings.sampler.name, sampler_options(settings))
+    sampler: Sampler = registry.build("sampler", choice, where="campaign")
+    return sampler
+
+
+def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
+    """Options of the campaign's sampler: the user's, and what the campaign knows.
+
+    Raises:
+        InputError: unknown sampler.
+    """
+    known = registry.load("sampler", settings.sampler.name, where="campaign").Options
+    options: dict[str, Any] = {
+        **settings.sampler.options,
+        "cube": codec.encode(settings.cube),
+        "seed": settings.trials.seed,
+    }
+    if any(field.name == "robust" for field in dataclasses.fields(known)):
+        options.setdefault("robust", settings.trials.jittered > 0)
+    return options
+
+
+def feedback_of(record: TrialRecord) -> Feedback:
+    """What the sampler is told about a record; errors look like rejected scenes to it.
+
+    Of a failure with copies it is told the mean margins, so that a knife edge looks like the
+    passing worlds around it, and a knife edge is another kind of failure than a robust one, so
+    that a sampler which looks for other kinds leaves it.
+    """
+    judged = record.status == "ok"
+    return Feedback(
+        number=record.number,
+        u=record.candidate.u,
+        fate="judged" if judged else "rejected",
+        score=record.score,
+        objectives=record.jittered.objectives if record.jittered else record.objectives,
+        descriptors=record.descriptors,
+        failed=record.failed,
+        signature=_kind(record),
+    )
+
+
+def _kind(record: TrialRecord) -> str:
+    copies = record.jittered
+    if copies is None or copies.robust:
+        return record.signature
+    return f"{copies.failed} of {copies.runs} copies: {record.signature}"
+
+
+def run_campaign(
+    store: Store,
+    limits: Limits,
+    executor: Executor,
+    *,
+    on_record: Callable[[TrialRecord, bool], None] = lambda record, is_new: None,
+    on_told: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
+) -> tuple[Progress, Ended]:
+    """Run a campaign, or what is missing of it, within limits.
+
+    Args:
+        store: open; may hold records.
+        limits: how much to run.
+        executor: open for ``store.settings``.
+        on_record: called when a record is durable, with whether it is new.
+        on_told: called when the sampler knows a record, in number order.
+
+    Returns:
+        Counts over all told records and why it ended. Ctrl-C ends it as "interrupted".
+
+    Raises:
+        StoreError: what is stored does not belong to these settings; the disc is full.
+        InputError: nothing is accepted any more.
+    """
+    loop = _Loop(store, limits, executor, on_record, on_told)
+    try:
+        return loop.progress, loop.run()
+    except KeyboardInterrupt:
+        return loop.progress, "interrupted"
+
+
+class _Loop:
+    def __init__(
+        self,
+        store: Store,
+        limits: Limits,
+        executor: Executor,
+        on_record: Callable[[TrialRecord, bool], None],
+        on_told: Callable[[TrialRecord, Progress], None],
+    ) -> None:
+        self.progress = Progress(limits)
+        self._store = store
+        self._limits = limits
+        self._executor = executor
+        self._on_record = on_record
+        self._on_told = on_told
+        self._sampler = build_sampler(store.settings)
+        self._proposals: dict[int, Array] = {}
+        self._asked = 0
+        self._submitted = 0
+        self._retried: set[int] = set()
+        # The first and the last stored proposals are asked for again and compared.
+        between = sorted(store.finished)[COMPARED:-COMPARED]
+        skips = isinstance(self._sampler, SkippingSampler)
+        self._skipped = frozenset(between if skips else ())
+
+    def run(self) -> Ended:
+        while True:
+            self._ask()
+            self._submit()
+            progress = self.progress
+            if progress.told == self._submitted:
+                return "budget"
+            record = self._store.finished.get(progress.told)
+            if record is None:
+                for finished in self._executor.collect(PATIENCE):
+                    self._take(finished)
+                continue
+            self._tell(record)
+            if progress.has_enough:
+                return "stop-after"
+            if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
+                raise InputError(
+                    f"{self._store.settings.trials.scenario}: the last "
+                    f"{progress.rejected_in_a_row} proposals gave no scene; the last one: "
+                    f"{record.error}"
+                )
+
+    def _ask(self) -> None:
+        while self._asked < self.progress.told + self._store.settings.window:
+            if self._asked in self._skipped:
+                assert isinstance(self._sampler, SkippingSampler)
+                self._sampler.skip()
+                self._asked += 1
+                continue
+            proposal = self._sampler.ask()
+            if proposal.number != self._asked:
+                raise AssertionError(f"proposal {proposal.number} instead of {self._asked}")
+            self._proposals[proposal.number] = proposal.u
+            self._asked += 1
+
+    def _submit(self) -> None:
+        progress = self.progress
+        while self._submitted < self._asked:
+            flying = self._submitted - progress.told
+            if progress.ran + flying >= self._limits.budget:
+                return
+            number = self._submitted
+            self._submitted += 1
+            stored = self._store.finished.get(number)
+            if stored is None:
+                self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
+                continue
+            asked = self._proposals.get(number)  # None: skipped
+            if asked is not None and stored.proposal_digest != point_digest(asked):
+                raise StoreError(
+                    f"{self._store.directory}: trial {stored.id} was asked for at another point "
+                    "than these settings and this version ask for; it cannot be gone on with"
+                )
+            self._on_record(stored, False)
+
+    def _take(self, finished: Finished) -> None:
+        number = finished.number
+        if finished.fate != "ok" and number not in self._retried:
+            self._retried.add(number)
+            self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
+            return
+        if finished.record is not None:
+            record = decode_record(finished.record, where=f"trial {number}")
+        else:
+            record = self._error_record(finished)
+        self._store.add(record)
+        self._on_record(record, True)
+
+    def _error_record(self, finished: Finished) -> TrialRecord:
+        u = self._proposals[finished.number]
+        seed = candidate_seed(self._store.settings.trials.seed, finished.number)
+        return TrialRecord(
+            candidate=Candidate(number=finished.number, u=u, seed=seed),
+            status="crashed" if finished.fate == "crashed" else "timeout",
+            proposal_digest=point_digest(u),
+            error=finished.error,
+        )
+
+    def _tell(self, record: TrialRecord) -> None:
+        self._sampler.tell(feedback_of(record))
+        self._proposals.pop(record.number, None)
+        self.progress.take(record)
+        self._on_told(record, self.progress)

@@ -1,0 +1,130 @@
+"""How likely is a violation: intervals that hold what they promise.
+
+Only draws from the scenario's own distribution say anything about a probability: scenes must be
+accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
+estimates the probability itself (:mod:`~mrta_falsify.campaigns.rare_events`). A search that looks
+for failures finds more of them than there are, and gets no interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.core.arrays import Array
+
+GRID = 1024  # points at which an end of the interval is looked for, per refinement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Probability:
+    """A probability of violation with its interval."""
+
+    failures: int
+    trials: int
+    estimate: float
+    low: float
+    high: float
+    level: float = 0.95
+    method: str = "Blaker"
+    undecided: int = 0  #: trials that ended in an error: they may have failed, or not
+    note: str = ""  #: what else there is to know
+
+
+def why_no_probability(
+    settings: CampaignSettings, *, stopped_early: bool, is_estimating: bool = False
+) -> str:
+    """Why the trials of a campaign allow no interval, empty if they do.
+
+    Args:
+        settings: of the campaign.
+        stopped_early: whether what was found decided how many trials there are.
+        is_estimating: whether the sampler estimates the probability itself.
+    """
+    if settings.sampler.name != "random" and not is_estimating:
+        return (
+            f"sampler {settings.sampler.name} looks for failures; use --sampler random, or "
+            "splitting if they are rare"
+        )
+    if settings.trials.mode != "exact":
+        return "repaired scenes do not have the scenario's distribution; use --mode exact"
+    if stopped_early:
+        return "the campaign stopped because of what it found; run it without --stop-after"
+    return ""
+
+
+def failure_probability(
+    failures: int, trials: int, *, undecided: int = 0, level: float = 0.95
+) -> Probability:
+    """Probability of a violation from independent trials, with a valid and short interval.
+
+    Blaker's interval (Canadian Journal of Statistics 28, 2000): exact, that is covering with
+    at least ``level`` for every probability, and never wider than Clopper and Pearson's.
+    Trials that ended in an error widen it both ways: the low end counts them as passes, the
+    high end as failures.
+
+    Args:
+        failures: of ``trials``, both without the undecided ones.
+        trials: independent, their number fixed beforehand.
+        undecided: trials that ended in an error.
+        level: of confidence.
+    """
+    total = trials + undecided
+    if total == 0:
+        return Probability(failures=0, trials=0, estimate=float("nan"), low=0.0, high=1.0)
+    low, _ = blaker_interval(failures, total, level)
+    _, high = blaker_interval(failures + undecided, total, level)
+    return Probability(
+        failures=failures,
+        trials=trials,
+        estimate=failures / trials if trials else float("nan"),
+        low=low,
+        high=high,
+        level=level,
+        undecided=undecided,
+    )
+
+
+def blaker_interval(successes: int, trials: int, level: float = 0.95) -> tuple[float, float]:
+    """Blaker's exact interval of a binomial proportion.
+
+    Args:
+        successes: 0 to ``trials``.
+        trials: >= 1.
+        level: of confidence.
+    """
+    if not 0 <= successes <= trials or trials < 1:
+        raise AssertionError(f"{successes} of {trials}")
+    alpha = 1.0 - level
+    # Mirror for the upper end, so that both ends are looked for from Clopper and Pearson's inward.
+    low = _lower_end(successes, trials, alpha)
+    high = 1.0 - _lower_end(trials - successes, trials, alpha)
+    return low, high
+
+
+def _lower_end(successes: int, trials: int, alpha: float) -> float:
+    if successes == 0:
+        return 0.0
+    left = float(stats.beta.ppf(alpha / 2.0, successes, trials - successes + 1))
+    right = successes / trials
+    for _ in range(3):  # each refinement narrows the bracket a thousandfold
+        grid = np.linspace(left, right, GRID)
+        first = int(np.argmax(_acceptability(successes, trials, grid) >= alpha))
+        if first == 0:
+            return float(grid[0])
+        left, right = float(grid[first - 1]), float(grid[first])
+    return left
+
+
+def _acceptability(successes: int, trials: int, p: Array) -> Array:
+    """Blaker's acceptability function at ``p`` ``(n,)``."""
+    upper = stats.binom.sf(successes - 1, trials, p)
+    lower = stats.binom.cdf(successes, trials, p)
+    # The opposite tail of at most the same probability joins the smaller one.
+    from_upper = upper + stats.binom.cdf(stats.binom.ppf(upper, trials, p) - 1, trials, p)
+    from_lower = lower + stats.binom.sf(stats.binom.isf(lower, trials, p), trials, p)
+    acceptable: Array = np.minimum(np.minimum(from_upper, from_lower), 1.0)
+    return acceptable

@@ -1,0 +1,372 @@
+"""One directory per campaign: an append-only log that survives kill -9.
+
+::
+
+    campaign.json        settings, format version (written once, atomically)
+    records.jsonl        one line per finished trial: checksum, tab, JSON of a TrialRecord
+    lock                 held (flock) by the one owner; says who
+    trials/0042/         world.json and trace.zip of trials worth keeping
+
+A record counts once its line is on disc (fsync). A torn last line, which only a crash during
+the write leaves behind, is cut off by the next owner; any other damage is an error that names
+the line, and nothing is changed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.record import TrialRecord
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SETTINGS, RECORDS, LOCK, TRIALS = "campaign.json", "records.jsonl", "lock", "trials"
+CHECKSUM_LENGTH = 16  # hex digits of sha256
+MOST_DIGITS = 18  # of a trial's id
+
+
+class StoreError(InputError):
+    """A campaign directory cannot be used: of another version, damaged, locked, not one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Campaign:
+    """What the store yields and the report reads."""
+
+    directory: Path
+    settings: CampaignSettings
+    records: tuple[TrialRecord, ...]  #: by number
+
+    def record(self, name: str) -> TrialRecord:
+        """Record by id, as ``0042`` or ``42``.
+
+        Raises:
+            StoreError: no such trial.
+        """
+        is_number = name.isascii() and name.isdigit() and len(name) <= MOST_DIGITS
+        wanted = int(name) if is_number else -1
+        for record in self.records:
+            if record.number == wanted:
+                return record
+        known = f"trials {self.records[0].id} to {self.records[-1].id}" if self.records else "none"
+        raise StoreError(f"{self.directory}: has no trial {name!r}; it has {known}")
+
+    def folder(self, record: TrialRecord) -> Path:
+        """Directory of the files of a trial; need not exist."""
+        return trial_folder(self.directory, record.number)
+
+    def frame(self) -> pd.DataFrame:
+        """One row per trial, with one column per specification's robustness."""
+        import pandas as pd  # noqa: PLC0415 - loads slowly
+
+        rows = []
+        for record in self.records:
+            row: dict[str, Any] = {
+                "id": record.id,
+                "status": record.status,
+                "failed": record.failed,
+                "score": record.score,
+                "signature": record.signature,
+                "layer": record.layer,
+                "engine": record.engine,
+                "sim_time": record.sim_time,
+                "wall_s": record.wall_s,
+                "attempts": record.attempts,
+                "world_digest": record.world_digest,
+                "trace_digest": record.trace_digest,
+            }
+            row |= {f"rho.{v.spec}": v.robustness for v in record.verdicts}
+            row |= {f"margin.{name}": value for name, value in record.objectives.items()}
+            row |= {f"what.{name}": value for name, value in record.descriptors.items()}
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
+def trial_folder(directory: Path, number: int) -> Path:
+    """Where the files of trial ``number`` are."""
+    return directory / TRIALS / f"{number:04d}"
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that it is there whole or not at all, also after a power cut."""
+    temporary = path.with_name(path.name + ".part")
+    with temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, path)
+    sync_directory(path.parent)
+
+
+def sync_directory(directory: Path) -> None:
+    """Make renames and new files in ``directory`` durable."""
+    handle = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+# --- lines -------------------------------------------------------------------------------
+
+
+def _line(record: TrialRecord) -> bytes:
+    text = json.dumps(codec.encode(record), separators=(",", ":"))
+    return f"{_checksum(text)}\t{text}\n".encode()
+
+
+def _checksum(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:CHECKSUM_LENGTH]
+
+
+def _records(path: Path) -> tuple[list[TrialRecord], int]:
+    """Records of a log and the length [bytes] of its sound part.
+
+    Raises:
+        StoreError: damage anywhere but in a torn last line.
+    """
+    records: list[TrialRecord] = []
+    seen: set[int] = set()
+    sound = 0
+    for number, raw in enumerate(_lines(path), start=1):
+        where = f"{path}:{number}"
+        torn = not raw.endswith(b"\n")
+        checksum, _, text = raw.rstrip(b"\n").decode("utf-8", "replace").partition("\t")
+        if torn:
+            break
+        if checksum != _checksum(text):
+            raise StoreError(
+                f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
+                f"{_checksum(text)!r}); restore the file, or cut the line out to run its trial anew"
+            )
+        record = codec.decode(TrialRecord, json.loads(text), where=where)
+        if record.number in seen:
+            raise StoreError(f"{where}: trial {record.id} is in the log twice")
+        seen.add(record.number)
+        records.append(record)
+        sound += len(raw)
+    return records, sound
+
+
+def _lines(path: Path) -> Iterator[bytes]:
+    try:
+        with path.open("rb") as file:
+            yield from file
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+# --- reading -----------------------------------------------------------------------------
+
+
+def read_settings(directory: Path) -> CampaignSettings:
+    """Settings of a campaign directory.
+
+    Raises:
+        StoreError: not a campaign, or of another version.
+    """
+    path = directory / SETTINGS
+    if not path.is_file():
+        raise StoreError(f"{directory}: is not a campaign directory (it has no {SETTINGS})")
+    data = codec.read_json(path)
+    version = data.get("version") if isinstance(data, dict) else None
+    if version not in (1, FORMAT_VERSION):
+        raise StoreError(f"{path}: has format version {version}; this reads 1 to {FORMAT_VERSION}")
+    if version == 1:
+        data = _from_version_1(data)
+    return codec.decode(CampaignSettings, data, where=str(path))
+
+
+def _from_version_1(data: dict[str, Any]) -> dict[str, Any]:
+    """Settings of version 1 as version 2 names them: workers open another module."""
+    renamed = {"mrta_falsify.trial:open_trials": "mrta_falsify.worker:open_trials"}
+    target = str(data.get("target"))
+    return {**data, "version": FORMAT_VERSION, "target": renamed.get(target, target)}
+
+
+def read_campaign(directory: Path) -> Campaign:
+    """A campaign as it is on disc; works while another process owns it.
+
+    Raises:
+        StoreError: not a campaign, of another version, or damaged.
+    """
+    settings = read_settings(directory)
+    records, _ = _records(directory / RECORDS)
+    records.sort(key=lambda record: record.number)
+    return Campaign(directory=directory, settings=settings, records=tuple(records))
+
+
+def owner_of(directory: Path) -> str:
+    """Who is writing to a campaign directory at this moment, empty if nobody is."""
+    path = directory / LOCK
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return ""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _owner_text(path)
+    except OSError:  # a file system without locks
+        return ""
+    finally:
+        os.close(handle)
+    return ""
+
+
+def _owner_text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace").strip() or "another process"
+
+
+# --- writing -----------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Store:
+    """The one writer of a campaign directory; a context manager that holds its lock."""
+
+    directory: Path
+    settings: CampaignSettings
+    finished: dict[int, TrialRecord] = field(default_factory=dict)  #: by number
+    _lock: int = -1
+    _log: int = -1
+
+    @classmethod
+    def create(cls, directory: Path, settings: CampaignSettings) -> Store:
+        """A new campaign in an empty or missing directory.
+
+        Raises:
+            StoreError: the directory holds something already, or cannot be written.
+        """
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            if (directory / SETTINGS).exists():
+                raise StoreError(
+                    f"{directory}: holds a campaign already; go on with it by --resume {directory}"
+                )
+            others = sorted(p.name for p in directory.iterdir() if p.name != LOCK)
+            if others and not all(name.endswith(".part") for name in others):
+                raise StoreError(f"{directory}: is not empty (it holds {others[0]})")
+            store = cls(directory, settings)
+            store._take_lock()
+            text = json.dumps(codec.encode(settings), indent=1) + "\n"
+            write_atomically(directory / SETTINGS, text.encode())
+        except OSError as error:
+            raise StoreError(f"{directory}: cannot be written: {error.strerror}") from None
+        store._open_log()
+        return store
+
+    @classmethod
+    def resume(cls, directory: Path) -> Store:
+        """An existing campaign, to go on with.
+
+        Raises:
+            StoreError: not a campaign, of another version, damaged, or owned by a process
+                that lives.
+        """
+        store = cls(directory, read_settings(directory))
+        store._take_lock()
+        try:
+            store._open_log()
+        except BaseException:
+            store.close()
+            raise
+        return store
+
+    def add(self, record: TrialRecord) -> None:
+        """Append a record; it is on disc when this returns.
+
+        Raises:
+            StoreError: the disc is full or broken; the log is as before.
+        """
+        if record.number in self.finished:
+            raise AssertionError(f"trial {record.id} is stored already")
+        line = _line(record)
+        before = os.lseek(self._log, 0, os.SEEK_END)
+        try:
+            done = 0
+            while done < len(line):
+                done += os.write(self._log, line[done:])
+            os.fsync(self._log)
+        except OSError as error:
+            os.ftruncate(self._log, before)
+            raise StoreError(
+                f"{self.directory / RECORDS}: cannot be written: {error.strerror}; trial "
+                f"{record.id} is not stored, all earlier ones are. Make room, then --resume"
+            ) from None
+        self.finished[record.number] = record
+
+    def campaign(self) -> Campaign:
+        """What is stored so far."""
+        records = tuple(self.finished[number] for number in sorted(self.finished))
+        return Campaign(directory=self.directory, settings=self.settings, records=records)
+
+    def close(self) -> None:
+        """Let go of the directory; may be called twice."""
+        for handle in (self._log, self._lock):
+            if handle >= 0:
+                os.close(handle)
+        self._log = self._lock = -1
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        self.close()
+
+    def _take_lock(self) -> None:
+        path = self.directory / LOCK
+        try:
+            self._lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._lock)
+            self._lock = -1
+            raise StoreError(f"{self.directory}: is in use by {_owner_text(path)}") from None
+        except OSError as error:
+            raise StoreError(f"{self.directory}: cannot be locked: {error.strerror}") from None
+        now = time.strftime("%Y-%m-%d %H:%M:%S")
+        os.ftruncate(self._lock, 0)
+        os.pwrite(
+            self._lock, f"process {os.getpid()} on {socket.gethostname()}, {now}\n".encode(), 0
+        )
+
+    def _open_log(self) -> None:
+        path = self.directory / RECORDS
+        records, sound = _records(path)
+        try:
+            self._log = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            if os.fstat(self._log).st_size > sound:
+                os.ftruncate(self._log, sound)
+                os.fsync(self._log)
+            sync_directory(self.directory)
+        except OSError as error:
+            raise StoreError(f"{path}: cannot be written: {error.strerror}") from None
+        self.finished = {record.number: record for record in records}
+
+
+def decode_record(data: Any, *, where: str) -> TrialRecord:
+    """Record from JSON-shaped data of a worker.
+
+    Raises:
+        FormatError: it is not one.
+    """
+    try:
+        return codec.decode(TrialRecord, data, where=where)
+    except InputError as error:
+        raise FormatError(str(error)) from None

@@ -1,0 +1,64 @@
+"""A worker process: ``python -m mrta_falsify.campaigns.worker_process FD PARENT``.
+
+Reads the campaign's settings, then jobs, one JSON line each, from stdin, and writes answers to
+the file descriptor it was given. It ends when stdin closes, or when the parent is gone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+from mrta_falsify.campaigns.executors import open_target
+from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import InputError
+
+ORPHAN_CHECK = 0.5  # s between two looks at who the parent is
+
+
+def _end_with(parent: int) -> None:
+    """A daemon thread that ends this process when its parent has ended, also in mid-trial."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(ORPHAN_CHECK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def serve(results: int) -> None:
+    """Answer jobs until stdin closes."""
+
+    def answer(message: dict[str, Any]) -> None:
+        data = json.dumps(message).encode() + b"\n"
+        while data:
+            data = data[os.write(results, data) :]
+
+    try:
+        settings = codec.decode(CampaignSettings, json.loads(sys.stdin.readline()), where="worker")
+        trial = open_target(settings)
+    except InputError as error:
+        answer({"refused": str(error)})
+        return
+    except Exception as error:
+        answer({"broken": f"{type(error).__name__}: {error}"})
+        raise
+    answer({"ready": True})
+    for line in sys.stdin:
+        job = json.loads(line)
+        try:
+            answer({"number": job["number"], "record": trial(job)})
+        except Exception:
+            answer({"number": job["number"], "crashed": traceback.format_exc()})
+
+
+if __name__ == "__main__":
+    _end_with(int(sys.argv[2]))
+    serve(int(sys.argv[1]))

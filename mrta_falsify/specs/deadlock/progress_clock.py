@@ -1,0 +1,116 @@
+"""When did a robot last get nearer to what it wants?
+
+Independent of blocked-by edges and of the stack's paths: distance to the goal is measured along
+free space (walls and furniture only), so that a way round counts, and so that shuffling to and
+fro, or a new path, does not.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, field
+
+import numba
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.occupancy import CELL, FreeSpace
+
+STEP = 0.1  # m nearer to the goal than ever before: progress
+SAME_GOAL = 0.5  # m, a robot that turns to and fro between goals gets no progress from it
+
+
+@dataclass(slots=True)
+class Progress:
+    """Last progress of every robot; one object per run."""
+
+    world: World
+    step: float = STEP  #: how much nearer is progress [m]
+    last: Array = field(init=False)  #: (N,) [s]
+    _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
+    _best: list[list[tuple[int, Array, float]]] = field(init=False)
+    _free: BoolArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        robots = len(self.world.robots)
+        self.last = np.zeros(robots)
+        self._best = [[] for _ in range(robots)]
+        self._free = FreeSpace(self.world).lasting_free()
+
+    def update(self, frame: Frame) -> Array:
+        """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
+        intent, pose = frame.intent, frame.sensed.pose
+        for i in range(len(self.last)):
+            self.note(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(intent.tasks_left[i]))
+        return self.last
+
+    def note(self, i: int, time: float, position: Array, goal: Array, left: int) -> float:
+        """Take in where robot ``i`` is; time of its last progress [s].
+
+        Progress is: nearer by ``step`` than ever before to a goal of the present number of stops
+        left, a goal it never had at this number, or a stop done.
+
+        Args:
+            i: robot.
+            time: [s].
+            position: ``(2,)`` [m].
+            goal: ``(2,)`` end of its path [m]; nan: none, which changes nothing.
+            left: stops left.
+        """
+        if not np.isfinite(goal[0]):
+            return float(self.last[i])
+        away = self._distance(position, goal)
+        known = self._best[i]
+        if known and known[0][0] != left:
+            known.clear()
+        for k, (_, old, best) in enumerate(known):
+            if np.hypot(*(old - goal)) <= SAME_GOAL:
+                if away < best - self.step:
+                    known[k] = (left, old, away)
+                    self.last[i] = time
+                break
+        else:
+            known.append((left, goal.copy(), away))
+            self.last[i] = time
+        return float(self.last[i])
+
+    def _distance(self, position: Array, goal: Array) -> float:
+        """Along free space if there is a way, else the straight distance [m]."""
+        straight = float(np.hypot(*(position - goal)))
+        cell = self._cell(goal)
+        if cell not in self._maps:
+            self._maps[cell] = _distances(self._free, *cell, CELL)
+        row, col = self._cell(position)
+        way = float(self._maps[cell][row, col])
+        return way if np.isfinite(way) and way > 5 * CELL else straight
+
+    def _cell(self, point: Array) -> tuple[int, int]:
+        rows, cols = self._free.shape
+        col, row = np.floor((point - self.world.bounds[:2]) / CELL).astype(int)
+        return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
+
+
+@numba.njit(cache=True)
+def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
+    """Length of the shortest way to the goal's cell from every cell [m]; inf: none."""
+    rows, cols = free.shape
+    found = np.full(free.shape, np.inf)
+    found[goal_row, goal_col] = 0.0
+    heap = [(0.0, goal_row, goal_col)]
+    while len(heap) > 0:
+        cost, row, col = heapq.heappop(heap)
+        if cost > found[row, col]:
+            continue
+        for up in range(-1, 2):
+            for side in range(-1, 2):
+                r, c = row + up, col + side
+                if r < 0 or r >= rows or c < 0 or c >= cols or not free[r, c]:
+                    continue
+                total = cost + cell * math.sqrt(up * up + side * side)
+                if total < found[r, c] - 1e-9:
+                    found[r, c] = total
+                    heapq.heappush(heap, (total, r, c))
+    return found

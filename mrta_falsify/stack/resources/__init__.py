@@ -1,0 +1,1 @@
+"""What robots use in turn: rooms, corridors, doors, lifts, chargers, parking."""

@@ -1,0 +1,1 @@
+"""The rule behind a failure: a box over named dimensions in which runs fail alike."""

@@ -1,0 +1,1 @@
+"""The smallest world that still fails in the same way."""

@@ -1,0 +1,72 @@
+"""Run an episode to time t, then fork it: continuations from one common past."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.library import build_specifications
+from simulator_interface import forking
+from simulator_interface.episode import Episode
+from simulator_interface.forecast import offer_forecasts
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Running:
+    """An episode that has come to a moment."""
+
+    episode: Episode
+    frames: Iterator[Frame]  #: from the next one on
+    specifications: tuple[Specification, ...]  #: that have seen all until then
+    last: Frame
+
+    def in_a_copy(self, run: Callable[[], T], kind: type[T]) -> T:
+        """``run()`` in a copy of this process, which is as it was afterwards.
+
+        Args:
+            run: may go on with the episode.
+            kind: of its answer.
+
+        Raises:
+            HarnessError: the copy failed.
+        """
+        data = forking.answer_of_a_copy(lambda: codec.encode(run()))
+        return codec.decode(kind, data, where="re-run")
+
+
+@contextmanager
+def run_to(
+    world: World, config: StackConfig, names: Sequence[str], time: float
+) -> Iterator[Running]:
+    """Run an episode to its first tick not before ``time`` [s].
+
+    Args:
+        world: what to simulate.
+        config: the stack under test.
+        names: of the specifications that watch it.
+        time: when to stop [s].
+    """
+    specifications = build_specifications(names)
+    episode = Episode(world, config)
+    for specification in specifications:
+        specification.start(world, episode.dt)
+    frames = episode.frames()
+    offer_forecasts(specifications, episode, frames)
+    try:
+        for frame in frames:
+            for specification in specifications:
+                specification.update(frame)
+            if frame.sensed.time >= time:
+                break
+        yield Running(episode=episode, frames=frames, specifications=specifications, last=frame)
+    finally:
+        frames.close()

@@ -1,0 +1,412 @@
+"""Surface gaps between robots, people and solids; negative where bodies overlap.
+
+Footprints are convex polygons, people are discs, solids are edges with the solid on the left
+(counter-clockwise outlines). All kernels are plain loops for numba.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from simulator_interface.engines.rays import EdgeGrid
+
+FAR = 5.0  # m; gaps beyond are reported as inf
+STRAIGHT_ON = 0.02  # m; who walks past a robot's centre this near walks straight at it
+ROBOT, HUMAN, STATIC = 0, 1, 2  # columns of ``gap``
+
+
+@njit(cache=True)
+def place_outline(outline: Array, corners: int, pose: Array, placed: Array) -> None:
+    """Write the corners ``(V, 2)`` of a footprint at ``pose`` (x, y, yaw) to ``placed``."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for k in range(corners):
+        placed[k, 0] = pose[0] + c * outline[k, 0] - s * outline[k, 1]
+        placed[k, 1] = pose[1] + s * outline[k, 0] + c * outline[k, 1]
+
+
+@njit(cache=True)
+def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Distance of a point from a segment."""
+    ex, ey = bx - ax, by - ay
+    length = ex * ex + ey * ey
+    t = 0.0
+    if length > 0.0:
+        t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / length))
+    dx, dy = px - ax - t * ex, py - ay - t * ey
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@njit(cache=True)
+def polygon_point_gap(polygon: Array, corners: int, px: float, py: float) -> float:
+    """Distance of a point from a convex polygon; negative depth if it is inside."""
+    inside = -np.inf
+    distance = np.inf
+    for k in range(corners):
+        j = k + 1 if k + 1 < corners else 0
+        ax, ay, bx, by = polygon[k, 0], polygon[k, 1], polygon[j, 0], polygon[j, 1]
+        ex, ey = bx - ax, by - ay
+        side = ((px - ax) * ey - (py - ay) * ex) / math.sqrt(ex * ex + ey * ey)
+        inside = max(inside, side)
+        distance = min(distance, _point_segment(px, py, ax, ay, bx, by))
+    return inside if inside <= 0.0 else distance
+
+
+@njit(cache=True)
+def _separation(one: Array, n_one: int, other: Array, n_other: int) -> float:
+    """Largest distance of ``other`` from a side line of ``one``; negative: none separates."""
+    best = -np.inf
+    for k in range(n_one):
+        j = k + 1 if k + 1 < n_one else 0
+        ex, ey = one[j, 0] - one[k, 0], one[j, 1] - one[k, 1]
+        length = math.sqrt(ex * ex + ey * ey)
+        nearest = np.inf
+        for m in range(n_other):
+            side = ((other[m, 0] - one[k, 0]) * ey - (other[m, 1] - one[k, 1]) * ex) / length
+            nearest = min(nearest, side)
+        best = max(best, nearest)
+    return best
+
+
+@njit(cache=True)
+def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: float) -> float:
+    """Gap of two convex polygons; negative: least depth. At least ``cutoff``: not exact."""
+    apart = max(_separation(one, n_one, other, n_other), _separation(other, n_other, one, n_one))
+    if apart <= 0.0 or apart >= cutoff:
+        return apart
+    distance = np.inf
+    for k in range(n_one):
+        j = k + 1 if k + 1 < n_one else 0
+        for m in range(n_other):
+            i = m + 1 if m + 1 < n_other else 0
+            distance = min(
+                distance,
+                _point_segment(
+                    other[m, 0], other[m, 1], one[k, 0], one[k, 1], one[j, 0], one[j, 1]
+                ),
+                _point_segment(
+                    one[k, 0], one[k, 1], other[m, 0], other[m, 1], other[i, 0], other[i, 1]
+                ),
+            )
+    return distance
+
+
+@njit(cache=True)
+def polygon_edge_gap(polygon: Array, corners: int, edge: Array) -> float:
+    """Gap of a convex polygon and an edge whose left side is solid; negative: depth."""
+    ax, ay, bx, by = edge[0], edge[1], edge[2], edge[3]
+    ex, ey = bx - ax, by - ay
+    length = math.sqrt(ex * ex + ey * ey)
+    if length == 0.0:
+        return polygon_point_gap(polygon, corners, ax, ay)
+    apart = np.inf  # least distance to the outer side of the edge
+    farthest = -np.inf
+    distance = np.inf
+    for k in range(corners):
+        side = ((polygon[k, 0] - ax) * ey - (polygon[k, 1] - ay) * ex) / length
+        apart = min(apart, side)
+        farthest = max(farthest, side)
+        distance = min(distance, _point_segment(polygon[k, 0], polygon[k, 1], ax, ay, bx, by))
+    separated = apart > 0.0 or farthest < 0.0
+    depth = apart
+    for k in range(corners):
+        j = k + 1 if k + 1 < corners else 0
+        px, py = polygon[k, 0], polygon[k, 1]
+        sx, sy = polygon[j, 0] - px, polygon[j, 1] - py
+        side_length = math.sqrt(sx * sx + sy * sy)
+        side = min((ax - px) * sy - (ay - py) * sx, (bx - px) * sy - (by - py) * sx) / side_length
+        separated = separated or side > 0.0
+        depth = max(depth, side)
+        distance = min(
+            distance,
+            _point_segment(ax, ay, px, py, polygon[j, 0], polygon[j, 1]),
+            _point_segment(bx, by, px, py, polygon[j, 0], polygon[j, 1]),
+        )
+    return distance if separated else min(depth, 0.0)
+
+
+@njit(cache=True)
+def _edge_gap_below(
+    polygon: Array, corners: int, x: float, y: float, reach: float, edge: Array, best: float
+) -> float:
+    if _point_segment(x, y, edge[0], edge[1], edge[2], edge[3]) - reach >= best:
+        return best
+    return min(best, polygon_edge_gap(polygon, corners, edge))
+
+
+@njit(cache=True)
+def blocks_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
+    """Gap [m] of a footprint around (x, y) to few solids, given by their ``edges`` ``(E, 4)``.
+
+    A robot in the middle of a solid, away from its edges, has the negative distance to them.
+    """
+    best, nearest, inside = np.inf, np.inf, False
+    for e in range(len(edges)):
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        best = min(best, polygon_edge_gap(placed, corners, edges[e]))
+        nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return min(best, -nearest) if inside else best
+
+
+@njit(cache=True)
+def static_gap(
+    grid: EdgeGrid,
+    extra: Array,
+    polygon: Array,
+    corners: int,
+    x: float,
+    y: float,
+    reach: float,
+    cutoff: float,
+) -> float:
+    """Gap of a footprint around (x, y) to the nearest solid, if below ``cutoff``, else that.
+
+    Args:
+        grid: solids that stand all the time.
+        extra: ``(E, 4)`` edges of further solids, few.
+        polygon: ``(V, 2)`` placed footprint [m].
+        corners: how many of V count.
+        x: of the robot's origin [m].
+        y: of the robot's origin [m].
+        reach: largest distance of a corner from the origin [m].
+        cutoff: [m].
+
+    Returns:
+        Gap [m], negative: depth.
+    """
+    best = cutoff
+    if len(extra):
+        best = min(best, blocks_gap(extra, polygon, corners, x, y))
+    cell = grid.cell
+    gx, gy = (x - grid.origin[0]) / cell, (y - grid.origin[1]) / cell
+    col, row = math.floor(gx), math.floor(gy)
+    if not (0 <= col < grid.cols and 0 <= row < grid.rows):
+        for i in range(len(grid.edges)):
+            best = _edge_gap_below(polygon, corners, x, y, reach, grid.edges[i], best)
+        return best
+    border = cell * min(gx - col, col + 1 - gx, gy - row, row + 1 - gy)
+    for ring in range(max(grid.rows, grid.cols)):
+        if ring > 0 and (ring - 1) * cell + border - reach >= best:
+            break
+        for r in range(max(row - ring, 0), min(row + ring, grid.rows - 1) + 1):
+            at_end = r in (row - ring, row + ring)
+            step = 1 if at_end or ring == 0 else 2 * ring
+            for c in range(col - ring, col + ring + 1, step):
+                if not 0 <= c < grid.cols:
+                    continue
+                k = r * grid.cols + c
+                for m in range(grid.first[k], grid.first[k + 1]):
+                    edge = grid.edges[grid.member[m]]
+                    best = _edge_gap_below(polygon, corners, x, y, reach, edge, best)
+    return best
+
+
+@njit(cache=True)
+def fill_gaps(
+    pose: Array,
+    outline: Array,
+    corners: IntArray,
+    reach: Array,
+    placed: Array,
+    grid: EdgeGrid,
+    extra: Array,
+    human_position: Array,
+    human_radius: Array,
+    present: BoolArray,
+    gap: Array,
+    nearest: IntArray,
+) -> float:
+    """Lower the running least gaps of a tick to those of one sub-step.
+
+    Args:
+        pose: ``(N, 3)``.
+        outline: ``(N, V, 2)`` footprints in the robot frame.
+        corners: ``(N,)`` corners that count.
+        reach: ``(N,)`` [m].
+        placed: ``(N, V, 2)`` receives the footprints in the map frame.
+        grid: solids that stand all the time.
+        extra: ``(E, 4)`` edges of the blockages that stand now.
+        human_position: ``(H, 2)``.
+        human_radius: ``(H,)`` [m].
+        present: ``(H,)`` who is in the building.
+        gap: ``(N, 3)`` running least gap to robot, human, static; lowered.
+        nearest: ``(N, 2)`` robot and human of these gaps; updated.
+
+    Returns:
+        The least entry of ``gap`` [m].
+    """
+    n = len(pose)
+    least = np.inf
+    for i in range(n):
+        place_outline(outline[i], corners[i], pose[i], placed[i])
+    for i in range(n):
+        x, y = pose[i, 0], pose[i, 1]
+        for j in range(i + 1, n):
+            apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y) - reach[i] - reach[j]
+            cutoff = max(gap[i, ROBOT], gap[j, ROBOT])
+            if apart >= cutoff:
+                continue
+            found = polygon_gap(placed[i], corners[i], placed[j], corners[j], cutoff)
+            if found < gap[i, ROBOT]:
+                gap[i, ROBOT] = found
+                nearest[i, ROBOT] = j
+            if found < gap[j, ROBOT]:
+                gap[j, ROBOT] = found
+                nearest[j, ROBOT] = i
+        for h in range(len(human_position)):
+            hx, hy = human_position[h, 0], human_position[h, 1]
+            apart = math.hypot(hx - x, hy - y) - reach[i] - human_radius[h]
+            if not present[h] or apart >= gap[i, HUMAN]:
+                continue
+            found = polygon_point_gap(placed[i], corners[i], hx, hy) - human_radius[h]
+            if found < gap[i, HUMAN]:
+                gap[i, HUMAN] = found
+                nearest[i, HUMAN] = h
+        gap[i, STATIC] = static_gap(
+            grid, extra, placed[i], corners[i], x, y, reach[i], gap[i, STATIC]
+        )
+    for i in range(n):
+        least = min(least, gap[i, ROBOT], gap[i, HUMAN], gap[i, STATIC])
+    return least
+
+
+@njit(cache=True)
+def _outward(polygon: Array, corners: int, px: float, py: float) -> tuple[float, float]:
+    """Unit vector from a convex polygon's nearest point to a point outside (or its side)."""
+    best, nx, ny = np.inf, 1.0, 0.0
+    deepest, mx, my = -np.inf, 1.0, 0.0
+    for k in range(corners):
+        j = k + 1 if k + 1 < corners else 0
+        ax, ay = polygon[k, 0], polygon[k, 1]
+        ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
+        length = math.sqrt(ex * ex + ey * ey)
+        side = ((px - ax) * ey - (py - ay) * ex) / length
+        if side > deepest:
+            deepest, mx, my = side, ey / length, -ex / length
+        t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / (length * length)))
+        dx, dy = px - ax - t * ex, py - ay - t * ey
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance < best:
+            best = distance
+            if distance > 1e-9:
+                nx, ny = dx / distance, dy / distance
+    if deepest <= 1e-9:
+        return mx, my
+    return nx, ny
+
+
+@njit(cache=True)
+def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
+    """Distance of a point from the nearest edge, at most ``radius``."""
+    best = radius
+    for e in range(len(extra)):
+        best = min(best, _point_segment(x, y, extra[e, 0], extra[e, 1], extra[e, 2], extra[e, 3]))
+    col_1 = max(int((x - radius - grid.origin[0]) / grid.cell), 0)
+    col_2 = min(int((x + radius - grid.origin[0]) / grid.cell), grid.cols - 1)
+    row_1 = max(int((y - radius - grid.origin[1]) / grid.cell), 0)
+    row_2 = min(int((y + radius - grid.origin[1]) / grid.cell), grid.rows - 1)
+    for row in range(row_1, row_2 + 1):
+        for col in range(col_1, col_2 + 1):
+            k = row * grid.cols + col
+            for m in range(grid.first[k], grid.first[k + 1]):
+                edge = grid.edges[grid.member[m]]
+                best = min(best, _point_segment(x, y, edge[0], edge[1], edge[2], edge[3]))
+    return best
+
+
+@njit(cache=True)
+def _least_gap(
+    x: float, y: float, radius: float, placed: Array, corners: IntArray, pose: Array, reach: Array
+) -> tuple[float, int]:
+    """Gap of a disc to the nearest robot (inf: all are far), and which it is."""
+    best, robot = np.inf, -1
+    for i in range(len(pose)):
+        if math.hypot(pose[i, 0] - x, pose[i, 1] - y) - reach[i] - radius > 0.1:
+            continue
+        found = polygon_point_gap(placed[i], corners[i], x, y) - radius
+        if found < best:
+            best, robot = found, i
+    return best, robot
+
+
+@njit(cache=True)
+def move_people(
+    position: Array,
+    velocity: Array,
+    radius: Array,
+    present: BoolArray,
+    step: float,
+    pose: Array,
+    placed: Array,
+    corners: IntArray,
+    reach: Array,
+    grid: EdgeGrid,
+    extra: Array,
+    touched: BoolArray,
+) -> None:
+    """Walk all people for one sub-step; nobody walks into a robot.
+
+    A step that would end inside a robot leads along its surface instead, round the nearer
+    side; if the other bodies leave no room there, the other way; else the person stands.
+
+    Args:
+        position: ``(H, 2)`` [m]; updated.
+        velocity: ``(H, 2)`` wanted [m/s].
+        radius: ``(H,)`` [m].
+        present: ``(H,)``.
+        step: [s].
+        pose: ``(N, 3)`` of the robots.
+        placed: ``(N, V, 2)`` their footprints, map frame.
+        corners: ``(N,)``.
+        reach: ``(N,)`` [m].
+        grid: solids that stand all the time.
+        extra: ``(E, 4)`` edges of the blockages that stand now.
+        touched: ``(N,)`` set where a person was held up by the robot.
+    """
+    for h in range(len(position)):
+        if not present[h]:
+            continue
+        x, y, r = position[h, 0], position[h, 1], radius[h]
+        dx, dy = velocity[h, 0] * step, velocity[h, 1] * step
+        after, robot = _least_gap(x + dx, y + dy, r, placed, corners, pose, reach)
+        if after >= 0.0:
+            position[h, 0], position[h, 1] = x + dx, y + dy
+            continue
+        before = polygon_point_gap(placed[robot], corners[robot], x, y) - r
+        if after >= before:  # already overlapping, and leaving
+            position[h, 0], position[h, 1] = x + dx, y + dy
+            continue
+        touched[robot] = True
+        length = math.sqrt(dx * dx + dy * dy)
+        nx, ny = _outward(placed[robot], corners[robot], x, y)
+        turn = (x - pose[robot, 0]) * dy - (y - pose[robot, 1]) * dx
+        way = -1.0 if turn < -STRAIGHT_ON * length else 1.0  # straight on: pass on the right
+        free_before = disc_clear(grid, extra, x, y, r)
+        for _ in range(2):
+            sx, sy = x - way * ny * length, y + way * nx * length
+            gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
+            if gap < 0.0 and other == robot:  # round a corner: step back out to the surface
+                ox, oy = _outward(placed[robot], corners[robot], sx, sy)
+                sx, sy = sx - gap * ox, sy - gap * oy
+                gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
+            free = disc_clear(grid, extra, sx, sy, r)
+            if gap >= min(before, 0.0) - 1e-6 and (free >= r or free >= free_before):
+                position[h, 0], position[h, 1] = sx, sy
+                break
+            way = -way
+
+
+@njit(cache=True)
+def first_edge_met(edges: Array, placed: Array, x: float, y: float, reach: float) -> int:
+    """Number of the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
+    for e in range(len(edges)):
+        if _point_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]) > reach:
+            continue
+        if polygon_edge_gap(placed, len(placed), edges[e]) <= 0.0:
+            return e
+    return -1

@@ -1,0 +1,1 @@
+"""People: how they find their way, carry out scripts and push furniture."""

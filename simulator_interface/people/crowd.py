@@ -1,0 +1,256 @@
+"""People on their routes and errands: where each goes, and the model that moves them.
+
+A route is a list of points; the way between two of them is planned on the costmap, so that
+nobody is sent through a bed. The model (social force by default) only sees the next point.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.fleet import Sensed
+from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Planner
+from mrta_falsify.core.world import Blockage, HumanSpec, World
+from simulator_interface.people.pushing import Bystanders
+from simulator_interface.people.scripts import STANDS, Errand, Errands, Now
+from simulator_interface.people.walking import Walker, Walking
+from simulator_interface.staging import Stage, StagedSource, without_later
+
+REDRAWN = 0.25  # m or rad; people see a piece of furniture where it was until it moved by this
+
+
+@dataclass(slots=True)
+class Crowd:
+    """All people of a world."""
+
+    world: World
+    model: HumanModel
+    planner: Planner
+    source: CostmapSource
+    dt: float  #: control period [s]
+    errands: Errands = field(init=False)
+    _walking: Walking = field(init=False)
+    _walkers: list[Walker] = field(default_factory=list)
+    _at_work: dict[int, Errand | None] = field(default_factory=dict)  #: people with directives
+    _edges: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    _drawn: Array = field(init=False)  #: (F, 3) furniture poses that ``_edges`` show
+    _resting: tuple[int, ...] = ()
+    _added: tuple[Blockage, ...] = ()
+    _staged: tuple[BoolArray, Array] | None = None
+    _present: BoolArray = field(init=False)  #: (H,) at ``_present_at``, with ``_present_inside``
+    _present_at: float = np.nan
+    _present_inside: BoolArray | None = None
+    _radius: Array = field(init=False)
+    _reacts: BoolArray = field(init=False)
+    _robot_radius: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._walking = Walking(self.planner, self.source)
+        self.errands = Errands(self.world, self._walking, self.dt)
+        self._robot_radius = np.array([robot.radius for robot in self.world.robots])
+        self._read_people()
+
+    def _read_people(self) -> None:
+        humans = self.world.humans
+        self._present_inside = None
+        self._radius = np.array([human.radius for human in humans])
+        self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
+
+    # --- what is done with the crowd -----------------------------------------------------------
+
+    def start(self) -> Array:
+        """Start positions ``(H, 2)`` [m] of the people on their planned ways."""
+        self._furnish(0.0)
+        self._walking.look(0.0)
+        self._draw_edges(0.0)
+        positions = np.zeros((len(self.world.humans), 2))
+        for i, spec in enumerate(self.world.humans):
+            positions[i], walker = self._begin(spec)
+            self._walkers.append(walker)
+            if spec.directives:
+                self._at_work[i] = Errand(spec.directives)
+        self._staged = (self.errands.inside, self.errands.furnishings.pose)
+        return positions
+
+    def _begin(self, spec: HumanSpec) -> tuple[Array, Walker]:
+        begin = self._walking.begin
+        if spec.directives:
+            return begin(spec.route[:1], repeat=False, speed=spec.speed, share=0.0)
+        return begin(spec.route, repeat=spec.repeat, speed=spec.speed, share=spec.start)
+
+    def errand_of(self, person: int) -> Errand | None:
+        """What a person is at, None: a route, or nothing."""
+        return self._at_work.get(person)
+
+    def assign(self, person: int, errand: Errand | None) -> None:
+        """Give a person something else to do, None: stand. The old errand lets go."""
+        before = self._at_work.get(person)
+        if before is not None and before is not errand:
+            before.suspend()
+        self._at_work[person] = errand
+
+    def add_blockage(self, blockage: Blockage) -> None:
+        """Something that is put down while the episode runs; its start is still to come."""
+        self.world = dataclasses.replace(self.world, events=(*self.world.events, blockage))
+        self._added += (blockage,)
+        assert isinstance(self.source, StagedSource)
+        self.source.add_blockage(blockage)
+
+    def forget_after(self, time: float) -> None:
+        """No event that starts after ``time`` [s] happens any more."""
+        events = tuple(without_later(self.world.events, time))
+        self.world = dataclasses.replace(self.world, events=events)
+
+    def replace_person(self, person: int, spec: HumanSpec) -> None:
+        """Let somebody new take the place of a person who never appeared."""
+        humans = list(self.world.humans)
+        humans[person] = spec
+        self.world = dataclasses.replace(self.world, humans=tuple(humans))
+        self._read_people()
+        self.errands.set_speed(person, spec.speed)
+        self._walkers[person] = dataclasses.replace(self._walkers[person], speed=spec.speed)
+        self.assign(person, Errand(spec.directives))
+
+    def stage(self) -> Stage | None:
+        """What the engine must be told before the next tick, None: nothing."""
+        errands = self.errands
+        inside, pose = errands.inside, errands.furnishings.pose
+        known = self._staged
+        if known is not None and known[0] is inside and known[1] is pose and not self._added:
+            return None
+        self._staged = (inside, pose)
+        stage = Stage(
+            inside=errands.inside,
+            placed=errands.placed,
+            furniture_pose=errands.furnishings.pose,
+            added=self._added,
+        )
+        self._added = ()
+        return stage
+
+    def present(self, time: float) -> BoolArray:
+        """Who ``(H,)`` is in the building at ``time`` [s]."""
+        inside = self.errands.inside
+        if time != self._present_at or inside is not self._present_inside:
+            self._present_at, self._present_inside = time, inside
+            self._present = present_humans(self.world, time) & inside
+        return self._present
+
+    # --- a tick ----------------------------------------------------------------------------------
+
+    def velocities(self, sensed: Sensed) -> Array:
+        """Velocities ``(H, 2)`` [m/s] for the tick after ``sensed``."""
+        if not self._walkers:
+            return np.zeros((0, 2))
+        self._look(sensed.time)
+        position, present = sensed.human_position, self.present(sensed.time)
+        targets = np.empty_like(position)
+        desired = np.empty(len(position))
+        led: dict[int, Array] = {}
+        if self._at_work:
+            self.errands.begin_tick()
+            position = position.copy()
+            now = self._now(sensed, position, present)
+            for i, errand in self._at_work.items():
+                step = self.errands.step(i, errand, now) if errand is not None else STANDS
+                targets[i] = position[i] if step.target is None else step.target
+                desired[i] = 0.0 if step.target is None else step.speed
+                if step.velocity is not None:
+                    led[i] = step.velocity
+        for i, walker in enumerate(self._walkers):
+            if i not in self._at_work:
+                targets[i] = self._walking.target(walker, position[i], sensed.time)
+                desired[i] = walker.speed if len(walker.way) else 0.0
+        heading, forward, left = sensed.pose[:, 2], sensed.velocity[:, 0], sensed.velocity[:, 1]
+        cos, sin = np.cos(heading), np.sin(heading)
+        robot_velocity = np.empty((len(heading), 2))
+        robot_velocity[:, 0] = cos * forward - sin * left
+        robot_velocity[:, 1] = sin * forward + cos * left
+        view = CrowdView(
+            dt=self.dt,
+            position=position,
+            velocity=sensed.human_velocity,
+            target=targets,
+            desired_speed=desired,
+            radius=self._radius,
+            reacts_to_robots=self._reacts,
+            present=present,
+            robot_position=sensed.pose[:, :2],
+            robot_velocity=robot_velocity,
+            robot_radius=self._robot_radius,
+            walls=self._edges,
+        )
+        velocity = self.model.velocities(view)
+        for i, exactly in led.items():
+            velocity[i] = exactly
+        return velocity
+
+    def _now(self, sensed: Sensed, position: Array, present: BoolArray) -> Now:
+        return Now(
+            time=sensed.time,
+            around=Bystanders(
+                robot=sensed.pose[:, :2],
+                robot_radius=self._robot_radius,
+                person=position,
+                person_radius=self._radius,
+                present=present,
+                blocks=_edges_of([b.polygon for b in _standing(self.world, sensed.time)]),
+            ),
+        )
+
+    def _look(self, time: float) -> None:
+        """Take up the map and the solids of the moment."""
+        self._furnish(time)
+        pose = self.errands.furnishings.pose
+        moved = len(pose) > 0 and np.abs(pose - self._drawn).max() > REDRAWN
+        if self._walking.look(time) or moved:
+            self._draw_edges(time)
+
+    def _draw_edges(self, time: float) -> None:
+        things = self.errands.furnishings
+        outlines = [things.outline(k) for k in range(len(things.pieces))]
+        self._edges = solid_edges(self.world, time, outlines)
+        self._drawn = things.pose
+
+    def _furnish(self, time: float) -> None:
+        things = self.errands.furnishings
+        if not things.pieces:
+            return
+        resting = things.at_rest(time)
+        if resting != self._resting:
+            self._resting = resting
+            assert isinstance(self.source, StagedSource)
+            self.source.furnish(tuple(things.outline(k) for k in resting))
+
+
+def present_humans(world: World, time: float) -> BoolArray:
+    """Which people ``(H,)`` may be in the building at ``time`` [s], whatever they do there."""
+    return np.array([h.appears_at <= time < h.leaves_at for h in world.humans], dtype=np.bool_)
+
+
+def solid_edges(world: World, time: float, outlines: Sequence[Array] = ()) -> Array:
+    """Edges ``(S, 4)`` x1, y1, x2, y2 [m] of everything solid at ``time`` [s].
+
+    ``outlines`` ``(V, 2)`` [m] are those of movable furniture.
+    """
+    blockages = (event.polygon for event in _standing(world, time))
+    return _edges_of([*world.solid_polygons(), *blockages, *outlines])
+
+
+def _standing(world: World, time: float) -> list[Blockage]:
+    return [
+        event
+        for event in world.events
+        if isinstance(event, Blockage) and event.start <= time < event.end
+    ]
+
+
+def _edges_of(polygons: Sequence[Array]) -> Array:
+    if not polygons:
+        return np.zeros((0, 4))
+    return np.concatenate([np.hstack([p, np.roll(p, -1, axis=0)]) for p in polygons])

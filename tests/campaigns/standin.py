@@ -1,0 +1,100 @@
+"""A scenario in closed form: quick trials with a known answer, crashes and hangs on demand."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from mrta_falsify.campaigns.runner import point_digest
+from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.core import codec
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.record import Jittered, TrialRecord
+from mrta_falsify.core.seeding import candidate_seed
+from mrta_falsify.core.verdict import Verdict
+
+RANDOM = Choice("random")
+TARGET = "tests.campaigns.standin:open_trials"
+
+
+def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Fails where the mean of u is below 0.3; rejects where u[0] > ``params.reject_above``.
+
+    With ``trials.jittered`` copies lie up to 0.3 higher, evenly.
+    ``params``: ``sleep`` [s] per trial, ``crash`` and ``hang`` numbers of trials that do so.
+    """
+    params = settings.params
+    if params.get("refuse"):
+        raise InputError("standin.scenic:3: refused")
+
+    def trial(job: dict[str, Any]) -> dict[str, Any]:
+        number, u = job["number"], np.asarray(job["u"])
+        time.sleep(params.get("sleep", 0.0))
+        if number in params.get("crash", ()):
+            os._exit(7)
+        if number in params.get("raise", ()):
+            raise RuntimeError("on demand")
+        if number in params.get("hang", ()):
+            time.sleep(3600.0)
+        candidate = Candidate(number=number, u=u, seed=candidate_seed(settings.seed, number))
+        record = TrialRecord(
+            candidate=candidate,
+            status="rejected",
+            proposal_digest=point_digest(u),
+            error="no scene",
+        )
+        if len(u) and u[0] > params.get("reject_above", 1.0):
+            return codec.encode(record)
+        margin = float(np.mean(u)) - 0.3
+        verdict = Verdict(
+            spec="no_deadlock",
+            robustness=margin,
+            violated=margin < 0.0,
+            violated_at=12.0 if margin < 0.0 else None,
+        )
+        copies = margin + np.linspace(0.0, 0.3, settings.jittered)
+        done = TrialRecord(
+            candidate=candidate,
+            status="ok",
+            proposal_digest=record.proposal_digest,
+            verdicts=(verdict,),
+            objectives={"no_deadlock": margin},
+            score=margin,
+            signature="no_deadlock" if margin < 0.0 else "",
+            jittered=Jittered(runs=len(copies), failed=int((copies < 0.0).sum()))
+            if len(copies) and margin < 0.0
+            else None,
+            sim_time=60.0,
+            wall_s=params.get("sleep", 0.0),
+        )
+        return codec.encode(done)
+
+    return trial
+
+
+def settings(
+    *,
+    seed: int = 0,
+    dimensions: int = 3,
+    sampler: Choice = RANDOM,
+    window: int = 4,
+    time_limit: float = 60.0,
+    jittered: int = 0,
+    **params: Any,
+) -> CampaignSettings:
+    """Settings of a campaign over the stand-in."""
+    return CampaignSettings(
+        trials=TrialSettings(scenario="standin", seed=seed, params=params, jittered=jittered),
+        target=TARGET,
+        sampler=sampler,
+        cube=Cube(dimensions=dimensions),
+        window=window,
+        time_limit=time_limit,
+    )

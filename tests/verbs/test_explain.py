@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from benchmarks.defects import worlds
+from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.core.config import Choice, StackConfig, read_config
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.verbs.explain import (
+    Finding,
+    Removal,
+    changes_of,
+    explain_job,
+    removal_text,
+    verdict_on,
+)
+from scenic_worlds.program import compile_program
+
+
+def _job(defect, *specifications):
+    return Job(
+        world=getattr(worlds, defect)(0),
+        config=quick_stack(StackConfig(defects=(defect,))),
+        specifications=specifications,
+        early_stop=True,
+    )
+
+
+@pytest.mark.slow
+def test_the_layer_whose_replacement_cures_the_failure_is_named():
+    found = explain_job(_job("room_freed_while_parked", "exclusive_use"), max_runs=8)
+    assert found.layer == "queue_policy"
+    gone = {finding.layer for finding in found.counterfactuals if finding.failure_gone}
+    assert gone == {"queue_policy"}
+    assert found.runs <= 8 + 6
+
+
+@pytest.mark.slow
+def test_what_costs_a_deadline_is_looked_for_from_the_start():
+    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=6)
+    assert found.layer == "planner"
+    assert found.changed_at == 0.0
+
+
+def test_a_run_that_holds_has_nothing_to_explain():
+    world = worlds.room_freed_while_parked(0)
+    job = Job(world=world, config=quick_stack(StackConfig()), specifications=("exclusive_use",))
+    with pytest.raises(InputError, match="violates nothing"):
+        explain_job(job)
+
+
+def test_a_layer_under_test_is_replaced_by_the_reference_and_the_reference_by_others():
+    config = StackConfig(priority_rule=Choice("distance_to_goal"), engine=Choice("kinematic"))
+    changes = changes_of(config)
+    rules = [c.config.priority_rule.name for c in changes if c.layer == "priority_rule"]
+    planners = [c.config.planner.name for c in changes if c.layer == "planner"]
+    assert rules == ["fixed"]
+    assert planners == ["ompl"]
+    assert all(c.config.engine.name == "kinematic" for c in changes)
+
+
+@pytest.mark.parametrize(
+    ("cured", "guess", "expected"),
+    [
+        ([], "planner", "planner"),
+        (["controller"], "planner", "controller"),
+        (["controller", "queue_policy"], "controller", "controller"),
+        (["controller", "queue_policy"], "planner", "queue_policy"),
+    ],
+)
+def test_one_layer_is_named_from_what_cured_the_failure(cured, guess, expected):
+    findings = [
+        Finding(layer=layer, change=layer, failure_gone=layer in cured)
+        for layer in ("queue_policy", "planner", "controller")
+    ]
+    assert verdict_on(findings, guess)[0] == expected
+
+
+def test_the_shipped_layer_in_place_of_another_says_more_than_one_that_does_all_otherwise():
+    findings = [
+        Finding(layer="waypoint_generator", change="another one", failure_gone=True),
+        Finding(layer="controller", change="the shipped one", failure_gone=True, restores=True),
+    ]
+    assert verdict_on(findings, "waypoint_generator")[0] == "controller"
+    stays = [findings[0], dataclasses.replace(findings[1], failure_gone=False)]
+    assert verdict_on(stays, "controller")[0] == "waypoint_generator"
+
+
+def test_the_trace_alone_gives_a_first_guess(stalled):
+    _, judged = stalled
+    assert suspected_layer(judged.verdicts, judged.outcome.trace) == "waypoint_generator"
+    assert suspected_layer((), judged.outcome.trace) == ""
+
+
+@pytest.mark.slow
+def test_the_robot_without_which_all_others_go_on_is_found():
+    folder = Path(__file__).parent.parent.parent / "docs" / "gallery" / "stuck_at_the_door"
+    job = Job(
+        world=compile_program(folder / "world.min.scenic").sample(0),
+        config=read_config(folder / "stack.yaml"),
+        specifications=("no_deadlock",),
+        early_stop=True,
+    )
+    removals = {removal.robot: removal for removal in explain_job(job, max_runs=14).removals}
+    assert removals["robot2"].go_on == ("robot1", "robot3")
+    assert removals["robot2"].stay == ()
+    assert removals["robot1"].stay == ("robot2", "robot3")
+    assert "robot1 and robot3 go on" in removal_text(removals["robot2"])
+
+
+def test_a_removal_says_who_goes_on_and_who_stays():
+    removal = Removal(robot="a", time=12.0, go_on=("b",), stay=("c", "d"))
+    assert removal_text(removal) == "without a from 12.0 s on, b goes on, c and d stay"

@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.directives import Push
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, Task, World
+from mrta_falsify.verbs.minimize.search import (
+    MARGIN,
+    NOMINAL,
+    concerned,
+    course_of,
+    later_starts,
+    without,
+)
+
+
+def _violated(spec: str = "no_deadlock", at: float = 8.0, **evidence: object) -> Verdict:
+    return Verdict(spec=spec, robustness=-1.0, violated=True, violated_at=at, evidence=evidence)
+
+
+def _waiting(robot: str, other: str) -> dict[str, str]:
+    return {"robot": robot, "cause": "barrier", "blocked_by": other, "resource": ""}
+
+
+@pytest.fixture
+def delivered(hall: World, hall_trace: Trace) -> tuple[World, Trace]:
+    """``hall`` with a third task, which comes when robot1 has delivered the first at 10 s."""
+    late = Task(arrival=10.0, start=0, end=1, deadline=200.0)
+    return dataclasses.replace(hall, tasks=(hall.tasks[0], late)), hall_trace
+
+
+def test_a_course_says_who_had_what_and_where_it_was_delivered(hall, hall_trace):
+    course = course_of(_violated(), hall_trace, hall)
+    assert course.found == 8.0
+    assert course.had == {"robot1": (0,), "robot2": ()}
+    (start,) = course.delivered["robot1"]
+    assert start.time == pytest.approx(10.0)
+    assert start.pose[:2] == pytest.approx(hall.robots[1].pose[:2])
+
+
+def test_the_fleet_is_at_rest_when_all_known_tasks_are_delivered(delivered, hall, hall_trace):
+    world, trace = delivered
+    (rest,) = course_of(_violated(), trace, world).rests
+    assert [start.time for start in rest] == pytest.approx([10.0, 10.0])
+    assert course_of(_violated(), hall_trace, hall).rests == ()
+
+
+def test_the_first_guess_keeps_what_the_cycle_names_and_what_stood_near(hall, hall_trace):
+    far = Furniture(name="far", kind="chair", polygon=rectangle(0.4, 0.4, (11.0, 1.0)))
+    world = dataclasses.replace(hall, furniture=(*hall.furniture, far))
+    verdict = _violated(cycle=[_waiting("robot1", "wall")])
+    guess = concerned(world, verdict, hall_trace)
+    assert [robot.name for robot in guess.robots] == ["robot1"]
+    assert guess.tasks == hall.tasks[:1]
+    assert [item.name for item in guess.furniture] == ["table"]
+    assert guess.humans == ()
+    assert guess.horizon == 8.0 + MARGIN
+    wide = concerned(world, verdict, hall_trace, wide=True)
+    assert len(wide.robots) == 2
+    assert len(wide.tasks) == 2
+
+
+def test_the_guess_for_a_late_task_keeps_the_robot_that_had_it(hall, hall_trace):
+    verdict = dataclasses.replace(_violated("deadlines"), who=("task0",))
+    guess = concerned(hall, verdict, hall_trace)
+    assert [robot.name for robot in guess.robots] == ["robot1"]
+
+
+def test_a_guess_without_anything_to_do_is_none(hall, hall_trace):
+    verdict = _violated(cycle=[_waiting("robot2", "robot2")])
+    assert concerned(hall, verdict, hall_trace) is None
+
+
+def test_furniture_that_someone_pushes_cannot_go_before_them(hall):
+    cart = dataclasses.replace(hall.furniture[0], name="cart", movable=True)
+    push = Push(furniture="cart", point=frozen_array([3.0, 6.5]))
+    pusher = dataclasses.replace(hall.humans[0], directives=(push,))
+    world = dataclasses.replace(hall, furniture=(cart,), humans=(pusher,))
+    assert without(world, "furniture", [0]) is None
+    assert without(without(world, "humans", [0]), "furniture", [0]).furniture == ()
+
+
+def test_a_robot_goes_with_its_tasks_and_out_of_its_outages(hall):
+    outages = (
+        CommsOutage(name="its", robots=("robot1",), start=0.0, end=9.0),
+        CommsOutage(name="both", robots=("robot1", "robot2"), start=0.0, end=9.0),
+        CommsOutage(name="all", robots=(), start=0.0, end=9.0),
+    )
+    world = dataclasses.replace(hall, events=outages)
+    smaller = without(world, "robots", [0], had=[1])
+    assert [robot.name for robot in smaller.robots] == ["robot2"]
+    assert smaller.tasks == hall.tasks[:1]
+    assert [(e.name, e.robots) for e in smaller.events] == [("both", ("robot2",)), ("all", ())]
+
+
+@pytest.mark.parametrize("group", ["robots", "tasks"])
+def test_the_last_robots_and_tasks_stay(hall, group):
+    assert without(hall, group, [0, 1]) is None
+
+
+def test_time_before_the_last_rest_is_cut_off(delivered):
+    world, trace = delivered
+    bed = Blockage(name="bed", polygon=rectangle(1, 1, (3.0, 5.0)), start=4.0, end=30.0)
+    world = dataclasses.replace(world, humans=(), events=(bed,))
+    changed = dict(later_starts(world, course_of(_violated(at=20.0), trace, world)))
+    later = changed["the first 10 s"]
+    assert [(task.arrival, task.deadline) for task in later.tasks] == [(0.0, 190.0)]
+    assert later.robots[0].pose == pytest.approx(trace.columns["pose"][-1, 0])
+    assert (later.events[0].start, later.events[0].end) == (0.0, 20.0)
+    assert later.horizon == world.horizon - 10.0
+
+
+def test_nothing_is_cut_off_before_people_who_walk(delivered):
+    world, trace = delivered
+    words = [what for what, _ in later_starts(world, course_of(_violated(), trace, world))]
+    assert not any(what.startswith("the first") for what in words)
+
+
+def test_a_robot_may_begin_where_it_had_delivered_something(delivered):
+    world, trace = delivered
+    course = course_of(_violated(at=20.0), trace, world)
+    course = dataclasses.replace(course, had={"robot1": (0, 1), "robot2": ()})
+    changed = dict(later_starts(world, course))
+    begun = changed["what robot1 delivered before 10 s"]
+    assert [task.arrival for task in begun.tasks] == [10.0]
+    assert begun.robots[0].pose == pytest.approx(trace.columns["pose"][-1, 0])
+    assert np.array_equal(begun.robots[1].pose, world.robots[1].pose)
+
+
+def test_values_that_are_nominal_stay_as_they_are(hall):
+    calm = hall
+    for _, change in NOMINAL:
+        calm = change(calm)
+    assert all(change(calm).digest() == calm.digest() for _, change in NOMINAL)
