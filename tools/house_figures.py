@@ -209,7 +209,7 @@ def long_sentences(page: Path, root: Path) -> list[str]:
         for sentence in re.split(r"(?<=[.!?])\s+", text):
             words = re.findall(r"[\w'-]*[A-Za-z][\w'-]*", sentence)
             if len(words) > LONG_SENTENCE:
-                found.append(f"{page.relative_to(root)}: {len(words)} words: {sentence[:70]}")
+                found.append(f"{page.relative_to(root)}: {len(words)} words: {sentence}")
     return found
 
 
