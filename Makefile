@@ -5,12 +5,13 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 WORKERS ?= 2
 
-.PHONY: help demo test unit check format bench clean
+.PHONY: help demo test unit long check format bench clean
 
 help:
 	@echo "make demo    one run of the AWS hospital: picture, verdicts, report page"
-	@echo "make test    all tests"
+	@echo "make test    all tests but the long ones"
 	@echo "make unit    the quick tests"
+	@echo "make long    what takes minutes and is not in make test"
 	@echo "make check   format, lint, types, import contracts, quick tests"
 	@echo "make format  mend what ruff can mend"
 	@echo "make bench   speed of every layer as JSON"
@@ -29,17 +30,20 @@ demo: $(STAMP)
 	$(BIN)/mrta-falsify demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not long"
 
 unit: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not browser"
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not long and not browser"
+
+long: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS) -m long
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not browser"
+	$(MAKE) unit
 
 format: $(STAMP)
 	$(BIN)/ruff format .

@@ -1,0 +1,107 @@
+"""Later versions do what the recorded one did, and read what it stored."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from mrta_falsify.cli import main
+from mrta_falsify.core.record import versions
+from tests.recorded.record import (
+    CAMPAIGNS,
+    ENGINES,
+    SEARCHES,
+    differences,
+    outcome_of,
+    stored_cases,
+)
+
+CASES = {case["name"]: case for case in stored_cases()}
+#: cases that together run every layer and end in every way, in seconds
+QUICK = ("same_room_twice_stalls", "follower_zero_command", "late_feedback_unsat", "narrow_pair")
+#: what tells failures apart on any machine; digests hold on machines of one type
+ANYWHERE = ("world_digest", "ended", "signature", "layer")
+
+
+def _recorded_here() -> bool:
+    line = (CAMPAIGNS / "beds" / "records.jsonl").read_text().splitlines()[0]
+    then = json.loads(line[line.index("{") :])
+    return dict(then.get("record", then)["versions"]) == versions()
+
+
+def _check(name: str, engine: str) -> None:
+    case = CASES[name]
+    found = differences(case, engine, outcome_of(name, case["stack"], engine))
+    if not _recorded_here():
+        found = [line for line in found if line.split(": ")[1].split()[0] in ANYWHERE]
+    assert found == []
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_recorded_run_is_the_same_now(name):
+    _check(name, "kinematic")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_every_recorded_run_is_the_same_now(name, engine):
+    _check(name, engine)
+
+
+@pytest.fixture
+def stored(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """A copy of a stored campaign, since commands keep files in it."""
+    place = tmp_path / request.param
+    shutil.copytree(CAMPAIGNS / request.param, place)
+    return place
+
+
+def _first_failure(name: str) -> dict[str, str]:
+    rows = json.loads((CAMPAIGNS / f"{name}.list.json").read_text())
+    return next(row for row in rows if row["failed"])
+
+
+def _run(*words: str) -> str:
+    result = CliRunner().invoke(main, list(words))
+    assert result.exit_code in (0, 1), result.output
+    return result.stdout
+
+
+@pytest.mark.parametrize("stored", SEARCHES, indirect=True)
+def test_a_stored_campaign_is_listed_as_before(stored):
+    before = json.loads((CAMPAIGNS / f"{stored.name}.list.json").read_text())
+    assert json.loads(_run("list", str(stored), "--format", "json")) == before
+
+
+@pytest.mark.parametrize("stored", SEARCHES, indirect=True)
+def test_a_stored_campaign_is_shown_and_reported(stored):
+    first = _first_failure(stored.name)
+    shown = json.loads(_run("show", str(stored), first["id"], "--format", "json"))
+    assert shown["signature"] == first["signature"]
+    _run("report", str(stored), "--markdown", str(stored / "report.md"))
+    page, text = (stored / "report.html").read_text(), (stored / "report.md").read_text()
+    assert first["id"] in page
+    explained = json.loads((stored / "trials" / first["id"] / "explain.json").read_text())
+    assert explained["layer"].replace("_", " ") in text.replace("_", " ")
+    assert "damaged" not in page
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("stored", SEARCHES, indirect=True)
+def test_a_stored_corpus_has_the_same_fates(stored):
+    before = json.loads((CAMPAIGNS / f"{stored.name}.corpus.json").read_text())
+    now = json.loads(_run("corpus", str(stored), "--format", "json"))
+    fates = [(row["id"], row["fate"], row["signature"]) for row in before["failures"]]
+    assert [(row["id"], row["fate"], row["signature"]) for row in now["failures"]] == fates
+
+
+@pytest.mark.parametrize("stored", ["stalls"], indirect=True)
+def test_the_replay_of_a_stored_campaign_compares_verdicts(stored):
+    first = _first_failure("stalls")
+    data = json.loads(_run("replay", str(stored), first["id"], "--format", "json"))
+    assert data["same_verdicts"] == 1
