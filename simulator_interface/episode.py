@@ -19,6 +19,7 @@ from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.people.crowd import Crowd
+from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
@@ -28,7 +29,7 @@ from simulator_interface.staging import (
 )
 
 #: people need more room than a robot's disc; they see every object
-PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
+PEOPLES_MAP = Choice("layered", {"robot_radius": PEOPLES_RADIUS})
 
 
 class _Localisation:
@@ -215,8 +216,8 @@ class Episode:
 
     def _as_staged(self, sensed: Sensed) -> Sensed:
         """``sensed`` with what the crowd knows: who is gone, and where furniture stands."""
-        errands = self.crowd.errands
-        things = errands.furnishings
+        player = self.crowd.player
+        things = player.furnishings
         if things.pieces:
             resting = things.at_rest(sensed.time)
             if resting != self._resting:
@@ -224,9 +225,9 @@ class Episode:
                 assert isinstance(self._source, StagedSource)
                 self._source.furnish(tuple(things.outline(k) for k in resting))
             sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
-        if all(errands.inside.tolist()):
+        if all(player.inside.tolist()):
             return sensed
-        position = np.where(errands.inside[:, None], sensed.human_position, np.nan)
+        position = np.where(player.inside[:, None], sensed.human_position, np.nan)
         return dataclasses.replace(sensed, human_position=position)
 
     def _without_absent(self, sensed: Sensed) -> Sensed:

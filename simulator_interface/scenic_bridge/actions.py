@@ -1,6 +1,6 @@
 """Scenic's actions and library behaviours: from a behaviour's arguments to directives.
 
-The behaviours of ``scenic_worlds.behaviors`` are errands: each becomes directives, which the
+The behaviours of ``scenic_worlds.behaviors`` are scripts: each becomes directives, which the
 crowd carries out. A person whose only behaviour is such a one gets its directives in the
 world, and the world replays without Scenic; any other behaviour is the program's own.
 """
@@ -30,29 +30,29 @@ from mrta_falsify.core.directives import (
 from mrta_falsify.core.errors import InputError, WorldError
 
 if TYPE_CHECKING:
-    from simulator_interface.people.scripts import Errand
+    from simulator_interface.people.scripts import Script
 
 LIBRARY = "scenic_worlds.behaviors"
 
 
 class CarryOn(Action):  # type: ignore[misc]
-    """Go on with an errand for one Scenic time step; who takes no such action stands."""
+    """Go on with a script for one Scenic time step; a person without this action stands."""
 
-    def __init__(self, errand: Errand) -> None:
-        self.errand = errand
+    def __init__(self, script: Script) -> None:
+        self.script = script
 
     def canBeTakenBy(self, agent: Any) -> bool:  # noqa: N802
-        """People and scripted robots run errands; the fleet's robots belong to the stack."""
+        """Whether ``agent`` is a person or scripted robot; the fleet belongs to the stack."""
         return getattr(agent, "kind", "") in ("human", "robot")
 
     def applyTo(self, agent: Any, simulation: Any) -> None:  # noqa: N802
         """See Scenic's ``Action``."""
-        simulation.carry_on(agent, self.errand)
+        simulation.carry_on(agent, self.script)
 
     def __repr__(self) -> str:
-        if self.errand.done:
+        if self.script.done:
             return "CarryOn(done)"
-        return f"CarryOn({self.errand.directives[self.errand.index].kind})"
+        return f"CarryOn({self.script.directives[self.script.index].kind})"
 
 
 class Reader:
@@ -182,10 +182,10 @@ def _number(value: Any, what: str) -> float:
     return number
 
 
-def errand(name: str, *args: Any, **options: Any) -> Errand:
-    """Errand of a library behaviour that begins now; called by the behaviours themselves."""
+def script(name: str, *args: Any, **options: Any) -> Script:
+    """Script of a library behaviour that begins now; called by the behaviours themselves."""
     from scenic.syntax import veneer  # noqa: PLC0415 - Scenic's state while it simulates
 
     simulation: Any = veneer.currentSimulation
-    made: Errand = simulation.errand_of(veneer.currentBehavior, name, args, options)
+    made: Script = simulation.script_of(veneer.currentBehavior, name, args, options)
     return made

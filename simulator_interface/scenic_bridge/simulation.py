@@ -21,7 +21,7 @@ from mrta_falsify.core.directives import Appear, Stop, WaitUntil, begins_outside
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import HumanSpec, World, check_pushes
-from simulator_interface.people.scripts import Errand
+from simulator_interface.people.scripts import Script
 from simulator_interface.scenic_bridge.actions import Reader, is_of_library
 from simulator_interface.scenic_bridge.objects import Body
 from simulator_interface.scenic_bridge.world_from_scene import (
@@ -61,7 +61,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
             i for i, human in enumerate(self._episode.world.humans) if _is_free_place(human)
         ]
         self._live: set[int] = set()  # people whom Scenic tells what to do
-        self._told: dict[int, Errand] = {}  # in this time step
+        self._told: dict[int, Script] = {}  # in this time step
         self._is_watched = _looks_at_objects(scene)
         self._reader = Reader(scene.params["_places"], self._names)
         self._ticks = whole_ticks(float(options["timestep"]), self._episode.dt)
@@ -214,23 +214,23 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
             "human", obj.position, number, float(obj.yaw), obj.behavior if is_told else None
         )
 
-    # --- errands ---------------------------------------------------------------------------
+    # --- scripts ---------------------------------------------------------------------------
 
-    def errand_of(
+    def script_of(
         self, behavior: Any, name: str, args: tuple[Any, ...], options: dict[str, Any]
-    ) -> Errand:
+    ) -> Script:
         """What a library behaviour that begins now carries out.
 
-        It is the errand that the world already holds, if that was made of this behaviour.
+        The script that the world already holds is taken up if it was made of this behaviour.
 
         Raises:
             InvalidScenarioError: an argument that cannot be, with our words.
         """
         body = self._bodies[id(behavior._agent)]
         if body.kind != "human":
-            return Errand(())
+            return Script(())
         if body.behavior is behavior:
-            held = self._episode.crowd.errand_of(body.number)
+            held = self._episode.crowd.script_of(body.number)
             if held is not None:
                 return held
         try:
@@ -238,13 +238,13 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
             check_pushes(self._episode.world, directives)
         except InputError as error:
             raise InvalidScenarioError(str(error)) from error
-        return Errand(directives)
+        return Script(directives)
 
-    def carry_on(self, agent: Any, errand: Errand) -> None:
-        """Let a person go on with an errand in this time step."""
+    def carry_on(self, agent: Any, script: Script) -> None:
+        """Let a person go on with a script in this time step."""
         body = self._bodies[id(agent)]
         if body.kind == "human":
-            self._told[body.number] = errand
+            self._told[body.number] = script
 
     def executeActions(self, allActions: Any) -> None:  # noqa: N802, N803
         """See Scenic's ``Simulation``; people with behaviours of the program's own obey it."""
@@ -257,7 +257,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
                 continue
             self._live.add(body.number)
             told = self._told.get(body.number)
-            if not _is_entering(crowd.errand_of(body.number)):
+            if not _is_entering(crowd.script_of(body.number)):
                 crowd.assign(body.number, told)
 
     # --- time passes -------------------------------------------------------------------------
@@ -343,7 +343,7 @@ def _is_free_place(human: HumanSpec) -> bool:
     return isinstance(first, WaitUntil) and first.time == FOR_EVER
 
 
-def _is_entering(errand: Errand | None) -> bool:
-    if errand is None or errand.done:
+def _is_entering(script: Script | None) -> bool:
+    if script is None or script.done:
         return False
-    return begins_outside(errand.directives[errand.index :])
+    return begins_outside(script.directives[script.index :])
