@@ -20,7 +20,7 @@ from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
 
 Event = TypeVar("Event", bound=Blockage | CommsOutage)
 
-FOR_EVER = 1e9  # s; what is put down stays, and whose time is this never comes
+FAR_FUTURE = 1e9  # s; what is put down stays, and whose time is this never comes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,7 +76,9 @@ def needs_stage(world: World) -> bool:
 def without_later(events: Iterable[Event], time: float) -> list[Event]:
     """``events``, but those that begin after ``time`` [s] never do; numbers stay the same."""
     return [
-        dataclasses.replace(event, start=FOR_EVER, end=FOR_EVER) if event.start > time else event
+        dataclasses.replace(event, start=FAR_FUTURE, end=FAR_FUTURE)
+        if event.start > time
+        else event
         for event in events
     ]
 

@@ -13,7 +13,7 @@ from mrta_falsify.specs.library import default_specifications
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class RunParameters:
     """What the parameters of a program say about how it is to be run."""
 
     config: StackConfig
@@ -22,7 +22,7 @@ class Settings:
     output: Path | None  #: folder for the files of each run
 
 
-def read_settings(params: dict[str, Any]) -> Settings:
+def read_parameters(params: dict[str, Any]) -> RunParameters:
     """Settings of a scene from its global parameters.
 
     Args:
@@ -42,7 +42,7 @@ def read_settings(params: dict[str, Any]) -> Settings:
         config = apply_setting(config, f"engine={params['engine']}")
         registry.load("engine", config.engine.name, where="param engine")
     output = params.get("output")
-    return Settings(
+    return RunParameters(
         config=config,
         specifications=_texts(params.get("specs"), "specs") or default_specifications(),
         seed=_whole(params.get("seed", 0), "seed"),

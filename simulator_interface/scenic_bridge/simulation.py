@@ -20,18 +20,20 @@ from scenic.core.vectors import Vector
 from mrta_falsify.core.directives import Appear, Stop, WaitUntil, begins_outside
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.world import HumanSpec, World, check_pushes
+from mrta_falsify.core.world import World, check_pushes
 from simulator_interface.people.scripts import Script
-from simulator_interface.scenic_bridge.actions import Reader, is_of_library
-from simulator_interface.scenic_bridge.objects import Body
-from simulator_interface.scenic_bridge.world_from_scene import (
-    footprint,
-    is_composed,
-    late_person,
-    object_names,
+from simulator_interface.scenic_bridge.behaviors import BehaviorReader
+from simulator_interface.scenic_bridge.scene_contract import is_library_behavior, places_of_scene
+from simulator_interface.scenic_bridge.scene_objects import (
+    box_outline,
+    names_in_world,
+    world_objects,
 )
+from simulator_interface.scenic_bridge.scene_people import is_free_place, late_person
+from simulator_interface.scenic_bridge.tracked_objects import Body
+from simulator_interface.scenic_bridge.world_from_scene import is_composed
 from simulator_interface.simulate import Outcome, Run
-from simulator_interface.staging import FOR_EVER
+from simulator_interface.staging import FAR_FUTURE
 
 
 class _EpisodeOver(Exception):  # noqa: N818 - it is no error
@@ -56,14 +58,14 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         self._outcome: Outcome | None = None
         self._bodies: dict[int, Body] = {}
         self._moving: list[Any] = []
-        self._names = object_names(scene)
+        self._names = names_in_world(world_objects(scene))
         self._late = [
-            i for i, human in enumerate(self._episode.world.humans) if _is_free_place(human)
+            i for i, human in enumerate(self._episode.world.humans) if is_free_place(human)
         ]
         self._live: set[int] = set()  # people whom Scenic tells what to do
         self._told: dict[int, Script] = {}  # in this time step
         self._is_watched = _looks_at_objects(scene)
-        self._reader = Reader(scene.params["_places"], self._names)
+        self._reader = BehaviorReader(places_of_scene(scene), self._names)
         self._ticks = whole_ticks(float(options["timestep"]), self._episode.dt)
         options["enableReplay"] = False
         super().__init__(scene, **options)
@@ -158,7 +160,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         pieces = [item.name for item in world.movable_furniture()]
         if obj.kind in ("robot", "human") and name in humans:
             number = humans.index(name)
-            told = is_of_library(obj.behavior) or obj.behavior is None
+            told = is_library_behavior(obj.behavior) or obj.behavior is None
             return Body(
                 "human", obj.position, number, float(obj.yaw), obj.behavior if told else None
             )
@@ -184,10 +186,10 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
                     "scene (a late robot has joins_at, an outage has during)"
                 )
             taken = {event.name for event in self._episode.world.events}
-            end = float(obj.during[1]) if obj.kind == "blockage" else FOR_EVER
+            end = float(obj.during[1]) if obj.kind == "blockage" else FAR_FUTURE
             self._episode.add_blockage(
                 name if name not in taken else f"{name}_{number}",
-                footprint(obj),
+                box_outline(obj),
                 height=float(obj.height),
                 end=end,
             )
@@ -205,7 +207,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         place = self._episode.world.humans[number]
         spec = late_person(obj, name, self._reader)
         entry = (WaitUntil(time=self.frame.sensed.time), Appear(point=spec.route[0]))
-        is_told = is_of_library(obj.behavior) or obj.behavior is None
+        is_told = is_library_behavior(obj.behavior) or obj.behavior is None
         spec = replace(
             spec, name=place.name, directives=(*entry, *(spec.directives if is_told else (Stop(),)))
         )
@@ -336,11 +338,6 @@ def whole_ticks(timestep: float, period: float) -> int:
             f"{period:g} s"
         )
     return round(ticks)
-
-
-def _is_free_place(human: HumanSpec) -> bool:
-    first = human.directives[0] if human.directives else None
-    return isinstance(first, WaitUntil) and first.time == FOR_EVER
 
 
 def _is_entering(script: Script | None) -> bool:

@@ -33,7 +33,8 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications
-from simulator_interface.scenic_bridge.parameters import read_settings
+from simulator_interface.scenic_bridge.parameters import read_parameters
+from simulator_interface.scenic_bridge.scene_contract import BEHAVIORS_FILE
 from simulator_interface.scenic_bridge.simulation import PyBulletSimulation
 from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
 from simulator_interface.simulate import Outcome, Run
@@ -83,7 +84,7 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         if options.get("timestep") is None:
             options["timestep"] = TIMESTEP
         try:
-            settings = read_settings(scene.params)
+            settings = read_parameters(scene.params)
             realise = self._realise or _realise_with(settings.seed)
             config = self._config or settings.config
             run = Run(
@@ -182,7 +183,7 @@ def _line_of_program(error: BaseException) -> str:
     if not isinstance(error, InvalidScenarioError) and not frames[-1].filename.endswith(".scenic"):
         return ""
     lines = [frame for frame in frames if frame.filename.endswith(".scenic")]
-    own = [line for line in lines if Path(line.filename).name != "behaviors.scenic"]
+    own = [line for line in lines if Path(line.filename).name != BEHAVIORS_FILE]
     return f"{own[-1].filename}:{own[-1].lineno}" if own else "the program"
 
 
