@@ -27,7 +27,7 @@ UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class SmrtaCase:
     """A task file: start rooms of the robots, and batches of numbered tasks by arrival."""
 
     rooms: tuple[int, ...]  #: start room per robot
@@ -66,7 +66,7 @@ class _Batch:
     tasks: tuple[dict[str, Any], ...]
 
 
-def read_case(path: Path, *, rooms: int) -> Case:
+def read_case(path: Path, *, rooms: int) -> SmrtaCase:
     """Robots and batches of a task file (``tasks_stream``, ``agents``).
 
     Args:
@@ -106,7 +106,7 @@ def read_case(path: Path, *, rooms: int) -> Case:
             number += 1
         arrivals.append(float(batch.arrival))
         batches.append(tuple(tasks))
-    return Case(rooms=start_rooms, arrivals=tuple(arrivals), batches=tuple(batches))
+    return SmrtaCase(rooms=start_rooms, arrivals=tuple(arrivals), batches=tuple(batches))
 
 
 def _check_size(path: Path, stream: list[Any]) -> None:
@@ -236,7 +236,9 @@ def _closed(times: Array) -> Array:
 # --- output ------------------------------------------------------------------------------
 
 
-def smrta_plan(case: Case, itineraries: Sequence[Sequence[Stop]], travel: Array) -> dict[str, Any]:
+def smrta_plan(
+    case: SmrtaCase, itineraries: Sequence[Sequence[Stop]], travel: Array
+) -> dict[str, Any]:
     """The plan as SMrTa's allocator returns it.
 
     Action ids: ``i`` for robot i's start and "idle from here", ``n + 2 k`` and ``n + 2 k + 1``
@@ -283,7 +285,7 @@ def smrta_plan(case: Case, itineraries: Sequence[Sequence[Stop]], travel: Array)
     }
 
 
-def _by_batch(case: Case, values: Sequence[int]) -> list[list[int]]:
+def _by_batch(case: SmrtaCase, values: Sequence[int]) -> list[list[int]]:
     rows, first = [], 0
     for tasks in case.batches:
         rows.append(list(values[first : first + len(tasks)]))

@@ -17,23 +17,14 @@ from scenic.core.simulators import (
 )
 from scenic.core.vectors import Vector
 
-from mrta_falsify.core.directives import Appear, Stop, WaitUntil, begins_outside
-from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.core.directives import begins_outside
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World, check_pushes
 from simulator_interface.people.scripts import Script
-from simulator_interface.scenic_bridge.behaviors import BehaviorReader
-from simulator_interface.scenic_bridge.scene_contract import is_library_behavior, places_of_scene
-from simulator_interface.scenic_bridge.scene_objects import (
-    box_outline,
-    names_in_world,
-    world_objects,
-)
-from simulator_interface.scenic_bridge.scene_people import is_free_place, late_person
-from simulator_interface.scenic_bridge.tracked_objects import Body
+from simulator_interface.scenic_bridge.tracked_objects import TrackedObjects
 from simulator_interface.scenic_bridge.world_from_scene import is_composed
 from simulator_interface.simulate import Outcome, Run
-from simulator_interface.staging import FAR_FUTURE
 
 
 class _EpisodeOver(Exception):  # noqa: N818 - it is no error
@@ -56,16 +47,10 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         self.rejected = ""
         self._episode = run.episode
         self._outcome: Outcome | None = None
-        self._bodies: dict[int, Body] = {}
-        self._moving: list[Any] = []
-        self._names = names_in_world(world_objects(scene))
-        self._late = [
-            i for i, human in enumerate(self._episode.world.humans) if is_free_place(human)
-        ]
+        self._tracked = TrackedObjects(scene, self._episode)
         self._live: set[int] = set()  # people whom Scenic tells what to do
         self._told: dict[int, Script] = {}  # in this time step
         self._is_watched = _looks_at_objects(scene)
-        self._reader = BehaviorReader(places_of_scene(scene), self._names)
         self._ticks = whole_ticks(float(options["timestep"]), self._episode.dt)
         options["enableReplay"] = False
         super().__init__(scene, **options)
@@ -143,78 +128,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
 
     def createObjectInSimulator(self, obj: Any) -> None:  # noqa: N802
         """See Scenic's ``Simulation``; the world already holds what the scene holds."""
-        name = self._names.get(id(obj), "")
-        if name:
-            self._bodies[id(obj)] = self._find_body(obj, name)
-        elif not hasattr(obj, "kind"):
-            self._bodies[id(obj)] = Body("still", obj.position)
-        else:
-            self._bodies[id(obj)] = self._add_body(obj)
-        if self._bodies[id(obj)].kind != "still":
-            self._moving.append(obj)
-
-    def _find_body(self, obj: Any, name: str) -> Body:
-        world = self._episode.world
-        robots = [robot.name for robot in world.robots]
-        humans = [human.name for human in world.humans]
-        pieces = [item.name for item in world.movable_furniture()]
-        if obj.kind in ("robot", "human") and name in humans:
-            number = humans.index(name)
-            told = is_library_behavior(obj.behavior) or obj.behavior is None
-            return Body(
-                "human", obj.position, number, float(obj.yaw), obj.behavior if told else None
-            )
-        if obj.kind == "robot" and name in robots:
-            return Body("robot", obj.position, robots.index(name))
-        if name in pieces:
-            return Body("piece", obj.position, pieces.index(name), float(obj.yaw))
-        return Body("still", obj.position)  # or not active
-
-    def _add_body(self, obj: Any) -> Body:
-        """An object that appears while the episode runs."""
-        if not getattr(obj, "active", True):
-            return Body("still", obj.position)
-        number = len(self._names) + 1
-        name = str(getattr(obj, "name", None) or f"{obj.kind}_{number}")
-        self._names[id(obj)] = name
-        try:
-            if obj.kind == "human" or (obj.kind == "robot" and obj.behavior is not None):
-                return self._add_person(obj, name)
-            if obj.kind in ("robot", "comms_outage"):
-                raise WorldError(
-                    f"a {obj.kind} cannot appear while the simulation runs; give it to the "
-                    "scene (a late robot has joins_at, an outage has during)"
-                )
-            taken = {event.name for event in self._episode.world.events}
-            end = float(obj.during[1]) if obj.kind == "blockage" else FAR_FUTURE
-            self._episode.add_blockage(
-                name if name not in taken else f"{name}_{number}",
-                box_outline(obj),
-                height=float(obj.height),
-                end=end,
-            )
-        except InputError as error:
-            raise SimulationCreationError(f"{name}: {error}") from error
-        return Body("still", obj.position)
-
-    def _add_person(self, obj: Any, name: str) -> Body:
-        if not self._late:
-            raise WorldError(
-                "no place is free for people who appear while the simulation runs; write "
-                "`param late_people = N`, as many as may appear"
-            )
-        number = self._late.pop(0)
-        place = self._episode.world.humans[number]
-        spec = late_person(obj, name, self._reader)
-        entry = (WaitUntil(time=self.frame.sensed.time), Appear(point=spec.route[0]))
-        is_told = is_library_behavior(obj.behavior) or obj.behavior is None
-        spec = replace(
-            spec, name=place.name, directives=(*entry, *(spec.directives if is_told else (Stop(),)))
-        )
-        self._episode.replace_person(number, spec)
-        return Body(
-            "human", obj.position, number, float(obj.yaw), obj.behavior if is_told else None
-        )
+        self._tracked.add(obj, self.run.frame)
 
     # --- scripts ---------------------------------------------------------------------------
 
@@ -228,7 +142,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         Raises:
             InvalidScenarioError: an argument that cannot be, with our words.
         """
-        body = self._bodies[id(behavior._agent)]
+        body = self._tracked[behavior._agent]
         if body.kind != "human":
             return Script(())
         if body.behavior is behavior:
@@ -236,7 +150,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
             if held is not None:
                 return held
         try:
-            directives = self._reader.read(name, args, options)
+            directives = self._tracked.reader.read(name, args, options)
             check_pushes(self._episode.world, directives)
         except InputError as error:
             raise InvalidScenarioError(str(error)) from error
@@ -244,7 +158,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
 
     def carry_on(self, agent: Any, script: Script) -> None:
         """Let a person go on with a script in this time step."""
-        body = self._bodies[id(agent)]
+        body = self._tracked[agent]
         if body.kind == "human":
             self._told[body.number] = script
 
@@ -254,7 +168,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         super().executeActions(allActions)
         crowd = self._episode.crowd
         for agent in self.agents:
-            body = self._bodies[id(agent)]
+            body = self._tracked[agent]
             if body.kind != "human" or agent.behavior is body.behavior:
                 continue
             self._live.add(body.number)
@@ -280,14 +194,14 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
     def _read_back(self) -> None:
         everything: list[Any] = self.objects
         if self.currentTime > 0:
-            self.objects = [obj for obj in self._moving if self._has_moved(obj)]
+            self.objects = [obj for obj in self._tracked.moving if self._has_moved(obj)]
         try:
             super().updateObjects()
         finally:
             self.objects = everything
 
     def _has_moved(self, obj: Any) -> bool:
-        body = self._bodies[id(obj)]
+        body = self._tracked[obj]
         state = body.state(self.frame.sensed)
         moved = state != body.read
         body.read = state
@@ -298,11 +212,11 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         if self.currentTime == 0:
             return tuple(obj.position for obj in self.objects)
         sensed = self.frame.sensed
-        return tuple(self._bodies[id(obj)].place(sensed) for obj in self.objects)
+        return tuple(self._tracked[obj].place(sensed) for obj in self.objects)
 
     def getProperties(self, obj: Any, properties: set[str]) -> dict[str, Any]:  # noqa: N802
         """See Scenic's ``Simulation``."""
-        state = self._bodies[id(obj)].properties(self.frame.sensed)
+        state = self._tracked[obj].properties(self.frame.sensed)
         return {name: state[name] if name in state else getattr(obj, name) for name in properties}
 
     def destroy(self) -> None:

@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from scenic.core.scenarios import Scene
+from scenic.core.simulators import SimulationCreationError
 from scenic.core.vectors import Vector
 
-from mrta_falsify.core.fleet import Sensed
+from mrta_falsify.core.directives import Appear, Stop, WaitUntil
+from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.core.fleet import Frame, Sensed
+from simulator_interface.episode import Episode
+from simulator_interface.scenic_bridge.behaviors import BehaviorReader
+from simulator_interface.scenic_bridge.scene_contract import is_library_behavior, places_of_scene
+from simulator_interface.scenic_bridge.scene_objects import (
+    box_outline,
+    names_in_world,
+    world_objects,
+)
+from simulator_interface.scenic_bridge.scene_people import is_free_place, late_person
+from simulator_interface.staging import FAR_FUTURE
 
 STANDING = 0.05  # m/s; a slower person keeps facing the way it last walked
 
@@ -70,3 +84,103 @@ class Body:
             "roll": 0.0,
             **moving,
         }
+
+
+class TrackedObjects:
+    """The objects of a scene, and those that appear while it runs."""
+
+    def __init__(self, scene: Scene, episode: Episode) -> None:
+        self._episode = episode
+        self._names = names_in_world(world_objects(scene))
+        self._bodies: dict[int, Body] = {}
+        humans = episode.world.humans
+        self._late = [i for i, human in enumerate(humans) if is_free_place(human)]
+        self.reader = BehaviorReader(places_of_scene(scene), self._names)
+        self.moving: list[Any] = []  #: objects whose state can change
+
+    def __getitem__(self, obj: Any) -> Body:
+        """Body of an object that was added."""
+        return self._bodies[id(obj)]
+
+    def add(self, obj: Any, last: Frame | None) -> None:
+        """Track an object; ``last`` is the frame after which it appears, None: the start.
+
+        Raises:
+            SimulationCreationError: it cannot appear now, with our words.
+        """
+        name = self._names.get(id(obj), "")
+        if name:
+            body = self._find(obj, name)
+        elif not hasattr(obj, "kind"):
+            body = Body("still", obj.position)
+        else:
+            body = self._add_late(obj, last.sensed.time if last is not None else 0.0)
+        self._bodies[id(obj)] = body
+        if body.kind != "still":
+            self.moving.append(obj)
+
+    def _find(self, obj: Any, name: str) -> Body:
+        world = self._episode.world
+        robots = [robot.name for robot in world.robots]
+        humans = [human.name for human in world.humans]
+        pieces = [item.name for item in world.movable_furniture()]
+        if obj.kind in ("robot", "human") and name in humans:
+            number = humans.index(name)
+            return _body_of_person(obj, number)
+        if obj.kind == "robot" and name in robots:
+            return Body("robot", obj.position, robots.index(name))
+        if name in pieces:
+            return Body("piece", obj.position, pieces.index(name), float(obj.yaw))
+        return Body("still", obj.position)  # or not active
+
+    def _add_late(self, obj: Any, time: float) -> Body:
+        """An object that appears while the episode runs."""
+        if not getattr(obj, "active", True):
+            return Body("still", obj.position)
+        number = len(self._names) + 1
+        name = str(getattr(obj, "name", None) or f"{obj.kind}_{number}")
+        self._names[id(obj)] = name
+        try:
+            if obj.kind == "human" or (obj.kind == "robot" and obj.behavior is not None):
+                return self._add_person(obj, name, time)
+            if obj.kind in ("robot", "comms_outage"):
+                raise WorldError(
+                    f"a {obj.kind} cannot appear while the simulation runs; give it to the "
+                    "scene (a late robot has joins_at, an outage has during)"
+                )
+            taken = {event.name for event in self._episode.world.events}
+            end = float(obj.during[1]) if obj.kind == "blockage" else FAR_FUTURE
+            self._episode.add_blockage(
+                name if name not in taken else f"{name}_{number}",
+                box_outline(obj),
+                height=float(obj.height),
+                end=end,
+            )
+        except InputError as error:
+            raise SimulationCreationError(f"{name}: {error}") from error
+        return Body("still", obj.position)
+
+    def _add_person(self, obj: Any, name: str, time: float) -> Body:
+        if not self._late:
+            raise WorldError(
+                "no place is free for people who appear while the simulation runs; write "
+                "`param late_people = N`, as many as may appear"
+            )
+        number = self._late.pop(0)
+        place = self._episode.world.humans[number]
+        spec = late_person(obj, name, self.reader)
+        entry = (WaitUntil(time=time), Appear(point=spec.route[0]))
+        directives = spec.directives if _is_told_by_world(obj) else (Stop(),)
+        spec = replace(spec, name=place.name, directives=(*entry, *directives))
+        self._episode.replace_person(number, spec)
+        return _body_of_person(obj, number)
+
+
+def _is_told_by_world(obj: Any) -> bool:
+    """Whether the world holds what a person does, so that Scenic need not tell it."""
+    return obj.behavior is None or is_library_behavior(obj.behavior)
+
+
+def _body_of_person(obj: Any, number: int) -> Body:
+    behavior = obj.behavior if _is_told_by_world(obj) else None
+    return Body("human", obj.position, number, float(obj.yaw), behavior)
