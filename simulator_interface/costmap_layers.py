@@ -40,7 +40,9 @@ class CostmapOptions:
     inflation_radius: float = quantity(low=0.0, high=5.0, unit="m", default=0.5)
     cost_scaling: float = quantity(low=0.0, unit="1/m", default=3.0)
     robot_radius: float = quantity(above=0.0, high=5.0, unit="m", default=0.22)
-    defects: tuple[str, ...] = ()  #: planted defects; ``costmap_blind_to_furniture`` is ours
+    defects: tuple[
+        str, ...
+    ] = ()  #: planted defects; ``costmap_blind_to_furniture`` is this layer's
 
 
 Options = CostmapOptions
@@ -55,7 +57,7 @@ class LayeredCostmap:
         self._options = options
 
     def bind(self, world: World) -> BoundCostmap:
-        """Costmap source of one world; the static layer is built here, once."""
+        """Tie the layer to a world; the static layer is built here, once."""
         return BoundCostmap(world, self._options)
 
 
@@ -72,7 +74,7 @@ class BoundCostmap:
         self._maps: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Costmap] = OrderedDict()
 
     def costmap(self, time: float, parked: Array = NO_ROBOTS) -> Costmap:
-        """Costmap at ``time`` [s] with robots at rest at ``parked`` ``(P, 2)`` [m].
+        """Compute the costmap at ``time`` [s] with robots parked at ``parked`` ``(P, 2)`` [m].
 
         A parked robot is a disc of ``robot_radius``. Only the surroundings of what is not
         static are computed; the same object is returned as long as nothing changed.
@@ -83,7 +85,7 @@ class BoundCostmap:
         if not active and len(parked) == 0 and not self._furniture:
             return self._static
         places = np.asarray(parked, dtype=np.float64).reshape(-1, 2)
-        places = places[np.lexsort(places.T[::-1])]  # who parks where does not matter
+        places = places[np.lexsort(places.T[::-1])]  # the order of the robots does not matter
         key = (active, places.tobytes(), b"".join(p.tobytes() for p in self._furniture))
         if key not in self._maps:
             polygons = [self._blockages[i].polygon for i in active]
@@ -142,7 +144,7 @@ def build_costmap(
     parked: Array = NO_ROBOTS,
     options: CostmapOptions | None = None,
 ) -> Costmap:
-    """Costmap of ``world`` at one moment.
+    """Build the costmap of ``world`` at one moment.
 
     Args:
         world: walls, furniture and blockages.
@@ -162,7 +164,7 @@ def build_costmap(
 
 @functools.lru_cache(maxsize=4)  # robots and people of one episode share it
 def _static_costmap(world: World, options: CostmapOptions) -> Costmap:
-    """Costmap of what never changes; worlds are frozen, so one is built per world."""
+    """Build the costmap of what never changes; worlds are frozen, so one serves each world."""
     solids = [wall.polygon for wall in world.walls]
     if "costmap_blind_to_furniture" not in options.defects:
         solids += [item.polygon for item in world.furniture if not item.movable]

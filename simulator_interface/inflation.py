@@ -27,7 +27,7 @@ class Window(NamedTuple):
 
 
 def whole(cost: ByteArray) -> Window:
-    """Window of all cells of ``cost`` ``(rows, cols)``."""
+    """Make the window of all cells of ``cost`` ``(rows, cols)``."""
     return Window(0, cost.shape[0], 0, cost.shape[1])
 
 

@@ -17,9 +17,9 @@ from mrta_falsify.core.world import Blockage, RobotSpec, World
 
 
 def check_starts(world: World) -> None:
-    """Refuse a world in which the disc of a robot's start is taken.
+    """Refuse a world in which the disc of a robot's start is not free.
 
-    The start is taken if a disc of the robot's radius there leaves the bounds, meets a
+    It is not free if a disc of the robot's radius there leaves the bounds, meets a
     wall, furniture or a blockage that stands when the robot joins, or meets the disc of
     another robot.
 
@@ -44,7 +44,7 @@ def check_starts(world: World) -> None:
 
 
 def named_solids(world: World) -> list[tuple[str, Array]]:
-    """Walls and furniture, each with its name in messages and its outline ``(V, 2)`` [m]."""
+    """List walls and furniture: the name in messages and the outline ``(V, 2)`` [m]."""
     return [
         *((f"walls[{i}] ({wall.name})", wall.polygon) for i, wall in enumerate(world.walls)),
         *(

@@ -64,7 +64,7 @@ def gather_fleet(robots: Sequence[RobotSpec]) -> Fleet:
 
 
 def outside(world: World, robot: int) -> Array:
-    """Pose ``(3,)`` far outside the map, where a robot that is taken away stands [m, m, rad]."""
+    """Find a pose ``(3,)`` [m, m, rad] far outside the map, where a removed robot stands."""
     x_min, y_min = world.bounds[:2]
     return np.array([x_min - OUTSIDE, y_min - OUTSIDE * (1 + robot), 0.0])
 

@@ -150,7 +150,7 @@ class BulletEngine:
             self.client.place(body, (x, y, 0.0), turned)
 
     def _note_changes(self) -> None:
-        """Take in which blockages stand and who is present."""
+        """Take in the blockages that stand and the people who are present."""
         standing = self._around.standing
         for number in sorted(set(self._blocks) - set(standing)):
             self.client.remove(self._blocks.pop(number))

@@ -56,7 +56,7 @@ class BulletClient:
         gui: open Bullet's window.
 
     Raises:
-        ConfigError: a window is wanted, and there is no display.
+        ConfigError: ``gui`` is set without a display.
     """
 
     def __init__(self, *, step: float, iterations: int, contact_margin: float, gui: bool) -> None:
@@ -152,7 +152,7 @@ class BulletClient:
 
 
 def side_faces(polygons: Sequence[Array], heights: Sequence[float]) -> tuple[Array, IntArray]:
-    """Triangles of the upright sides of extruded polygons.
+    """List the triangles of the upright sides of extruded polygons.
 
     Args:
         polygons: outlines ``(V, 2)`` [m].

@@ -14,7 +14,7 @@ from mrta_falsify.core.arrays import Array, IntArray
 def motor_targets(
     set_point: Array, loss: Array, pose: Array, wheels: Array, holonomic: IntArray
 ) -> Array:
-    """Joint speeds ``(N, 3)`` for body twists; only two count for two wheels.
+    """Compute joint speeds ``(N, 3)`` for body twists; only two count for two wheels.
 
     Args:
         set_point: ``(N, 3)`` forward, left [m/s], turn [rad/s].
@@ -41,7 +41,7 @@ def motor_targets(
 
 @njit(cache=True)
 def floor_poses(raw: Array, offset: Array, turned: Array, holonomic: IntArray) -> Array:
-    """Poses ``(N, 3)`` of the robot frames from those of the inertial frames.
+    """Convert poses of inertial frames to poses ``(N, 3)`` of the robot frames.
 
     ``raw`` ``(N, 7)`` is position and quaternion (x, y, z, w), or joint positions;
     ``offset``, ``turned`` are position and quaternion of the inertial in the robot frame.
@@ -76,7 +76,7 @@ def floor_poses(raw: Array, offset: Array, turned: Array, holonomic: IntArray) -
 
 @njit(cache=True)
 def body_twists(raw: Array, pose: Array, offset: Array, holonomic: IntArray) -> Array:
-    """Twists ``(N, 3)`` of the robot frames from map velocities of the inertial frames."""
+    """Convert map velocities of inertial frames to twists ``(N, 3)`` of the robot frames."""
     out = np.zeros((len(raw), 3))
     for i in range(len(raw)):
         c, s = math.cos(pose[i, 2]), math.sin(pose[i, 2])

@@ -1,4 +1,4 @@
-"""The people in a Bullet client: who stands in its world, and who overlaps a robot."""
+"""The people in a Bullet client: those near robots, and those who overlap one."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class BulletPeople:
     # --- overlaps ------------------------------------------------------------------------
 
     def note_arrivals(self, human: Array) -> None:
-        """Take in who has become present; people are at ``human`` ``(H, 2)`` [m].
+        """Take in the people who have become present, at ``human`` ``(H, 2)`` [m].
 
         A person who appears on top of a robot must not throw it: the two do not collide until
         they have come apart.
@@ -92,7 +92,7 @@ class BulletPeople:
         self._was_present = present
 
     def release_overlaps(self, human: Array) -> None:
-        """Let those collide who have come apart; the others are in contact."""
+        """Let pairs collide that have come apart; the others are in contact."""
         overlapping = []
         for pair in self._overlaps:
             if self._gap(pair, human) >= 0.0:
@@ -124,7 +124,7 @@ def _fill_near_people(
     was_in: BoolArray,
     near: BoolArray,
 ) -> bool:
-    """Write who ``(H,)`` is present and near a robot; says whether Bullet must hear of it."""
+    """Write whether people ``(H,)`` are present and near a robot; say whether any body moves."""
     news = False
     for h in range(len(position)):
         near[h] = False

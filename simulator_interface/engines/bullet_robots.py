@@ -115,7 +115,7 @@ class BulletRobots:
         pybullet.changeDynamics(number, -1, activationState=state, **self._client.call)
 
     def update_brakes(self, velocity: Array, set_point: Array, dt: float) -> None:
-        """Brake who stands.
+        """Brake the robots that stand.
 
         A held robot that moves was pushed, and Bullet has woken it already.
 
@@ -137,7 +137,7 @@ class BulletRobots:
     # --- where they are ------------------------------------------------------------------
 
     def read_pose(self) -> Array:
-        """Poses ``(N, 3)`` x, y [m], yaw [rad]."""
+        """Read poses ``(N, 3)`` x, y [m], yaw [rad]."""
         client, raw = self._client.number, []
         for body in self._bodies:
             if len(body.joints) == CARRIED:
@@ -150,7 +150,7 @@ class BulletRobots:
         return floor_poses(np.array(raw).reshape(-1, 7), self._offset, self._turned, holonomic)
 
     def read_velocity(self, pose: Array) -> Array:
-        """Body twists ``(N, 3)`` forward, left [m/s], turn [rad/s] at poses ``(N, 3)``."""
+        """Read body twists ``(N, 3)`` forward, left [m/s], turn [rad/s] at poses ``(N, 3)``."""
         call = self._client.call
         raw = np.zeros((len(self._bodies), 3))
         for i, body in enumerate(self._bodies):

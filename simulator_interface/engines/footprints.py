@@ -18,7 +18,7 @@ CIRCLE_CORNERS = 24  # a round collision shape in a footprint; 0.9 % of its radi
 
 
 def read_footprint(urdf: Path, *, without: Sequence[str] = ()) -> Array:
-    """Convex outline of a URDF's collision shapes, seen from above with all joints at zero.
+    """Outline a URDF's collision shapes, seen from above with all joints at zero.
 
     Args:
         urdf: file; boxes, cylinders, spheres and Wavefront meshes are understood.
@@ -53,7 +53,7 @@ def read_footprint(urdf: Path, *, without: Sequence[str] = ()) -> Array:
 
 
 def convex_outline(points: Array, where: str) -> Array:
-    """Corners ``(V, 2)`` [m] of the convex hull of ``points`` ``(K, 2)``, counter-clockwise.
+    """Find the convex hull ``(V, 2)`` [m] of ``points`` ``(K, 2)``, counter-clockwise.
 
     Raises:
         FormatError: the hull has no area; the message begins with ``where``.

@@ -57,7 +57,7 @@ class RobotModel:
 
 @functools.cache
 def shipped_models() -> dict[str, RobotModel]:
-    """Models of ``robots/models.yaml`` by name, footprints filled in."""
+    """Read the models of ``robots/models.yaml`` by name, footprints filled in."""
     path = ROBOTS / "models.yaml"
     data = codec.read_yaml(path)
     return {name: _decode_model(entry, path, name) for name, entry in data.items()}

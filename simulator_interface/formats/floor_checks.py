@@ -18,7 +18,7 @@ MARGIN = 0.3  # m of floor file bounds around everything in it
 def checked_bounds(
     described: FloorFile, extents: list[Array], *, is_map: bool, where: str
 ) -> Array:
-    """Bounds ``(4,)`` [m] of a floor, as given or around everything in it.
+    """Find the bounds ``(4,)`` [m] of a floor, as given or around everything in it.
 
     Args:
         described: the file.
@@ -27,7 +27,7 @@ def checked_bounds(
         where: what errors begin with.
 
     Raises:
-        FormatError: they are no box, too large, or leave out a room.
+        FormatError: they are not a box, too large, or leave out a room.
     """
     bounds = _given_bounds(described, where)
     if bounds is None:
@@ -111,7 +111,7 @@ def check_lanes(described: FloorFile, where: str) -> None:
 
 
 def checked_times(described: FloorFile, where: str) -> Array:
-    """Travel times ``(R, R)`` [s] as given, empty: none.
+    """Check travel times ``(R, R)`` [s]; empty: none are given.
 
     Raises:
         FormatError: not one row and column per room.

@@ -15,7 +15,7 @@ MAX_SHAPES = 50_000  # of one kind in one file
 
 
 def walls_of_shapes(entries: tuple[FloorShape, ...], where: str) -> list[Wall]:
-    """Walls of a floor file's entries; ``where`` begins the errors' messages.
+    """Read walls from a floor file's entries; ``where`` begins the errors' messages.
 
     Raises:
         FormatError: an entry is not a shape.
@@ -27,7 +27,7 @@ def walls_of_shapes(entries: tuple[FloorShape, ...], where: str) -> list[Wall]:
 
 
 def furniture_of_shapes(entries: tuple[FloorShape, ...], where: str) -> list[Furniture]:
-    """Furniture of a floor file's entries, as :func:`walls_of_shapes`."""
+    """Read furniture from a floor file's entries, as :func:`walls_of_shapes`."""
     return [
         Furniture(name=entry.name, kind=entry.kind, polygon=ring, height=entry.height)
         for entry, ring in _rings(entries, f"{where}: furniture")
@@ -63,7 +63,7 @@ def _shape(entry: FloorShape, where: str) -> Polygon:
 
 
 def checked_polygon(points: Array, where: str) -> Polygon:
-    """The polygon with corners ``(V, 2)`` [m].
+    """Make the polygon with corners ``(V, 2)`` [m].
 
     Raises:
         FormatError: it crosses itself or has no area.

@@ -32,7 +32,7 @@ ROOMS_ENDING = ".rooms.yaml"  # of the file beside a map or SDF world
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Floor:
-    """What is known of a user's floor before traffic is derived."""
+    """A user's floor before traffic is derived."""
 
     name: str
     bounds: Array  #: (4,) [m]
@@ -46,7 +46,7 @@ class Floor:
 
 
 def read_floor(path: Path) -> Floor:
-    """Floor of a floor file, a Nav2 map or an SDF world.
+    """Read a floor from a floor file, a Nav2 map or an SDF world.
 
     Args:
         path: a floor file (``.yaml``); or a Nav2 map (``.yaml`` with ``image``) or an SDF
@@ -99,7 +99,7 @@ def _decoded(data: Any, path: Path) -> FloorFile:
 
 
 def _confined(path: Path, field: str, name: str) -> Path:
-    """File that another one names, inside the folder of the first.
+    """Find a file that another one names, inside the folder of the first.
 
     Raises:
         FormatError: it lies elsewhere.
@@ -185,7 +185,7 @@ def _add_map(solids: _Solids, file: Path, described: FloorFile) -> None:
 
 
 def _named(names: list[str], kind: str) -> list[str]:
-    """Names with numbers behind those that occur again."""
+    """Make names unique: a name that occurs again gets a number."""
     taken: set[str] = set()
     next_number: dict[str, int] = {}
     found = []

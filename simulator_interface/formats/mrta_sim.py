@@ -81,7 +81,7 @@ class _Route:
 
 
 def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
-    """Tasks and start rooms of a testcase JSON (``tasks_stream``, ``agents``).
+    """Read tasks and start rooms of a testcase JSON (``tasks_stream``, ``agents``).
 
     Args:
         path: the file.
@@ -133,7 +133,7 @@ def _check_task(entry: _TaskEntry, arrival: float, rooms: int, where: str) -> No
 
 
 def read_robot_setup(path: Path) -> tuple[RobotStart, ...]:
-    """Robot starts of a setup file, JSON or YAML: ``agents: {robot1: {start: [x, y]}}``.
+    """Read robot starts, JSON or YAML: ``agents: {robot1: {start: [x, y]}}``.
 
     A third number is the start yaw [rad]; without it the yaw is 0.
 
@@ -161,7 +161,7 @@ def read_robot_setup(path: Path) -> tuple[RobotStart, ...]:
 
 
 def read_human_routes(path: Path) -> tuple[HumanSpec, ...]:
-    """People of a waypoint YAML: ``actor1: [[x, y], [x, y], ...]`` in map metres.
+    """Read people of a waypoint YAML: ``actor1: [[x, y], [x, y], ...]`` in map metres.
 
     Raises:
         InputError: not such a file, or a route that is not a list of points.
@@ -190,7 +190,7 @@ def _read(path: Path) -> Any:
 def robots_at_rooms(
     robots: tuple[RobotSpec, ...], agents: tuple[int, ...], rooms: tuple[Room, ...]
 ) -> tuple[RobotSpec, ...]:
-    """One robot per entry of ``agents``, robot i in room ``agents[i]``.
+    """Place one robot per entry of ``agents``, robot i in room ``agents[i]``.
 
     A robot that already stands in its room keeps its pose, others move to the room point;
     missing robots are added with default properties, surplus ones left out.
@@ -222,7 +222,7 @@ def _free_name(index: int, robots: tuple[RobotSpec, ...]) -> str:
 def robots_from_setup(
     robots: tuple[RobotSpec, ...], starts: tuple[RobotStart, ...]
 ) -> tuple[RobotSpec, ...]:
-    """Robots of a setup file; one that ``robots`` knows by name keeps its other properties."""
+    """Place the robots of a setup file; known names keep their other properties."""
     known = {robot.name: robot for robot in robots}
     return tuple(
         dataclasses.replace(known[start.name], pose=start.pose)

@@ -23,13 +23,13 @@ from simulator_interface.formats.xml_files import Node, read_xml
 
 MAX_NESTING = 20  # of models that include models
 MAX_MODELS = 20_000
-IGNORED = ("sun", "ground_plane")  # models of Gazebo that are no obstacles
+IGNORED = ("sun", "ground_plane")  # models of Gazebo that are not obstacles
 
 
 def read_sdf(
     path: Path, *, low: float = 0.05, high: float = 0.5, skip: tuple[str, ...] = ()
 ) -> tuple[Furniture, ...]:
-    """Obstacles of the static models of an SDF world, or of one model.
+    """Read obstacles from the static models of an SDF world, or of one model.
 
     Args:
         path: the file. Models that it includes are looked up beside it as ``NAME`` or

@@ -24,19 +24,19 @@ class SdfPlace:
     nesting: int = 0
 
     def inside(self, node: Node, name: str) -> SdfPlace:
-        """The place of an element that has a pose."""
+        """Find the place of an element that has a pose."""
         matrix = self.matrix @ _pose(node, self, name)
         joined = f"{self.name}/{name}" if self.name else name
         return SdfPlace(self.file, self.root, matrix, joined, self.nesting)
 
     def fail(self, problem: str) -> FormatError:
-        """An error that names the file and the element."""
+        """Make an error that names the file and the element."""
         where = f"{self.name}: " if self.name else ""
         return FormatError(f"{self.file}: {where}{problem}")
 
 
 def read_numbers(node: Node, place: SdfPlace, what: str, counts: tuple[int, ...]) -> list[float]:
-    """Finite numbers of an element, as many as one of ``counts``.
+    """Read finite numbers of an element, as many as one of ``counts``.
 
     Raises:
         FormatError: it holds something else.
@@ -53,7 +53,7 @@ def read_numbers(node: Node, place: SdfPlace, what: str, counts: tuple[int, ...]
 
 
 def read_positive(node: Node | None, place: SdfPlace, what: str, count: int = 1) -> list[float]:
-    """``count`` positive numbers of an element.
+    """Read ``count`` positive numbers of an element.
 
     Raises:
         FormatError: it is missing or holds something else.

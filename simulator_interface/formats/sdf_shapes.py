@@ -28,7 +28,7 @@ LEAST_HEIGHT = 0.1  # m, of the furniture that stands for a shape
 def footprints_of_model(
     model: Node, where: SdfPlace, low: float, high: float
 ) -> Iterator[Furniture]:
-    """Footprints of a model's links within the slab from ``low`` to ``high`` [m]."""
+    """Yield footprints of a model's links within the slab from ``low`` to ``high`` [m]."""
     for number, link in enumerate(model.findall("link")):
         at_link = where.inside(link, link.get("name", f"link_{number}"))
         shapes = link.findall("collision") or link.findall("visual")

@@ -35,7 +35,7 @@ class SmrtaCase:
     batches: tuple[tuple[OpenTask, ...], ...]  #: numbered through in the order of the file
 
     def position(self, number: int) -> tuple[int, int]:
-        """Batch and place in it of a task, both from 0."""
+        """Find the batch and the place in it of a task, both from 0."""
         for b, tasks in enumerate(self.batches):
             if number < len(tasks):
                 return b, number
@@ -67,7 +67,7 @@ class _Batch:
 
 
 def read_case(path: Path, *, rooms: int) -> SmrtaCase:
-    """Robots and batches of a task file (``tasks_stream``, ``agents``).
+    """Read robots and batches of a task file (``tasks_stream``, ``agents``).
 
     Args:
         path: the file.
@@ -83,7 +83,7 @@ def read_case(path: Path, *, rooms: int) -> SmrtaCase:
     for field in ("tasks_stream", "agents"):
         if not isinstance(data.get(field), list):
             raise FormatError(
-                f"{path}: {field} is missing or no list; a task file reads "
+                f"{path}: {field} is missing or not a list; a task file reads "
                 '{"agents": [0, 3], "tasks_stream": [{"arrival": 0, "tasks": '
                 '[{"start": 1, "end": 4, "deadline": 200}]}]}'
             )
@@ -182,7 +182,7 @@ def _task(
 
 
 def read_travel_times(path: Path) -> TravelTable:
-    """Travel times of ``{units, rooms, statistic, travel_time}``, as ``travel-times`` writes it.
+    """Read ``{units, rooms, statistic, travel_time}``, as ``travel-times`` writes it.
 
     Times are rounded up to whole seconds and closed under shortest paths. They need not be
     symmetric.
@@ -239,7 +239,7 @@ def _closed(times: Array) -> Array:
 def smrta_plan(
     case: SmrtaCase, itineraries: Sequence[Sequence[Stop]], travel: Array
 ) -> dict[str, Any]:
-    """The plan as SMrTa's allocator returns it.
+    """Write a plan as SMrTa's allocator returns it.
 
     Action ids: ``i`` for robot i's start and "idle from here", ``n + 2 k`` and ``n + 2 k + 1``
     for pickup and drop of task k. Times are SMrTa's: the end of an action, one second of

@@ -62,10 +62,10 @@ class Crowd:
         self._radius = np.array([human.radius for human in humans])
         self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
 
-    # --- what is done with the crowd -----------------------------------------------------------
+    # --- between two ticks -----------------------------------------------------------
 
     def start(self) -> Array:
-        """Start positions ``(H, 2)`` [m] of the people on their planned ways."""
+        """Plan the ways of all people, and return their start positions ``(H, 2)`` [m]."""
         self._furnish(0.0)
         self._walking.look(0.0)
         self._draw_edges(0.0)
@@ -85,7 +85,7 @@ class Crowd:
         return begin(spec.route, repeat=spec.repeat, speed=spec.speed, share=spec.start)
 
     def script_of(self, person: int) -> Script | None:
-        """Script of a person, None: it follows a route, or does nothing."""
+        """Look up the script of a person, None: it follows a route, or does nothing."""
         return self._at_work.get(person)
 
     def assign(self, person: int, script: Script | None) -> None:
@@ -96,19 +96,19 @@ class Crowd:
         self._at_work[person] = script
 
     def add_blockage(self, blockage: Blockage) -> None:
-        """Something that is put down while the episode runs; its start is still to come."""
+        """Add a blockage that is put down while the episode runs; it has not started yet."""
         self.world = dataclasses.replace(self.world, events=(*self.world.events, blockage))
         self._added += (blockage,)
         assert isinstance(self.source, StagedSource)
         self.source.add_blockage(blockage)
 
     def forget_after(self, time: float) -> None:
-        """No event that starts after ``time`` [s] happens any more."""
+        """Leave out all events that start after ``time`` [s]."""
         events = tuple(without_later(self.world.events, time))
         self.world = dataclasses.replace(self.world, events=events)
 
     def replace_person(self, person: int, spec: HumanSpec) -> None:
-        """Let somebody new take the place of a person who never appeared."""
+        """Replace a person who has not appeared yet."""
         humans = list(self.world.humans)
         humans[person] = spec
         self.world = dataclasses.replace(self.world, humans=tuple(humans))
@@ -118,7 +118,7 @@ class Crowd:
         self.assign(person, Script(spec.directives))
 
     def stage(self) -> Stage | None:
-        """What the engine must be told before the next tick, None: nothing."""
+        """Make the stage for the engine's next tick, None: nothing has changed."""
         inside, pose = self.player.inside, self.player.furnishings.pose
         known = self._staged
         if known is not None and known[0] is inside and known[1] is pose and not self._added:
@@ -131,7 +131,7 @@ class Crowd:
         return stage
 
     def present(self, time: float) -> BoolArray:
-        """Who ``(H,)`` is in the building at ``time`` [s]."""
+        """Say which people ``(H,)`` are in the building at ``time`` [s]."""
         inside = self.player.inside
         if time != self._present_at or inside is not self._present_inside:
             self._present_at, self._present_inside = time, inside
@@ -141,7 +141,7 @@ class Crowd:
     # --- a tick ----------------------------------------------------------------------------------
 
     def velocities(self, sensed: Sensed) -> Array:
-        """Velocities ``(H, 2)`` [m/s] for the tick after ``sensed``."""
+        """Decide velocities ``(H, 2)`` [m/s] for the tick after ``sensed``."""
         if not self._walkers:
             return np.zeros((0, 2))
         self._look(sensed.time)
@@ -150,7 +150,7 @@ class Crowd:
         desired = np.empty(len(position))
         led: dict[int, Array] = {}
         if self._at_work:
-            position = position.copy()  # people who appear are put somewhere
+            position = position.copy()  # a script that lets a person appear writes here
             led = self._fill_scripted(target, desired, self._now(sensed, position, present))
         for i, walker in enumerate(self._walkers):
             if i not in self._at_work:
@@ -179,7 +179,7 @@ class Crowd:
         """Write targets and speeds of the people with scripts.
 
         Returns:
-            Velocities ``(2,)`` [m/s] of those who walk exactly so, by number.
+            Exact velocities ``(2,)`` [m/s] of the people who are led, by number.
         """
         self.player.begin_tick()
         led: dict[int, Array] = {}
@@ -205,7 +205,7 @@ class Crowd:
         )
 
     def _look(self, time: float) -> None:
-        """Take up the map and the solids of the moment."""
+        """Take in the map and the solids of the moment."""
         self._furnish(time)
         pose = self.player.furnishings.pose
         moved = len(pose) > 0 and np.abs(pose - self._drawn).max() > REDRAWN
@@ -230,12 +230,12 @@ class Crowd:
 
 
 def present_humans(world: World, time: float) -> BoolArray:
-    """Which people ``(H,)`` may be in the building at ``time`` [s], whatever they do there."""
+    """Say which people ``(H,)`` may be in the building at ``time`` [s], apart from scripts."""
     return np.array([h.appears_at <= time < h.leaves_at for h in world.humans], dtype=np.bool_)
 
 
 def solid_edges(world: World, time: float, outlines: Sequence[Array] = ()) -> Array:
-    """Edges ``(S, 4)`` x1, y1, x2, y2 [m] of everything solid at ``time`` [s].
+    """List edges ``(S, 4)`` x1, y1, x2, y2 [m] of everything solid at ``time`` [s].
 
     ``outlines`` ``(V, 2)`` [m] are those of movable furniture.
     """

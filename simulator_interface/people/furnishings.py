@@ -22,7 +22,7 @@ class Furnishings:
         self._since = np.full(len(self.pieces), -np.inf)
 
     def number(self, name: str) -> int:
-        """Number of a piece by the name of its furniture."""
+        """Look up the number of a piece by the name of its furniture."""
         return [piece.item.name for piece in self.pieces].index(name)
 
     def move(self, number: int, pose: Array, time: float) -> None:
@@ -33,9 +33,9 @@ class Furnishings:
             self._anchor[number], self._since[number] = pose, time
 
     def outline(self, number: int) -> Array:
-        """Outline ``(V, 2)`` [m] of a piece."""
+        """Place the outline ``(V, 2)`` [m] of a piece."""
         return self.pieces[number].at(self.pose[number])
 
     def at_rest(self, time: float) -> tuple[int, ...]:
-        """Numbers of the pieces at rest for so long that they are on the map, as parked robots."""
+        """List the pieces at rest for so long that maps show them, as parked robots."""
         return tuple(np.flatnonzero(time - self._since > PARKED_AFTER).tolist())

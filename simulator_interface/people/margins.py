@@ -18,7 +18,7 @@ from simulator_interface.people.furnishings import Furnishings
 ROBOT_MARGIN = 0.15  # m kept from robots' discs; a robot drives 0.075 m per tick
 PERSON_MARGIN = 0.05  # m
 WALL_MARGIN = 0.01  # m, from solids and from other pieces
-IN_VIEW = 2.0  # m beyond the piece; bodies farther away are not looked at
+IN_VIEW = 2.0  # m beyond the piece; bodies farther away are left out
 PIECE_CUTOFF = 1.0  # m; gaps between pieces are exact below this only
 
 
@@ -125,7 +125,7 @@ class Margins:
 
 
 def _bodies(around: Bystanders, pusher: int) -> Iterator[tuple[Array, float, float]]:
-    """Place ``(2,)``, radius and margin [m] of all robots and of all people but the pusher."""
+    """Yield place ``(2,)``, radius and margin [m] of all robots and people but the pusher."""
     for place, radius in zip(around.robot, around.robot_radius, strict=True):
         yield place, radius, ROBOT_MARGIN
     for h in np.flatnonzero(around.present):

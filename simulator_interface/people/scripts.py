@@ -95,7 +95,7 @@ class ScriptPlayer:
         self._speed[person] = speed
 
     def begin_tick(self) -> None:
-        """Forget who was put down in the last tick."""
+        """Forget the people put down in the last tick."""
         if np.isfinite(self.placed).any():
             self.placed = np.full_like(self.placed, np.nan)
 

@@ -1,4 +1,4 @@
-"""Finding one's way on foot: planned ways between the points of a route, and where on them."""
+"""People on foot: planned ways between the points of a route, and progress on them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FREE_REACH = 2.0  # m, how far a route point inside an obstacle may be moved
 STUCK_AFTER = 8.0  # s without progress before a person turns to the next point of the route
 PROGRESS = 0.2  # m nearer to the end of the way is progress
 PEOPLES_RADIUS = 0.3  # m; people plan with more room than a robot's disc needs
-WINDOW = 40  # points of the way that are looked at; they are about 0.1 m apart
+WINDOW = 40  # points of the way that are searched; they are about 0.1 m apart
 NO_ROBOTS = np.zeros((0, 2))
 NO_WAY = np.zeros((0, 2))
 
@@ -47,7 +47,7 @@ class Walking:
     map: Costmap | None = field(default=None)
 
     def look(self, time: float) -> bool:
-        """Take up the costmap of the moment; says whether solids changed."""
+        """Take in the costmap of the moment; say whether it changed."""
         costmap = self.source.costmap(time, NO_ROBOTS)
         if costmap is self.map:
             return False
@@ -56,7 +56,7 @@ class Walking:
         return True
 
     def free_point(self, point: Array) -> Array:
-        """``point``, or the nearest place beside the obstacle it lies in."""
+        """Find the free place nearest to ``point``, mostly the point itself."""
         assert self.map is not None
         if self.map.cost_at(point) < INSCRIBED:
             return np.asarray(point)
@@ -69,12 +69,12 @@ class Walking:
         return centers[int(np.argmax(free))] if free.any() else np.asarray(point)
 
     def way(self, start: Array, goal: Array) -> Array:
-        """Planned points ``(L, 2)`` [m], none if there is no way."""
+        """Plan a way ``(L, 2)`` [m]; it is empty if there is none."""
         plan = self.planner.plan(np.asarray(start), np.asarray(goal))
         return plan.path if plan.found else NO_WAY
 
     def set_out(self, route: Array, *, repeat: bool, speed: float, start: Array) -> Walker:
-        """A walker at ``start`` ``(2,)`` [m] on the way to the first point of ``route``."""
+        """Send a walker at ``start`` ``(2,)`` [m] to the first point of ``route``."""
         walker = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
         walker.way = self.way(start, self.free_point(route[0]))
         return walker
@@ -82,7 +82,7 @@ class Walking:
     def begin(
         self, route: Array, *, repeat: bool, speed: float, share: float
     ) -> tuple[Array, Walker]:
-        """Place ``(2,)`` [m] and walker ``share`` of the way along a route."""
+        """Place a walker at ``share`` of a route; its point ``(2,)`` [m] comes first."""
         points = [self.free_point(point) for point in route]
         standing = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
         if len(points) < 2:
@@ -100,7 +100,7 @@ class Walking:
         return points[0], standing
 
     def target(self, walker: Walker, position: Array, time: float) -> Array:
-        """Point ``(2,)`` [m] to walk towards; the own ``position`` if there is nowhere to go."""
+        """Choose the point ``(2,)`` [m] to walk towards; ``position`` itself: stand."""
         if not len(walker.way):
             return position
         last = walker.way[-1]
@@ -160,7 +160,7 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
 
     Args:
         way: ``(L, 2)`` [m].
-        passed: earlier points are not looked at.
+        passed: earlier points are left out.
         position: ``(2,)`` [m].
     """
     closest, best, stop = passed, np.inf, min(passed + WINDOW, len(way))
@@ -175,7 +175,7 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
 
 
 def way_length(points: Array) -> float:
-    """Length [m] of a way ``(L, 2)``."""
+    """Measure the length [m] of a way ``(L, 2)``."""
     if len(points) < 2:
         return 0.0
     return float(np.hypot(*np.diff(points, axis=0).T).sum())

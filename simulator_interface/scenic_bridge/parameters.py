@@ -1,4 +1,4 @@
-"""What the global parameters of a Scenic program say about how it is to be run."""
+"""How a Scenic program asks to be run: its global parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mrta_falsify.specs.library import default_specifications
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunParameters:
-    """What the parameters of a program say about how it is to be run."""
+    """How a program asks to be run."""
 
     config: StackConfig
     specifications: tuple[str, ...]
@@ -23,7 +23,7 @@ class RunParameters:
 
 
 def read_parameters(params: dict[str, Any]) -> RunParameters:
-    """Settings of a scene from its global parameters.
+    """Read how a scene asks to be run from its global parameters.
 
     Args:
         params: ``stack`` (path of a stack file), ``settings`` (texts as of ``--set``),

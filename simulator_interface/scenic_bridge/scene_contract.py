@@ -27,7 +27,7 @@ class ScenePlaces(Protocol):
         """The floor itself: walls, its own furniture, rooms, no robots."""
 
     def room_number(self, place: Any, /) -> int:
-        """Number of a room given by number or name.
+        """Look up the number of a room given by number or name.
 
         Raises:
             InputError: there is no such room.
@@ -35,14 +35,14 @@ class ScenePlaces(Protocol):
         """
 
     def room_point(self, place: Any, /) -> Array:
-        """Point ``(2,)`` [m] of a room given by number or name; errors as ``room_number``."""
+        """Look up the point ``(2,)`` [m] of a room; errors as ``room_number``."""
 
     def route_points(self, route: Any, /) -> Array:
-        """Points ``(K, 2)`` [m] of a route over rooms and points; errors as ``room_number``."""
+        """Look up points ``(K, 2)`` [m] of a route over rooms and points; the same errors."""
 
 
 def places_of_scene(scene: Scene) -> ScenePlaces:
-    """Places that the model line of a scene's program has made.
+    """Look up the places that the model line of a scene's program has made.
 
     Raises:
         WorldError: the program has no model line.

@@ -24,12 +24,12 @@ from simulator_interface.scenic_bridge.scene_values import (
 
 
 def world_objects(scene: Scene) -> list[Any]:
-    """Objects of a scene that a world can hold: those of the library's classes."""
+    """List the objects that a world can hold: those of the library's classes."""
     return [item for item in scene.objects if hasattr(item, "kind")]
 
 
 def names_in_world(objects: Iterable[Any]) -> dict[int, str]:
-    """Name in the world of each object, by ``id``."""
+    """Name each object as in the world; keys are ``id``s."""
     names: dict[int, str] = {}
     counts: dict[str, int] = {}
     for item in objects:
@@ -40,20 +40,20 @@ def names_in_world(objects: Iterable[Any]) -> dict[int, str]:
 
 
 def read_pose(item: Any) -> tuple[float, float, float]:
-    """Pose of an object: x, y [m], yaw [rad], map frame."""
+    """Read the pose of an object: x, y [m], yaw [rad], map frame."""
     yaw = float(geometry.wrap_angle(float(item.heading) + np.pi / 2.0))
     return float(item.position.x), float(item.position.y), yaw
 
 
 def box_outline(item: Any) -> Array:
-    """Outline ``(4, 2)`` [m] of an object's box, map frame."""
+    """Outline an object's box ``(4, 2)`` [m], map frame."""
     # Scenic's length runs along the heading, which is the body's x axis.
     outline = geometry.rectangle(float(item.length), float(item.width))
     return frozen_array(geometry.transform(outline, read_pose(item)))
 
 
 def read_furniture(item: Any, name: str) -> Furniture:
-    """Furniture of an object."""
+    """Read a piece of furniture."""
     return Furniture(
         name=name,
         kind=item.kind,
@@ -65,7 +65,7 @@ def read_furniture(item: Any, name: str) -> Furniture:
 
 
 def read_robot(item: Any, name: str) -> RobotSpec:
-    """Robot of an object.
+    """Read a robot.
 
     Raises:
         WorldError: a property is not a finite number.
@@ -91,7 +91,7 @@ def read_robot(item: Any, name: str) -> RobotSpec:
 
 
 def read_blockage(item: Any, name: str) -> Blockage:
-    """Blockage of an object.
+    """Read a blockage.
 
     Raises:
         WorldError: ``during`` is not a pair of numbers.
@@ -104,7 +104,7 @@ def read_blockage(item: Any, name: str) -> Blockage:
 
 
 def read_outage(item: Any, name: str, names: dict[int, str], objects: Iterable[Any]) -> CommsOutage:
-    """Outage of an object; robots that are not active are left out.
+    """Read an outage; robots that are not active are left out.
 
     Args:
         item: the object.

@@ -19,10 +19,10 @@ from simulator_interface.staging import FAR_FUTURE
 
 
 def read_human(item: Any, name: str, places: ScenePlaces) -> HumanSpec:
-    """A person on a route.
+    """Read a person on a route.
 
     Raises:
-        InputError: the route leads to a room that is not there, or a property is no number.
+        InputError: the route leads to a room that is not there, or a property is not a number.
         RejectionException: the room is not on this floor, which varies.
     """
     try:
@@ -46,7 +46,9 @@ def read_human(item: Any, name: str, places: ScenePlaces) -> HumanSpec:
 
 
 def scripted_person(item: Any, name: str, reader: BehaviorReader) -> HumanSpec:
-    """A person or scripted robot with a behaviour; no directives: it is the program's own.
+    """Read a person or robot with a behaviour.
+
+    Without directives the behaviour is the program's own.
 
     Raises:
         InputError: another object has a behaviour, or an argument is not allowed.
@@ -68,7 +70,7 @@ def scripted_person(item: Any, name: str, reader: BehaviorReader) -> HumanSpec:
 
 
 def pushed_names(directives: Sequence[Directive]) -> set[str]:
-    """Names of the furniture that directives push."""
+    """Collect the names of the furniture that directives push."""
     return {directive.furniture for directive in directives if isinstance(directive, Push)}
 
 
@@ -76,7 +78,7 @@ def pushed_names(directives: Sequence[Directive]) -> set[str]:
 
 
 def late_person(item: Any, name: str, reader: BehaviorReader) -> HumanSpec:
-    """A person who appears while the simulation runs; directives as far as they are known.
+    """Read a person who appears while the simulation runs.
 
     Raises:
         InputError: as :func:`read_human` and :func:`scripted_person`.
@@ -91,7 +93,7 @@ def late_person(item: Any, name: str, reader: BehaviorReader) -> HumanSpec:
 
 
 def with_late_people(world: World, count: int) -> World:
-    """``world`` with places for ``count`` people who may appear while it runs."""
+    """Add places for ``count`` people who may appear while the world runs."""
     point = world.rooms[0].point if world.rooms else 0.5 * (world.bounds[:2] + world.bounds[2:])
     taken = {human.name for human in world.humans}
     names = (f"late_{i + 1}" for i in range(count + len(taken)))

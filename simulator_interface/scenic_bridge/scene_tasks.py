@@ -13,7 +13,7 @@ TASK_FORM = "(arrival, start room, end room, deadline[, pickup s[, dropoff s[, a
 
 
 def read_tasks(entries: Any, places: ScenePlaces) -> tuple[Task, ...]:
-    """Tasks of a program; those that are not active are left out.
+    """Read the tasks of a program; those that are not active are left out.
 
     Raises:
         SceneRejected: a deadline comes before its arrival.

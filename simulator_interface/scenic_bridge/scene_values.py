@@ -32,10 +32,10 @@ def naming(what: str) -> Iterator[None]:
 
 
 def read_number(value: Any, what: str, *, low: float = -math.inf) -> float:
-    """``value`` as a finite number of at least ``low``.
+    """Read a finite number of at least ``low``.
 
     Raises:
-        WorldError: it is another one, or no number at all.
+        WorldError: ``value`` is something else; the message begins with ``what``.
     """
     try:
         number = float(value)
@@ -48,16 +48,16 @@ def read_number(value: Any, what: str, *, low: float = -math.inf) -> float:
 
 
 def read_property(item: Any, name: str) -> float:
-    """Property of an object as a finite number.
+    """Read a property of an object as a finite number.
 
     Raises:
-        WorldError: it is none.
+        WorldError: it is something else.
     """
     return read_number(getattr(item, name), name)
 
 
 def read_seed(given: Any, otherwise: int) -> int:
-    """Seed of the noise that a program fixes, ``otherwise`` if it does not.
+    """Read the seed of the noise that a program fixes, ``otherwise`` if it does not.
 
     Raises:
         WorldError: it is not a whole number >= 0.

@@ -24,10 +24,10 @@ from mrta_falsify.core.world import World, check_pushes
 from simulator_interface.people.scripts import Script
 from simulator_interface.scenic_bridge.tracked_objects import TrackedObjects
 from simulator_interface.scenic_bridge.world_from_scene import is_composed
-from simulator_interface.simulate import Outcome, Run
+from simulator_interface.simulate import EpisodeRun, Outcome
 
 
-class _EpisodeOver(Exception):  # noqa: N818 - it is no error
+class _EpisodeOver(Exception):  # noqa: N818 - not an error
     """All tasks are done, or the horizon is reached."""
 
 
@@ -41,7 +41,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
 
     objects: list[Any]
 
-    def __init__(self, scene: Scene, run: Run, **options: Any) -> None:
+    def __init__(self, scene: Scene, run: EpisodeRun, **options: Any) -> None:
         # Scenic's constructor runs the whole simulation.
         self.run = run
         self.rejected = ""
@@ -55,11 +55,11 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         options["enableReplay"] = False
         super().__init__(scene, **options)
 
-    # --- what came of it -----------------------------------------------------------------
+    # --- results -----------------------------------------------------------------
 
     @property
     def outcome(self) -> Outcome:
-        """Trace, verdicts and counts to date; the run ends with being asked for them."""
+        """Trace, verdicts and counts to date; reading them ends the run."""
         if self._outcome is None:
             self.run.end(self._reason())
             self._outcome = self.run.outcome()
@@ -74,7 +74,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
     def world(self) -> World:
         """The world as it came to be, with what appeared while it ran.
 
-        It replays without Scenic unless Scenic told somebody what to do (``scripted``).
+        It replays without Scenic unless Scenic directed a person (``scripted``).
         """
         world = self._episode.world
         names = ", ".join(world.humans[i].name for i in sorted(self._live))
@@ -135,12 +135,12 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
     def script_of(
         self, behavior: Any, name: str, args: tuple[Any, ...], options: dict[str, Any]
     ) -> Script:
-        """What a library behaviour that begins now carries out.
+        """Make the script of a library behaviour that begins now.
 
         The script that the world already holds is taken up if it was made of this behaviour.
 
         Raises:
-            InvalidScenarioError: an argument that cannot be, with our words.
+            InvalidScenarioError: an argument is not allowed; the message says which and why.
         """
         body = self._tracked[behavior._agent]
         if body.kind != "human":
@@ -208,7 +208,7 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         return moved
 
     def currentState(self) -> tuple[Vector, ...]:  # noqa: N802
-        """Positions of all objects, which make up the trajectory."""
+        """Read the positions of all objects, which make up the trajectory."""
         if self.currentTime == 0:
             return tuple(obj.position for obj in self.objects)
         sensed = self.frame.sensed
@@ -240,10 +240,10 @@ def _looks_at_objects(scene: Scene) -> bool:
 
 
 def whole_ticks(timestep: float, period: float) -> int:
-    """Control ticks of ``period`` [s] in a Scenic time step [s].
+    """Count the control ticks of ``period`` [s] in a Scenic time step [s].
 
     Raises:
-        SimulationCreationError: it is no multiple of the period.
+        SimulationCreationError: it is not a multiple of the period.
     """
     ticks = timestep / period
     if abs(ticks - round(ticks)) > 1e-6 or ticks < 1.0 - 1e-6:

@@ -39,7 +39,7 @@ class Body:
     read: tuple[float, ...] = ()  #: state that Scenic was last told
 
     def state(self, sensed: Sensed) -> tuple[float, ...]:
-        """Everything about it that changes."""
+        """Read everything about it that changes."""
         if self.kind == "robot":
             return (*sensed.pose[self.number].tolist(), *sensed.velocity[self.number].tolist())
         if self.kind == "human":
@@ -48,14 +48,14 @@ class Body:
         return tuple(sensed.furniture_pose[self.number].tolist()) if self.kind == "piece" else ()
 
     def place(self, sensed: Sensed) -> Vector:
-        """Position; of people who are not in the building the last one."""
+        """Read its position; people who have left the building keep their last one."""
         state = self.state(sensed)
         if state and state[0] == state[0] and state[:2] != (self.at.x, self.at.y):
             self.at = Vector(state[0], state[1], self.at.z)
         return self.at
 
     def properties(self, sensed: Sensed) -> dict[str, Any]:
-        """What Scenic calls dynamic properties."""
+        """Read what Scenic calls dynamic properties."""
         state, turn, vx, vy = self.state(sensed), 0.0, 0.0, 0.0
         if self.kind == "robot":
             _, _, yaw, forward, left, turn = state
@@ -106,7 +106,7 @@ class TrackedObjects:
         """Track an object; ``last`` is the frame after which it appears, None: the start.
 
         Raises:
-            SimulationCreationError: it cannot appear now, with our words.
+            SimulationCreationError: it cannot appear now; the message says why.
         """
         name = self._names.get(id(obj), "")
         if name:
@@ -177,7 +177,7 @@ class TrackedObjects:
 
 
 def _is_told_by_world(obj: Any) -> bool:
-    """Whether the world holds what a person does, so that Scenic need not tell it."""
+    """Whether the world holds a person's script, so that Scenic need not direct it."""
     return obj.behavior is None or is_library_behavior(obj.behavior)
 
 

@@ -51,7 +51,7 @@ class _Contents:
 
 
 def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
-    """World of a sampled scene of a program over ``scenic_worlds.model``.
+    """Make the world of a sampled scene of a program over ``scenic_worlds.model``.
 
     Args:
         scene: what ``Scenario.generate`` returned.
@@ -65,8 +65,8 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
     Raises:
         SceneRejected: sampled values contradict each other (deadline before arrival, end of
             an event before its start, a standing blockage on a robot's start).
-        WorldError: a value that can never be (an unknown room, a task of three entries),
-            named as in the program.
+        WorldError: a value is never allowed (an unknown room, a task of three entries);
+            it is named as in the program.
     """
     _check_layout_param(scene)
     params, places = scene.params, places_of_scene(scene)
@@ -138,7 +138,7 @@ def _read_objects(scene: Scene) -> _Contents:
 
 
 def _add_scripted_person(contents: _Contents, person: HumanSpec) -> None:
-    if not person.directives:  # Scenic tells it what to do, tick by tick
+    if not person.directives:  # Scenic directs it, tick by tick
         contents.own_behaviors.append(person.name)
         person = dataclasses.replace(person, directives=(Stop(),))
     contents.humans.append(person)
@@ -154,7 +154,7 @@ def _movable_where_pushed(contents: _Contents) -> tuple[Furniture, ...]:
 
 
 def _scripted(scene: Scene, own_behaviors: list[str]) -> str:
-    """What of the program the world cannot do without, in words."""
+    """Say in words which parts of the program the world needs."""
     reasons = []
     if own_behaviors:
         reasons.append(f"behaviors of its own ({', '.join(own_behaviors)})")
