@@ -18,6 +18,7 @@ from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import HumanSpec, RobotSpec, Room, Task
+from simulator_interface.formats.task_entries import check_task_entry
 
 NEAR_ROOM = 1.0  # m; a robot this near a room point already stands in that room
 
@@ -104,7 +105,7 @@ def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
     for b, batch in enumerate(parsed.tasks_stream):
         for t, entry in enumerate(batch.tasks):
             field = f"tasks_stream[{b}].tasks[{t}]"
-            _check_task(entry, batch.arrival, rooms, f"{path}: {field}")
+            check_task_entry(entry, batch.arrival, rooms, where=f"{path}: {field}")
             tasks.append(
                 Task(
                     arrival=batch.arrival,
@@ -119,17 +120,6 @@ def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
         if room >= rooms:
             raise FormatError(f"{path}: agents[{i}] is room {room}; rooms are 0 to {rooms - 1}")
     return TaskStream(tasks=tuple(tasks), agents=parsed.agents)
-
-
-def _check_task(entry: _TaskEntry, arrival: float, rooms: int, where: str) -> None:
-    for field, room in (("start", entry.start), ("end", entry.end)):
-        if room >= rooms:
-            raise FormatError(f"{where}.{field} is room {room}; rooms are 0 to {rooms - 1}")
-    if entry.deadline < arrival:
-        raise FormatError(
-            f"{where}.deadline is {entry.deadline:g} s, before its arrival at {arrival:g} s; "
-            "deadlines are absolute times"
-        )
 
 
 def read_robot_setup(path: Path) -> tuple[RobotStart, ...]:

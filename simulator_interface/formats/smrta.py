@@ -19,6 +19,7 @@ from mrta_falsify.core.allocation_problem import OpenTask, Stop
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError
+from simulator_interface.formats.task_entries import check_task_entry
 
 MOST_TASKS = 100_000  # of one file; the arrays of more would not fit a small machine
 MOST_ROBOTS = 10_000
@@ -162,14 +163,7 @@ def _task(
         if key in seen:
             raise FormatError(f"{where}: id {name!r} was given to {seen[key]} already")
         seen[key] = where.rpartition(": ")[2]
-    for field, room in (("start", entry.start), ("end", entry.end)):
-        if room >= rooms:
-            raise FormatError(f"{where}.{field} is room {room}; rooms are 0 to {rooms - 1}")
-    if entry.deadline < arrival:
-        raise FormatError(
-            f"{where}.deadline is {entry.deadline} s, before its arrival at {arrival} s; "
-            "deadlines are absolute times"
-        )
+    check_task_entry(entry, arrival, rooms, where=where)
     return OpenTask(
         number=number,
         start=entry.start,

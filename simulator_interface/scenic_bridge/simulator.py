@@ -124,14 +124,8 @@ def simulate_scene(
     For worlds that are ``scripted``: what behaviours draw comes from ``world.seed``, so the
     same scene and world give the same trace.
 
-    Args:
-        scene: the sampled scene, for its behaviours and compose block.
-        world: of the scene.
-        config: the stack under test.
-        specifications: folds that score the run; they are started here.
-        keep_trace: keep columns and tables; without, the trace has only its digest.
-        on_progress: called about once per simulated second with the time [s].
-        stop: ends the episode at the first frame for which it returns a reason.
+    ``scene`` is the sampled scene, for its behaviours and compose block, and ``world`` is made
+    of it; the other arguments are those of ``simulate``.
 
     Raises:
         InputError: the world cannot be run, or the program fails while it runs; file and
