@@ -39,7 +39,7 @@ class Running:
         Raises:
             HarnessError: the copy failed.
         """
-        data = forking.answer_of_a_copy(lambda: codec.encode(run()))
+        data = forking.run_in_copy(lambda: codec.encode(run()))
         return codec.decode(kind, data, where="re-run")
 
 

@@ -58,7 +58,7 @@ class EpisodeForecast:
                     raise HarnessError("the process that forked it has ended")
             return watch.answer()
 
-        answer: dict[str, Any] = forking.answer_of_a_copy(run)
+        answer: dict[str, Any] = forking.run_in_copy(run)
         return answer
 
 

@@ -21,7 +21,7 @@ def can_fork() -> bool:
     return sys.platform == "linux"
 
 
-def answer_of_a_copy(run: Callable[[], Any]) -> Any:
+def run_in_copy(run: Callable[[], Any]) -> Any:
     """Run something in a copy of this process.
 
     Args:
