@@ -43,7 +43,7 @@ _NAMES_OF = {
     "mrta_falsify.verbs.travel_times": ("measure_travel_times",),
     "scenic_worlds.layouts": ("layout_names", "load_layout", "load_world", "world_names"),
     "scenic_worlds.variation": ("vary_world",),
-    "simulator_interface.simulate": ("Outcome", "episode", "simulate"),
+    "simulator_interface.simulate": ("Outcome", "frames_of", "simulate"),
 }
 _HOME = {name: module for module, names in _NAMES_OF.items() for name in names}
 

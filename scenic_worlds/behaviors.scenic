@@ -11,40 +11,40 @@ without this program. Behaviours of your own use them with `do`, `do ... until` 
 `try: do ... interrupt when`; who takes no action stands.
 """
 
-from simulator_interface.scenic_bridge.actions import CarryOn, errand
+from simulator_interface.scenic_bridge.actions import CarryOn, script
 
 
 behavior WalkTo(place, speed=0):
     """Walk to a place, around whatever the map shows."""
-    todo = errand('WalkTo', place, speed=speed)
+    todo = script('WalkTo', place, speed=speed)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior FollowRoute(route, repeat=False, speed=0):
     """Walk from place to place; with `repeat` for ever."""
-    todo = errand('FollowRoute', route, repeat=repeat, speed=speed)
+    todo = script('FollowRoute', route, repeat=repeat, speed=speed)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior WaitFor(seconds):
     """Stand for a time."""
-    todo = errand('WaitFor', seconds)
+    todo = script('WaitFor', seconds)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior WaitUntil(time):
     """Stand until a moment of the episode."""
-    todo = errand('WaitUntil', time)
+    todo = script('WaitUntil', time)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior StandStill():
     """Stand for good."""
-    todo = errand('StandStill')
+    todo = script('StandStill')
     while not todo.done:
         take CarryOn(todo)
 
@@ -54,27 +54,27 @@ behavior Push(thing, place, speed=0):
 
     The piece needs `with movable True` if the behaviour that pushes it is your own.
     """
-    todo = errand('Push', thing, place, speed=speed)
+    todo = script('Push', thing, place, speed=speed)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior Appear(place):
     """Enter the building at a place; who has this as a first step is not there before."""
-    todo = errand('Appear', place)
+    todo = script('Appear', place)
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior Leave():
     """Leave the building, here and now."""
-    todo = errand('Leave')
+    todo = script('Leave')
     while not todo.done:
         take CarryOn(todo)
 
 
 behavior InTurn(*steps):
     """Behaviours of this library one after the other, as one."""
-    todo = errand('InTurn', *steps)
+    todo = script('InTurn', *steps)
     while not todo.done:
         take CarryOn(todo)

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Running:
-    """An episode that has come to a moment."""
+    """An episode run to time t, from which continuations begin."""
 
     episode: Episode
     frames: Iterator[Frame]  #: from the next one on
@@ -30,16 +30,16 @@ class Running:
     last: Frame
 
     def in_a_copy(self, run: Callable[[], T], kind: type[T]) -> T:
-        """``run()`` in a copy of this process, which is as it was afterwards.
+        """Run something in a copy of this process, and leave the episode as it was.
 
         Args:
-            run: may go on with the episode.
+            run: what to run; it may continue the episode.
             kind: of its answer.
 
         Raises:
             HarnessError: the copy failed.
         """
-        data = forking.answer_of_a_copy(lambda: codec.encode(run()))
+        data = forking.run_in_copy(lambda: codec.encode(run()))
         return codec.decode(kind, data, where="re-run")
 
 
@@ -52,7 +52,7 @@ def run_to(
     Args:
         world: what to simulate.
         config: the stack under test.
-        names: of the specifications that watch it.
+        names: of the specifications that see its frames.
         time: when to stop [s].
     """
     specifications = build_specifications(names)

@@ -4,8 +4,7 @@ Nav2 byte semantics (see ``docs/costmap.md``): a cell is lethal (254) iff the *c
 meets a footprint. All other costs follow from the distance ``d`` [m] between the centre of
 the cell and the centre of the nearest lethal cell, as in Nav2's inflation layer: 253 for
 ``d <= robot_radius``, ``floor(252 exp(-cost_scaling (d - robot_radius)))`` up to
-``inflation_radius``, 0 beyond. Squared distances are whole numbers of cells, so equal worlds
-give equal bytes on every machine, and a map updated in a window equals one built anew.
+``inflation_radius``, 0 beyond.
 """
 
 from __future__ import annotations
@@ -13,25 +12,24 @@ from __future__ import annotations
 import functools
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, Costmap
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.world import Blockage, World
+from simulator_interface.inflation import Window, inflate, whole
+from simulator_interface.lethal_cells import mark_discs, mark_polygons
 from simulator_interface.staging import without_later
 
 MAX_CELLS = 40_000_000  # 450 m x 225 m at 0.05 m; more is a mistake in bounds or resolution
-TOUCH = 1e-9  # cells; a footprint this close to a cell touches it (rounding of coordinates)
 KEPT_MAPS = 16  # maps of earlier moments; robots park and leave at the same places
 
-_NOBODY = frozen_array(np.zeros((0, 2)))
+NO_ROBOTS = frozen_array(np.zeros((0, 2)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +40,9 @@ class CostmapOptions:
     inflation_radius: float = quantity(low=0.0, high=5.0, unit="m", default=0.5)
     cost_scaling: float = quantity(low=0.0, unit="1/m", default=3.0)
     robot_radius: float = quantity(above=0.0, high=5.0, unit="m", default=0.22)
-    defects: tuple[str, ...] = ()  #: planted defects; ``costmap_blind_to_furniture`` is ours
+    defects: tuple[
+        str, ...
+    ] = ()  #: planted defects; ``costmap_blind_to_furniture`` is this layer's
 
 
 Options = CostmapOptions
@@ -57,7 +57,7 @@ class LayeredCostmap:
         self._options = options
 
     def bind(self, world: World) -> BoundCostmap:
-        """Costmap source of one world; the static layer is built here, once."""
+        """Tie the layer to a world; the static layer is built here, once."""
         return BoundCostmap(world, self._options)
 
 
@@ -73,8 +73,8 @@ class BoundCostmap:
         self._furniture = tuple(item.polygon for item in movable)
         self._maps: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Costmap] = OrderedDict()
 
-    def costmap(self, time: float, parked: Array = _NOBODY) -> Costmap:
-        """Costmap at ``time`` [s] with robots at rest at ``parked`` ``(P, 2)`` [m].
+    def costmap(self, time: float, parked: Array = NO_ROBOTS) -> Costmap:
+        """Compute the costmap at ``time`` [s] with robots parked at ``parked`` ``(P, 2)`` [m].
 
         A parked robot is a disc of ``robot_radius``. Only the surroundings of what is not
         static are computed; the same object is returned as long as nothing changed.
@@ -85,7 +85,7 @@ class BoundCostmap:
         if not active and len(parked) == 0 and not self._furniture:
             return self._static
         places = np.asarray(parked, dtype=np.float64).reshape(-1, 2)
-        places = places[np.lexsort(places.T[::-1])]  # who parks where does not matter
+        places = places[np.lexsort(places.T[::-1])]  # the order of the robots does not matter
         key = (active, places.tobytes(), b"".join(p.tobytes() for p in self._furniture))
         if key not in self._maps:
             polygons = [self._blockages[i].polygon for i in active]
@@ -114,13 +114,13 @@ class BoundCostmap:
     def _overlay(self, polygons: Sequence[Array], places: Array) -> Costmap:
         options, static = self._options, self._static
         grid = Costmap(static.cost.copy(), static.resolution, static.origin)
-        _fill_polygons(grid, polygons)
-        _fill_discs(grid, places, options.robot_radius)
+        mark_polygons(grid, polygons)
+        mark_discs(grid, places, options.robot_radius)
         reach = options.robot_radius
         boxes = [np.concatenate([p.min(axis=0), p.max(axis=0)]) for p in polygons]
         boxes += [np.concatenate([place - reach, place + reach]) for place in places]
         for box in boxes:
-            _fill_costs(grid.cost, self._window(box), self._prices)
+            inflate(grid.cost, self._window(box), self._prices)
         grid.cost.setflags(write=False)
         return grid
 
@@ -141,10 +141,10 @@ def build_costmap(
     world: World,
     *,
     time: float = 0.0,
-    parked: Array = _NOBODY,
+    parked: Array = NO_ROBOTS,
     options: CostmapOptions | None = None,
 ) -> Costmap:
-    """Costmap of ``world`` at one moment.
+    """Build the costmap of ``world`` at one moment.
 
     Args:
         world: walls, furniture and blockages.
@@ -162,28 +162,15 @@ def build_costmap(
     return BoundCostmap(world, options or CostmapOptions()).costmap(time, parked)
 
 
-class Window(NamedTuple):
-    """Block of cells, ends excluded."""
-
-    row: int
-    end_row: int
-    col: int
-    end_col: int
-
-
-def _whole(cost: ByteArray) -> Window:
-    return Window(0, cost.shape[0], 0, cost.shape[1])
-
-
 @functools.lru_cache(maxsize=4)  # robots and people of one episode share it
 def _static_costmap(world: World, options: CostmapOptions) -> Costmap:
-    """Costmap of what never changes; worlds are frozen, so one is built per world."""
+    """Build the costmap of what never changes; worlds are frozen, so one serves each world."""
     solids = [wall.polygon for wall in world.walls]
     if "costmap_blind_to_furniture" not in options.defects:
         solids += [item.polygon for item in world.furniture if not item.movable]
     grid = _empty_grid(world, options.resolution)
-    _fill_polygons(grid, solids)
-    _fill_costs(grid.cost, _whole(grid.cost), _costs_by_squared_distance(options))
+    mark_polygons(grid, solids)
+    inflate(grid.cost, whole(grid.cost), _costs_by_squared_distance(options))
     grid.cost.setflags(write=False)
     return grid
 
@@ -200,98 +187,7 @@ def _empty_grid(world: World, resolution: float) -> Costmap:
     return Costmap(cost, resolution, frozen_array(world.bounds[:2]))
 
 
-# --- what is lethal --------------------------------------------------------------------
-
-
-def _fill_polygons(grid: Costmap, polygons: Iterable[Array]) -> None:
-    for polygon in polygons:
-        _fill_polygon(grid.cost, (polygon - grid.origin) / grid.resolution)
-
-
-def _fill_discs(grid: Costmap, centers: Array, radius: float) -> None:
-    for center in (centers - grid.origin) / grid.resolution:
-        _fill_disc(grid.cost, center[0], center[1], radius / grid.resolution)
-
-
-@njit(cache=True)
-def _fill_polygon(cost: ByteArray, polygon: Array) -> None:  # pragma: no cover - compiled
-    """Mark every closed cell that meets the closed polygon ``(V, 2)``, x and y in cells."""
-    rows, cols = cost.shape
-    corners = len(polygon)
-    low, high = polygon[0, 1], polygon[0, 1]
-    for i in range(corners):
-        low, high = min(low, polygon[i, 1]), max(high, polygon[i, 1])
-        x1, y1 = polygon[i - 1, 0], polygon[i - 1, 1]
-        _fill_segment(cost, x1, y1, polygon[i, 0], polygon[i, 1])
-    first = max(0, math.floor(low - TOUCH))
-    last = min(rows - 1, math.floor(high + TOUCH))
-    crossing = np.empty(corners)
-    turn = np.empty(corners, np.int64)
-    for row in range(first, last + 1):
-        middle = row + 0.5
-        count = 0
-        for i in range(corners):
-            x1, y1, x2, y2 = polygon[i - 1, 0], polygon[i - 1, 1], polygon[i, 0], polygon[i, 1]
-            if (y1 <= middle) == (y2 <= middle):
-                continue
-            x = x1 + (middle - y1) / (y2 - y1) * (x2 - x1)
-            k = count
-            while k > 0 and crossing[k - 1] > x:
-                crossing[k] = crossing[k - 1]
-                turn[k] = turn[k - 1]
-                k -= 1
-            crossing[k] = x
-            turn[k] = 1 if y2 > y1 else -1
-            count += 1
-        winding = 0
-        for k in range(count - 1):
-            winding += turn[k]
-            if winding == 0:
-                continue
-            start = max(0, math.ceil(crossing[k] - 0.5))
-            end = min(cols - 1, math.floor(crossing[k + 1] - 0.5))
-            for col in range(start, end + 1):
-                cost[row, col] = LETHAL
-
-
-@njit(cache=True)
-def _fill_segment(
-    cost: ByteArray, x1: float, y1: float, x2: float, y2: float
-) -> None:  # pragma: no cover - compiled
-    """Mark every closed cell that meets a segment, coordinates in cells."""
-    rows, cols = cost.shape
-    if y1 > y2:
-        x1, y1, x2, y2 = x2, y2, x1, y1
-    # A point on a grid line belongs to the cells on both sides of it.
-    first = max(0, math.ceil(y1 - TOUCH) - 1)
-    last = min(rows - 1, math.floor(y2 + TOUCH))
-    for row in range(first, last + 1):
-        low, high = x1, x2
-        if y2 - y1 > TOUCH:
-            low = x1 + (min(max(row - TOUCH, y1), y2) - y1) / (y2 - y1) * (x2 - x1)
-            high = x1 + (min(max(row + 1 + TOUCH, y1), y2) - y1) / (y2 - y1) * (x2 - x1)
-        if low > high:
-            low, high = high, low
-        start = max(0, math.ceil(low - TOUCH) - 1)
-        end = min(cols - 1, math.floor(high + TOUCH))
-        for col in range(start, end + 1):
-            cost[row, col] = LETHAL
-
-
-@njit(cache=True)
-def _fill_disc(cost: ByteArray, x: float, y: float, radius: float) -> None:  # pragma: no cover
-    """Mark every closed cell that meets the closed disc, lengths in cells."""
-    rows, cols = cost.shape
-    reach = radius + TOUCH
-    for row in range(max(0, math.floor(y - reach) - 1), min(rows, math.floor(y + reach) + 2)):
-        dy = max(row - y, y - (row + 1), 0.0)
-        for col in range(max(0, math.floor(x - reach) - 1), min(cols, math.floor(x + reach) + 2)):
-            dx = max(col - x, x - (col + 1), 0.0)
-            if dx * dx + dy * dy <= reach * reach:
-                cost[row, col] = LETHAL
-
-
-# --- inflation -------------------------------------------------------------------------
+# --- prices of distances ---------------------------------------------------------------
 
 
 def _reach_squared(options: CostmapOptions) -> int:
@@ -311,68 +207,6 @@ def _costs_by_squared_distance(options: CostmapOptions) -> ByteArray:
     cost[0] = LETHAL
     cost[-1] = FREE  # stands for everything farther away
     return cost
-
-
-def _fill_costs(cost: ByteArray, window: Window, prices: ByteArray) -> None:
-    if window.row >= window.end_row or window.col >= window.end_col:
-        return  # wholly outside the grid
-    reach = math.isqrt(len(prices) - 2)
-    _fill_window(cost, window.row, window.end_row, window.col, window.end_col, prices, reach)
-
-
-@njit(cache=True)
-def _fill_window(
-    cost: ByteArray,
-    row: int,
-    end_row: int,
-    col: int,
-    end_col: int,
-    prices: ByteArray,
-    reach: int,
-) -> None:  # pragma: no cover - compiled
-    """Exact bounded Euclidean distance transform of a window, then distance to cost.
-
-    First the distance along the column to a lethal cell, then the smallest sum of squares
-    along the row; only lethal cells of ``cost`` are read.
-    """
-    rows, cols = cost.shape
-    top, bottom = min(rows, end_row + reach), max(0, row - reach)
-    left, right = max(0, col - reach), min(cols, end_col + reach)
-    width = right - left
-    far = np.int32(reach + 1)
-    along = np.empty((end_row - row, width), np.int32)
-    run = np.empty(width, np.int32)
-    for c in range(width):
-        run[c] = far
-    for r in range(bottom, end_row):
-        for c in range(width):
-            run[c] = 0 if cost[r, left + c] == LETHAL else min(run[c] + 1, far)
-            if r >= row:
-                along[r - row, c] = run[c]
-    for c in range(width):
-        run[c] = far
-    for r in range(top - 1, row - 1, -1):
-        for c in range(width):
-            run[c] = 0 if cost[r, left + c] == LETHAL else min(run[c] + 1, far)
-            if r < end_row:
-                along[r - row, c] = min(along[r - row, c], run[c])
-    beyond = np.int32(len(prices) - 1)
-    squared = np.empty(width + 2 * reach, np.int32)
-    for c in range(width + 2 * reach):
-        squared[c] = beyond
-    nearest = np.empty(end_col - col, np.int32)
-    shift = reach + col - left
-    for r in range(end_row - row):
-        for c in range(width):
-            squared[reach + c] = min(along[r, c] * along[r, c], beyond)
-        for c in range(end_col - col):
-            nearest[c] = beyond
-        for offset in range(-reach, reach + 1):
-            extra = np.int32(offset * offset)
-            for c in range(end_col - col):
-                nearest[c] = min(nearest[c], squared[shift + c + offset] + extra)
-        for c in range(end_col - col):
-            cost[row + r, col + c] = prices[nearest[c]]
 
 
 __all__ = ["BoundCostmap", "CostmapOptions", "LayeredCostmap", "Options", "build_costmap"]

@@ -19,6 +19,7 @@ from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.people.crowd import Crowd
+from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
@@ -28,11 +29,11 @@ from simulator_interface.staging import (
 )
 
 #: people need more room than a robot's disc; they see every object
-PEOPLES_MAP = Choice("layered", {"robot_radius": 0.3})
+PEOPLES_MAP = Choice("layered", {"robot_radius": PEOPLES_RADIUS})
 
 
 class _Localisation:
-    """Turns ground truth into what the stack is told."""
+    """Turns ground truth into the fleet state that the stack sees."""
 
     def __init__(self, world: World, human_radius: Array) -> None:
         robots = world.robots
@@ -46,7 +47,7 @@ class _Localisation:
         self._since = np.zeros(len(robots))
 
     def fleet(self, sensed: Sensed) -> FleetState:
-        """What the stack is told about ``sensed``."""
+        """Tell the stack about ``sensed``: poses with localisation noise, and rests."""
         fill_rest(sensed.pose, sensed.time, self._anchor, self._since)
         pose = sensed.pose
         if self._is_noisy:
@@ -86,7 +87,7 @@ class Episode:
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
     def _new_crowd(self) -> Crowd:
-        # People find their way on the true map, whatever the stack's own map leaves out.
+        # People plan on the true map, whatever the stack's own map leaves out.
         true_map = registry.build("costmap", PEOPLES_MAP).bind(self.world)
         model = registry.build("human_model", self.config.human_model)
         planner = registry.build("planner", StackConfig().planner)
@@ -130,13 +131,13 @@ class Episode:
         return blockage
 
     def replace_person(self, person: int, spec: HumanSpec) -> None:
-        """Let somebody new take the place of a person who never appeared."""
+        """Replace a person who has not appeared yet."""
         self._check_stage()
         self.crowd.replace_person(person, spec)
         self.world = self.crowd.world
 
     def frames(self) -> Generator[Frame, None, None]:
-        """Frames from time 0 on, for as long as they are asked for."""
+        """Yield frames from time 0 on, without end."""
         try:
             human_position = self.crowd.start()
             sensed = self._engine.start(self.world, self.dt, human_position)
@@ -162,10 +163,10 @@ class Episode:
             self._engine.close()
 
     def swap(self, config: StackConfig) -> None:
-        """Let another stack go on from the same memory; to be called between two frames.
+        """Let another stack continue from the same memory; call it between two frames.
 
-        Everything but engine, people and control rate may differ. The controller starts anew if
-        it is another one; all other layers keep their memory in the stack's state.
+        Everything but engine, people and control rate may differ. A controller that differs
+        starts anew; all other layers keep their memory in the stack's state.
         """
         assert self.state is not None, "the episode has not begun"
         source = self._source
@@ -179,7 +180,7 @@ class Episode:
         self.config, self._source = config, source
 
     def forget_events(self) -> None:
-        """From now on nothing new comes from outside; to be called between two frames.
+        """Let nothing new come from outside any more; call it between two frames.
 
         No task arrives any more, and no blockage or outage begins. Engines and costmap sources
         that are not :class:`~simulator_interface.staging.ForgettingPart` keep theirs.
@@ -198,9 +199,9 @@ class Episode:
         return isinstance(self._engine, RemovingEngine)
 
     def remove(self, robot: int) -> None:
-        """Take a robot out of the building; to be called between two frames.
+        """Take a robot out of the building; call it between two frames.
 
-        The stack sees it far outside the map, standing, with all that follows from that.
+        The stack sees it stand far outside the map.
         """
         assert isinstance(self._engine, RemovingEngine)
         self._engine.remove(robot)
@@ -214,9 +215,9 @@ class Episode:
         return Command(twist=twist)
 
     def _as_staged(self, sensed: Sensed) -> Sensed:
-        """``sensed`` with what the crowd knows: who is gone, and where furniture stands."""
-        errands = self.crowd.errands
-        things = errands.furnishings
+        """Add what the crowd knows: people who have left, and where furniture stands."""
+        player = self.crowd.player
+        things = player.furnishings
         if things.pieces:
             resting = things.at_rest(sensed.time)
             if resting != self._resting:
@@ -224,13 +225,13 @@ class Episode:
                 assert isinstance(self._source, StagedSource)
                 self._source.furnish(tuple(things.outline(k) for k in resting))
             sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
-        if all(errands.inside.tolist()):
+        if all(player.inside.tolist()):
             return sensed
-        position = np.where(errands.inside[:, None], sensed.human_position, np.nan)
+        position = np.where(player.inside[:, None], sensed.human_position, np.nan)
         return dataclasses.replace(sensed, human_position=position)
 
     def _without_absent(self, sensed: Sensed) -> Sensed:
-        """What can be perceived: people who are not in the building are nowhere."""
+        """Leave out the people who are not in the building."""
         if not self.world.humans:
             return sensed
         present = self.crowd.present(sensed.time)
@@ -241,5 +242,5 @@ class Episode:
 
     @property
     def all_done(self) -> bool:
-        """Whether every task is delivered and none is to come."""
+        """Whether every task is delivered and no other can arrive."""
         return self.state is not None and self.stack.all_done(self.state)

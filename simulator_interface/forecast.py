@@ -1,8 +1,8 @@
-"""What would come of an episode if nothing more happened from outside?
+"""Forecasts: what specifications see in a continuation of an episode.
 
-The answer is found by going on with a copy of the episode (see :mod:`forking`) in which no
-task arrives any more and no blockage or outage begins. Those in force run their course, and
-people go on with what they do. One robot may be taken away, to see whom it holds up.
+A continuation is a fork (see :mod:`.forking`) in which no task arrives any more and no blockage
+or outage begins. Those in force run their course, and people continue their routes and scripts.
+In a counterfactual one robot is taken away as well, to see which others it holds up.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from simulator_interface.episode import Episode
 
 
 class EpisodeForecast:
-    """Forecasts of one episode, from the frame it has come to (see ``core.protocols.Forecast``).
+    """Forecasts of one episode from its last frame (see ``core.protocols.Forecast``).
 
     Args:
         episode: in progress.
-        frames: its frames, at the last of which a forecast begins.
+        frames: its frames; a forecast begins at the last one.
     """
 
     def __init__(self, episode: Episode, frames: Iterator[Frame]) -> None:
@@ -31,10 +31,10 @@ class EpisodeForecast:
         self._frames = frames
 
     def __call__(self, watch: Watch, *, without: int = -1) -> dict[str, Any] | None:
-        """What ``watch`` sees in a copy of the run.
+        """Show a continuation to ``watch``.
 
         Args:
-            watch: is shown every frame from the next one on until it has seen enough.
+            watch: sees every frame from the next one on until it has seen enough.
             without: a robot that is taken away, -1: none.
 
         Returns:
@@ -55,19 +55,19 @@ class EpisodeForecast:
                 if watch.update(frame):
                     break
                 if os.getppid() != parent:
-                    raise HarnessError("the process that asked has ended")
+                    raise HarnessError("the process that forked it has ended")
             return watch.answer()
 
-        answer: dict[str, Any] = forking.answer_of_a_copy(run)
+        answer: dict[str, Any] = forking.run_in_copy(run)
         return answer
 
 
 def offer_forecasts(
     specifications: Iterable[object], episode: Episode, frames: Iterator[Frame]
 ) -> None:
-    """Offer forecasts of an episode to the specifications that want them, if there can be any.
+    """Offer forecasts of an episode to the specifications that use them.
 
-    There are none on a system that does not copy processes safely, and none with a window open.
+    None are offered where processes cannot be forked safely, or with a window open.
     """
     if not forking.can_fork() or episode.config.engine.options.get("gui", False):
         return

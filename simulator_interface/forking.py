@@ -1,7 +1,7 @@
-"""Asking a copy of this process: what would come of it?
+"""Forks of this process, in which an episode can be continued and thrown away.
 
-A copy made by ``os.fork`` shares nothing with the original but its past, so an episode can be
-tried out from any moment on, physics included, and is as it was afterwards.
+A copy made by ``os.fork`` shares nothing with the original but its past. So an episode can be
+continued from any moment, physics included, and the original stays as it was.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from mrta_falsify.core.errors import HarnessError
 
 
 def can_fork() -> bool:
-    """Whether this system copies a process safely in mid-run."""
+    """Whether this system forks a process safely in mid-run."""
     return sys.platform == "linux"
 
 
-def answer_of_a_copy(run: Callable[[], Any]) -> Any:
-    """``run()`` in a copy of this process.
+def run_in_copy(run: Callable[[], Any]) -> Any:
+    """Run something in a copy of this process.
 
     Args:
-        run: gives JSON-shaped data.
+        run: returns JSON-shaped data.
 
     Returns:
-        What ``run`` gave.
+        What ``run`` returned.
 
     Raises:
         HarnessError: the copy failed; with the last line of its traceback.

@@ -41,7 +41,7 @@ class _Builder:
         self.parts: list[trimesh.Trimesh] = []
 
     def box(self, low: Corner, high: Corner) -> None:
-        """A box between two corners, given as shares: x, y in [-1, 1], z in [0, 1]."""
+        """Add a box between two corners, given as shares: x, y in [-1, 1], z in [0, 1]."""
         scale = np.array([self.x, self.y, self.z])
         first, last = np.array(low) * scale, np.array(high) * scale
         part = trimesh.creation.box(extents=last - first)
@@ -49,12 +49,12 @@ class _Builder:
         self.parts.append(part)
 
     def board(self, low: tuple[float, float], high: tuple[float, float], top: float) -> None:
-        """A level board whose upper face is at the share ``top`` of the height."""
+        """Add a level board whose upper face is at the share ``top`` of the height."""
         thickness = min(BOARD / self.z, top)
         self.box((*low, top - thickness), (*high, top))
 
     def pole(self, x: float, y: float, low: float, high: float, diameter: float = TUBE) -> None:
-        """An upright cylinder; its place is kept a radius away from the box's sides."""
+        """Add an upright cylinder; it is kept a radius away from the box's sides."""
         radius = min(diameter / 2.0, self.x, self.y)
         part = trimesh.creation.cylinder(
             radius=radius, height=(high - low) * self.z, sections=SIDES
@@ -64,13 +64,13 @@ class _Builder:
         self.parts.append(part)
 
     def legs(self, top: float, inset: float = 1.0) -> None:
-        """Four legs up to the share ``top`` of the height."""
+        """Add four legs up to the share ``top`` of the height."""
         for x in (-inset, inset):
             for y in (-inset, inset):
                 self.pole(x, y, 0.0, top)
 
     def wheel(self, x: float, y: float, radius: float, width: float) -> None:
-        """A wheel that stands on the floor and rolls along x."""
+        """Add a wheel that stands on the floor and rolls along x."""
         radius = min(radius, self.x, self.z / 2.0)
         part = trimesh.creation.cylinder(radius=radius, height=width, sections=SIDES)
         part.apply_transform(UPRIGHT_TO_SIDEWAYS)
@@ -230,12 +230,12 @@ _SHAPES: dict[str, Callable[[_Builder], None]] = {
 
 
 def mesh_names() -> tuple[str, ...]:
-    """Names that :func:`build_mesh` knows."""
+    """List the names that :func:`build_mesh` knows."""
     return tuple(sorted(_SHAPES))
 
 
 def build_mesh(name: str, *, length: float, width: float, height: float) -> Mesh:
-    """Shape of a piece of furniture.
+    """Build the shape of a piece of furniture.
 
     Args:
         name: one of :func:`mesh_names`.

@@ -1,6 +1,6 @@
-"""The tick loop: engine and stack exchange values until the episode ends.
+"""Run an episode to its end: frames, trace, verdicts and counts.
 
-``episode`` yields one :class:`Frame` per control tick; ``simulate`` folds the frames into a
+``frames_of`` yields one :class:`Frame` per control tick; ``simulate`` folds the frames into a
 trace and verdicts. Both are functions of (world, configuration): same input, same digest.
 """
 
@@ -24,7 +24,7 @@ from simulator_interface.forecast import offer_forecasts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskCount:
-    """How the tasks fared."""
+    """Tasks by how they ended."""
 
     total: int
     completed: int
@@ -45,8 +45,8 @@ class Outcome:
     wall_s: float  #: measured; never part of a digest
 
 
-def episode(world: World, config: StackConfig) -> Iterator[Frame]:
-    """Frames of an episode until all tasks are done or the horizon is reached.
+def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
+    """Run an episode until all tasks are done or the horizon is reached.
 
     Args:
         world: what to simulate.
@@ -106,10 +106,12 @@ def simulate(
         what was seen until then.
 
     Raises:
-        InputError: as in :func:`episode`.
+        InputError: as in :func:`frames_of`.
     """
     _check_unscripted(world)
-    running = Run(world, config, specifications=specifications, keep_trace=keep_trace, stop=stop)
+    running = EpisodeRun(
+        world, config, specifications=specifications, keep_trace=keep_trace, stop=stop
+    )
     per_second = config.control_rate
     try:
         while not running.ended:
@@ -123,11 +125,11 @@ def simulate(
     return running.outcome()
 
 
-class Run:
+class EpisodeRun:
     """One episode, recorded and judged tick by tick.
 
-    It is the one loop: :func:`simulate` drives it to its end, Scenic's simulation drives it
-    by a few ticks per time step. Close it whatever happens.
+    :func:`simulate` advances it to its end, Scenic's simulation by a few ticks per time step.
+    Close it whatever happens.
 
     Args:
         world: what to simulate.
@@ -137,7 +139,7 @@ class Run:
         stop: ends the episode at the first frame for which it returns a reason.
 
     Raises:
-        InputError: as in :func:`episode`.
+        InputError: as in :func:`frames_of`.
     """
 
     def __init__(
@@ -171,7 +173,7 @@ class Run:
         offer_forecasts(self._specifications, self.episode, self._frames)
 
     def advance(self) -> Frame:
-        """The next tick, recorded and judged; not to be asked for once the run has ended."""
+        """Run the next tick, recorded and judged; the run must not have ended."""
         frame = next(self._frames)
         self._recorder.add(frame)
         self._contacts.update(frame)
@@ -191,7 +193,7 @@ class Run:
         self._frames.close()
 
     def outcome(self) -> Outcome:
-        """What came of the run; call it once, at its end."""
+        """Sum up the run; call it once, at its end."""
         finished = 0
         if self.frame is not None and self.ended != "interrupted":
             finished = int((self.frame.intent.tasks_left == 0).sum())

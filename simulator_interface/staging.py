@@ -1,7 +1,7 @@
-"""What changes in the building by people's hands while an episode runs.
+"""What people change in the building while an episode runs.
 
-People come and go, furniture is pushed, things are put down. The crowd decides it, the
-engine and the costmaps carry it out; components that cannot are refused before the start.
+People come and go, push furniture and put things down. The crowd decides it; the engine and the
+costmaps carry it out. Components that cannot are refused before the start.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
 
 Event = TypeVar("Event", bound=Blockage | CommsOutage)
 
-FOR_EVER = 1e9  # s; what is put down stays, and whose time is this never comes
+FAR_FUTURE = 1e9  # s; what ends then stays, what begins then never comes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stage:
-    """What the engine is told before a tick; H people, F movable pieces of furniture."""
+    """Changes that the engine takes in before a tick; H people, F movable pieces of furniture."""
 
     inside: BoolArray  #: (H,) in the building as far as their directives go
     placed: Array  #: (H, 2) where people are put down before the tick [m], nan: they stay
@@ -38,7 +38,7 @@ class StagedEngine(Protocol):
     """An engine for worlds in which people come, go and push."""
 
     def arrange(self, stage: Stage) -> None:
-        """Take up ``stage``; called between two steps, and only if something changed."""
+        """Take in ``stage``; called between two steps, and only if something changed."""
 
 
 @runtime_checkable
@@ -46,18 +46,18 @@ class StagedSource(Protocol):
     """A costmap source for such worlds."""
 
     def furnish(self, outlines: tuple[Array, ...]) -> None:
-        """Movable furniture at rest, outlines ``(V, 2)`` [m], that is on the map from now on."""
+        """Show movable furniture at rest, outlines ``(V, 2)`` [m], from now on."""
 
     def add_blockage(self, blockage: Blockage) -> None:
-        """Something put down while the episode runs."""
+        """Add a blockage that is put down while the episode runs."""
 
 
 @runtime_checkable
 class ForgettingPart(Protocol):
-    """An engine or a costmap source that can leave out what is to come."""
+    """An engine or a costmap source that can leave out later events."""
 
     def forget_after(self, time: float) -> None:
-        """No blockage that starts after ``time`` [s] will ever stand."""
+        """Leave out all blockages that start after ``time`` [s]."""
 
 
 @runtime_checkable
@@ -65,7 +65,7 @@ class RemovingEngine(Protocol):
     """An engine that can take a robot out of the building."""
 
     def remove(self, robot: int) -> None:
-        """From now on ``robot`` is far outside the map and in nobody's way."""
+        """Put ``robot`` far outside the map, in no other robot's way."""
 
 
 def needs_stage(world: World) -> bool:
@@ -74,15 +74,17 @@ def needs_stage(world: World) -> bool:
 
 
 def without_later(events: Iterable[Event], time: float) -> list[Event]:
-    """``events``, but those that begin after ``time`` [s] never do; numbers stay the same."""
+    """Postpone events that begin after ``time`` [s] beyond any episode; numbers stay the same."""
     return [
-        dataclasses.replace(event, start=FOR_EVER, end=FOR_EVER) if event.start > time else event
+        dataclasses.replace(event, start=FAR_FUTURE, end=FAR_FUTURE)
+        if event.start > time
+        else event
         for event in events
     ]
 
 
 def first_inside(world: World) -> BoolArray:
-    """Who ``(H,)`` is inside at time 0, as far as the directives go."""
+    """Say which people ``(H,)`` are inside at time 0, as far as the directives go."""
     return np.array([not begins_outside(h.directives) for h in world.humans], dtype=np.bool_)
 
 
@@ -98,12 +100,12 @@ class Piece:
     half_width: float  #: [m]
 
     def at(self, pose: Array) -> Array:
-        """Outline ``(V, 2)`` [m] at a pose ``(3,)``: centre, and turn since the start."""
+        """Place the outline ``(V, 2)`` [m] at a pose ``(3,)``: centre, and turn since the start."""
         return transform(self.outline, pose)
 
 
 def pieces_of(world: World) -> tuple[Piece, ...]:
-    """The movable furniture of a world."""
+    """List the movable furniture of a world."""
     pieces = []
     for item in world.movable_furniture():
         polygon, center = np.asarray(item.polygon), item.center
@@ -120,5 +122,5 @@ def pieces_of(world: World) -> tuple[Piece, ...]:
 
 
 def first_poses(pieces: tuple[Piece, ...]) -> Array:
-    """Poses ``(F, 3)`` of movable furniture at the start."""
+    """List the poses ``(F, 3)`` of movable furniture at the start."""
     return np.array([(*piece.center, 0.0) for piece in pieces]).reshape(-1, 3)

@@ -1,4 +1,7 @@
-"""Whether a world can begin: every robot on free floor, none inside another."""
+"""Whether the robots of a world can begin: discs on free floor, none inside another.
+
+The engines check the footprints as well (:func:`.engines.bodies.check_start_footprints`).
+"""
 
 from __future__ import annotations
 
@@ -8,51 +11,70 @@ import numpy as np
 from shapely import STRtree
 from shapely.geometry import Point, Polygon
 
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.world import Blockage, World
+from mrta_falsify.core.world import Blockage, RobotSpec, World
 
 
 def check_starts(world: World) -> None:
-    """Refuse a world in which a robot's start is taken.
+    """Refuse a world in which the disc of a robot's start is not free.
 
-    The start is taken if a disc of the robot's radius there leaves the bounds, meets a
+    It is not free if a disc of the robot's radius there leaves the bounds, meets a
     wall, furniture or a blockage that stands when the robot joins, or meets the disc of
     another robot.
 
     Raises:
         WorldError: the first such robot, with the place and what is in the way.
     """
-    x_min, y_min, x_max, y_max = world.bounds
-    solids = [
+    solids = named_solids(world)
+    tree = STRtree([Polygon(polygon) for _, polygon in solids])
+    for i, robot in enumerate(world.robots):
+        x, y = float(robot.pose[0]), float(robot.pose[1])
+        given = f"robots[{i}].pose of {robot.name} is ({x:g}, {y:g}) m"
+        _check_within_bounds(world, x, y, given)
+        point = Point(x, y)
+        hits = tree.query(point, predicate="dwithin", distance=robot.radius)
+        blocked = [solids[int(hit)][0] for hit in sorted(hits)]
+        blocked += _blockages_met(world, robot, point)
+        if blocked:
+            raise WorldError(
+                f"{given}; it must keep its radius of {robot.radius:g} m clear of {blocked[0]}"
+            )
+    _check_apart(world)
+
+
+def named_solids(world: World) -> list[tuple[str, Array]]:
+    """List walls and furniture: the name in messages and the outline ``(V, 2)`` [m]."""
+    return [
         *((f"walls[{i}] ({wall.name})", wall.polygon) for i, wall in enumerate(world.walls)),
         *(
             (f"furniture[{i}] ({item.name})", item.polygon)
             for i, item in enumerate(world.furniture)
         ),
     ]
-    tree = STRtree([Polygon(polygon) for _, polygon in solids])
-    for i, robot in enumerate(world.robots):
-        x, y = float(robot.pose[0]), float(robot.pose[1])
-        given = f"robots[{i}].pose of {robot.name} is ({x:g}, {y:g}) m"
-        if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            raise WorldError(
-                f"{given}; it must lie within bounds, x {x_min:g} to {x_max:g} m and "
-                f"y {y_min:g} to {y_max:g} m"
-            )
-        point = Point(x, y)
-        hits = tree.query(point, predicate="dwithin", distance=robot.radius)
-        blocked = [solids[int(hit)][0] for hit in sorted(hits)]
-        blocked += [
-            f"events[{j}] ({event.name})"
-            for j, event in enumerate(world.events)
-            if isinstance(event, Blockage)
-            and event.start <= robot.joins_at < event.end
-            and Polygon(event.polygon).distance(point) <= robot.radius
-        ]
-        if blocked:
-            raise WorldError(
-                f"{given}; it must keep its radius of {robot.radius:g} m clear of {blocked[0]}"
-            )
+
+
+def _check_within_bounds(world: World, x: float, y: float, given: str) -> None:
+    x_min, y_min, x_max, y_max = world.bounds
+    if not (x_min <= x <= x_max and y_min <= y <= y_max):
+        raise WorldError(
+            f"{given}; it must lie within bounds, x {x_min:g} to {x_max:g} m and "
+            f"y {y_min:g} to {y_max:g} m"
+        )
+
+
+def _blockages_met(world: World, robot: RobotSpec, point: Point) -> list[str]:
+    """Names of the blockages on a robot's disc when it joins."""
+    return [
+        f"events[{j}] ({event.name})"
+        for j, event in enumerate(world.events)
+        if isinstance(event, Blockage)
+        and event.start <= robot.joins_at < event.end
+        and Polygon(event.polygon).distance(point) <= robot.radius
+    ]
+
+
+def _check_apart(world: World) -> None:
     for (i, one), (j, other) in itertools.combinations(enumerate(world.robots), 2):
         gap = float(np.hypot(*(one.pose[:2] - other.pose[:2])))
         if gap < one.radius + other.radius:

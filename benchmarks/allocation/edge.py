@@ -23,7 +23,7 @@ from benchmarks.allocation.second_opinion import can_be_covered
 from mrta_falsify.core.allocation_problem import AllocationProblem
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.verification import verify
-from simulator_interface.formats.smrta import Case, read_case, read_travel_times
+from simulator_interface.formats.smrta import SmrtaCase, read_case, read_travel_times
 
 EXACT = Exact(ExactOptions(improvement_steps=0, fewest_lost=False))
 SMT_RESOURCES = 8_000_000  # of z3, about 3 to 10 s of CPU
@@ -59,17 +59,17 @@ def probe(name: str, problem: AllocationProblem) -> Probe:
 # --- instances ---------------------------------------------------------------------------------
 
 
-def scaled(case: Case, times, share: float) -> AllocationProblem:
+def scaled(case: SmrtaCase, times, share: float) -> AllocationProblem:
     return batch_problem(case, times, deadline=lambda deadline: int(share * deadline))
 
 
-def common(case: Case, times, seconds: float) -> AllocationProblem:
+def common(case: SmrtaCase, times, seconds: float) -> AllocationProblem:
     return batch_problem(case, times, deadline=lambda deadline: int(seconds))
 
 
-def part_of(case: Case, tasks: int, robots: int) -> Case:
+def part_of(case: SmrtaCase, tasks: int, robots: int) -> SmrtaCase:
     """The first tasks and robots of a file with one batch."""
-    return Case(
+    return SmrtaCase(
         rooms=case.rooms[:robots], arrivals=case.arrivals, batches=(case.batches[0][:tasks],)
     )
 

@@ -12,7 +12,7 @@ from mrta_falsify.core.allocation_problem import AllocationProblem, RobotPlan
 from mrta_falsify.core.seeding import stream as random_stream
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.stream import Batch, Stream
-from simulator_interface.formats.smrta import Case
+from simulator_interface.formats.smrta import SmrtaCase
 
 INSERTION = Insertion(InsertionOptions())
 IMPROVING = Insertion(InsertionOptions(improvement_steps=2000))
@@ -22,7 +22,7 @@ def family(path: Path) -> str:
     return path.stem.rpartition("_d_")[0] or path.stem.rpartition("-")[0]
 
 
-def batch_problem(case: Case, times, *, capacity=2, deadline=None) -> AllocationProblem:
+def batch_problem(case: SmrtaCase, times, *, capacity=2, deadline=None) -> AllocationProblem:
     """All tasks of a file as one batch; ``deadline`` maps old deadlines to new ones."""
     tasks = tuple(
         dataclasses.replace(task, deadline=deadline(task.deadline) if deadline else task.deadline)
@@ -47,7 +47,7 @@ def best_of(work, repeats=3):
     return min(ms for ms, _ in found), found[-1][1]
 
 
-def stream_ms(case: Case, times, allocator, *, capacity=2, delay=None, seed=0):
+def stream_ms(case: SmrtaCase, times, allocator, *, capacity=2, delay=None, seed=0):
     """CPU times [ms] per batch, times of re-plans, and the outcome."""
     stream = Stream(
         np.array(times),

@@ -41,7 +41,7 @@ from mrta_falsify.stack.allocation.objective import completion_bound, score
 from mrta_falsify.stack.allocation.proving import Prover
 from mrta_falsify.stack.allocation.timing import closed_travel_times
 from mrta_falsify.stack.allocation.verification import verify
-from simulator_interface.formats.smrta import Case, read_case, read_travel_times
+from simulator_interface.formats.smrta import SmrtaCase, read_case, read_travel_times
 
 
 def part_smrta(root: Path) -> dict:
@@ -115,7 +115,7 @@ def part_hard() -> dict:
     return {"single": summary(problems), "streams": table}
 
 
-def _case(data: dict) -> Case:
+def _case(data: dict) -> SmrtaCase:
     tasks, batches = 0, []
     for batch in data["tasks_stream"]:
         group = []
@@ -132,7 +132,7 @@ def _case(data: dict) -> Case:
             tasks += 1
         batches.append(tuple(group))
     arrivals = tuple(float(batch["arrival"]) for batch in data["tasks_stream"])
-    return Case(rooms=tuple(data["agents"]), arrivals=arrivals, batches=tuple(batches))
+    return SmrtaCase(rooms=tuple(data["agents"]), arrivals=arrivals, batches=tuple(batches))
 
 
 def part_smt(root: Path) -> dict:
@@ -168,7 +168,7 @@ def part_smt(root: Path) -> dict:
     }
 
 
-def big_case(robots=200, tasks=2000, batches=1, gap=80.0, slack=(170, 800)) -> Case:
+def big_case(robots=200, tasks=2000, batches=1, gap=80.0, slack=(170, 800)) -> SmrtaCase:
     random = random_stream(1, "benchmarks/allocation/big")
     times = travel_times(0)
     groups, number = [], 0
@@ -190,7 +190,9 @@ def big_case(robots=200, tasks=2000, batches=1, gap=80.0, slack=(170, 800)) -> C
             number += 1
         groups.append(tuple(group))
     rooms = tuple(int(room) for room in random.integers(len(times), size=robots))
-    return Case(rooms=rooms, arrivals=tuple(b * gap for b in range(batches)), batches=tuple(groups))
+    return SmrtaCase(
+        rooms=rooms, arrivals=tuple(b * gap for b in range(batches)), batches=tuple(groups)
+    )
 
 
 def part_scale() -> dict:
@@ -211,10 +213,12 @@ def part_scale() -> dict:
     return found
 
 
-def _all_open(case: Case) -> Case:
+def _all_open(case: SmrtaCase) -> SmrtaCase:
     """Everything is known at the start; 20 later reports come without new tasks."""
     later = tuple(30.0 * i for i in range(1, 21))
-    return Case(rooms=case.rooms, arrivals=(0.0, *later), batches=(*case.batches, *([()] * 20)))
+    return SmrtaCase(
+        rooms=case.rooms, arrivals=(0.0, *later), batches=(*case.batches, *([()] * 20))
+    )
 
 
 def part_late() -> dict:

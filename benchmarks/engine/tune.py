@@ -26,9 +26,10 @@ from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.world import RobotSpec, World
 from scenic_worlds.layouts import load_world
 from simulator_interface.engines import gaps
-from simulator_interface.engines.bodies import ROBOTS
 from simulator_interface.engines.bullet import BulletEngine
+from simulator_interface.engines.bullet_client import ROBOT, SOLID
 from simulator_interface.engines.kinematic import KinematicEngine
+from simulator_interface.engines.robot_models import ROBOTS
 
 DT = 0.05
 CIRCLE = (0.3, 0.0, 0.9)
@@ -55,20 +56,24 @@ SPHERE, CYLINDER = '<sphere radius="0.033"/>', '<cylinder radius="0.033" length=
 class ManyBodies(BulletEngine):
     """Each wall and piece of furniture is a body of its own."""
 
-    def _build_floor_and_solids(self, world: World) -> None:
-        super()._build_floor_and_solids(dataclasses.replace(world, walls=(), furniture=()))
+    def _build_solids(self, world: World) -> None:
         for solid in (*world.walls, *world.furniture):
-            self._column[self._add_solid([solid.polygon], [solid.height])] = gaps.STATIC
+            body = self._add_solid([solid.polygon], [solid.height])
+            self.client.column[body] = gaps.STATIC
+
+    def _add_solid(self, polygons: Sequence[Array], heights: Sequence[float]) -> int:
+        return self.client.add_solid(polygons, heights)
 
 
 class ManyHulls(ManyBodies):
     """The same, as convex hulls."""
 
     def _add_solid(self, polygons: Sequence[Array], heights: Sequence[float]) -> int:
+        call = self.client.call
         corners = [(x, y, z) for x, y in polygons[0] for z in (0.0, heights[0])]
-        shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners, **self._call)
-        body: int = pybullet.createMultiBody(0.0, shape, **self._call)
-        self._sort(body, -1, 2, 1)
+        shape = pybullet.createCollisionShape(pybullet.GEOM_MESH, vertices=corners, **call)
+        body: int = pybullet.createMultiBody(0.0, shape, **call)
+        self.client.collide(body, -1, SOLID, ROBOT)
         return body
 
 
@@ -162,7 +167,8 @@ def measure_tracking(setting: Setting, model: str) -> Tracking:
     engine = setting.engine(setting.engine.Options(**setting.options))
     nobody = np.zeros((0, 2))
     sensed = engine.start(world, DT, nobody)
-    engine._update_brakes = lambda velocity: None  # the brake would hide the creep
+    if isinstance(engine, BulletEngine):  # the brake would hide the creep
+        engine._robots.update_brakes = lambda *_: None
     worst, lags = np.zeros(2), []
     for seconds, v, w in COURSE:
         command = Command(twist=np.array([[v, 0.0, w]]))

@@ -30,7 +30,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.counterfactual import groups_of
 from mrta_falsify.specs.deadlock.progress_clock import Progress
 from simulator_interface.episode import Episode
-from simulator_interface.forking import answer_of_a_copy
+from simulator_interface.forking import run_in_copy
 
 CONTINUE = 600.0  # s
 FREE_WITHIN = 120.0  # s in which the rest must go free once a member is gone
@@ -212,7 +212,7 @@ class _Forks:
                 "ended": time,
             }
 
-        return _Fate(**answer_of_a_copy(run))
+        return _Fate(**run_in_copy(run))
 
     def without(self, gone: int, stuck: set[int]) -> set[int]:
         """Stuck robots that leave their place once ``gone`` has vanished."""
@@ -235,4 +235,4 @@ class _Forks:
                     break
             return {"freed": sorted(freed)}
 
-        return set(answer_of_a_copy(run)["freed"])
+        return set(run_in_copy(run)["freed"])

@@ -116,8 +116,8 @@ def find_faces(world: World, grid: Costmap) -> Faces:
         ys = grid.origin[1] + (np.arange(rows) + 0.5) * grid.resolution + ASIDE
         xs = grid.origin[0] + (np.arange(cols) + 0.5) * grid.resolution + ASIDE
         return Faces(
-            _hits(engine._client, ys, float(low[0]), float(high[0]), axis=0),
-            _hits(engine._client, xs, float(low[1]), float(high[1]), axis=1),
+            _hits(engine.client.number, ys, float(low[0]), float(high[0]), axis=0),
+            _hits(engine.client.number, xs, float(low[1]), float(high[1]), axis=1),
         )
     finally:
         engine.close()

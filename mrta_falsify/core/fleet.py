@@ -13,6 +13,8 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 
+PARKED_AFTER = 5.0  #: s at rest, after which engines and stack treat a robot as an obstacle
+
 
 class Phase(enum.IntEnum):
     """What a robot is doing, as its stack says."""

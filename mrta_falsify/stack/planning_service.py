@@ -9,6 +9,7 @@ from numba import njit
 
 from mrta_falsify.core.arrays import Array, ByteArray
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.fleet import PARKED_AFTER
 from mrta_falsify.core.polyline import point_ahead, project_on_path
 from mrta_falsify.core.protocols import CostmapSource, Planner
 
@@ -17,7 +18,6 @@ ROOM_REACHED = 0.3  # m, MRTA-Sim
 SPOT_REACHED = 0.2  # m
 OFF_PATH = 0.5  # m beside the path: plan again
 RETRY = 2.0  # s between plans that fail, and while a robot is stuck
-PARKED_AFTER = 5.0  # s at rest: an obstacle for the others
 PARKED_MOVED = 0.3  # m, more than six times a localisation error of 0.05 m
 BESIDE_SELF = 0.5  # m of the path's beginning that are not checked: the robot is there already
 NO_POINTS = np.zeros((0, 2))

@@ -15,7 +15,7 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, HarnessError
 from mrta_falsify.stack.allocation.stream import Batch, Stream, run_stream
 from simulator_interface.formats.smrta import (
-    Case,
+    SmrtaCase,
     read_case,
     read_travel_times,
     smrta_plan,
@@ -30,7 +30,7 @@ MOST_CAPACITY = 1000
 class Answer:
     """A plan for a whole task file, checked."""
 
-    case: Case
+    case: SmrtaCase
     allocation: Allocation  #: tasks by their position in the file
     smrta: dict[str, Any]  #: the same plan as SMrTa would give it
     shortened: int  #: travel times that had to be closed

@@ -18,7 +18,7 @@ from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
 from simulator_interface.engines.actuation import Actuation, slipping
-from simulator_interface.engines.bodies import check_starts, gather_fleet, outside
+from simulator_interface.engines.bodies import check_start_footprints, gather_fleet, outside
 from simulator_interface.engines.gaps import (
     blocks_gap,
     place_outline,
@@ -28,15 +28,11 @@ from simulator_interface.engines.gaps import (
 )
 from simulator_interface.engines.rays import EdgeGrid
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
+from simulator_interface.engines.substeps import count_substeps
 from simulator_interface.staging import Stage
 
 TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds nobody
 HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
-
-
-def count_substeps(dt: float, step_size: float) -> int:
-    """Sub-steps of at most ``step_size`` [s] in a control period ``dt`` [s]."""
-    return max(1, math.ceil(dt / step_size - 1e-9))
 
 
 class KinematicEngine:
@@ -60,7 +56,7 @@ class KinematicEngine:
             WorldError: a robot's start is taken.
             UnknownNameError: unknown robot model.
         """
-        check_starts(world)
+        check_start_footprints(world)
         fleet = gather_fleet(world.robots)
         self._fleet = fleet
         self._dt = dt

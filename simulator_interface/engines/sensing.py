@@ -9,14 +9,13 @@ import numpy as np
 from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.fleet import Sensed
+from mrta_falsify.core.fleet import PARKED_AFTER, Sensed
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Blockage, World
 from simulator_interface.engines import gaps, rays
 from simulator_interface.engines.bodies import Fleet
 from simulator_interface.staging import Stage, first_inside, first_poses, pieces_of, without_later
 
-PARKED_AFTER = 5.0  # s at rest, after which a robot counts as an obstacle (DESIGN.md)
 SWEEP = 3  # ticks until the rays point the same way again
 MOVED = 0.05  # m; a robot that stays within this of its place is at rest
 PUT_DOWN = 0.02  # m clear of everybody, before a blockage is put down

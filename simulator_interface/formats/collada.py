@@ -1,7 +1,7 @@
 """COLLADA meshes (``.dae``): positions and faces, as Gazebo's models have them.
 
-Reference: COLLADA 1.4.1 specification, Khronos Group 2008; Gazebo classic leaves
-``up_axis`` aside (gazebo-classic issue 1305), and so do models made for it.
+Reference: COLLADA 1.4.1 specification, Khronos Group 2008; Gazebo classic ignores
+``up_axis`` (gazebo-classic issue 1305), and so do models made for it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ MAX_NODES = 100_000
 
 
 def read_collada(path: Path) -> tuple[Array, IntArray]:
-    """Vertices ``(V, 3)`` [m] and triangles ``(F, 3)`` of a COLLADA file.
+    """Read vertices ``(V, 3)`` [m] and triangles ``(F, 3)`` of a COLLADA file.
 
-    ``up_axis`` is not looked at, as in Gazebo: what a node's matrix makes z is up.
+    ``up_axis`` is ignored, as in Gazebo: what a node's matrix makes z is up.
 
     Raises:
         FormatError: not such a file, or its numbers do not fit together.

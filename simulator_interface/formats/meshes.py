@@ -26,7 +26,7 @@ DETAIL = 0.005  # m, corners that matter less are dropped
 
 
 def read_mesh(path: Path) -> tuple[Array, IntArray]:
-    """Vertices ``(V, 3)`` and triangles ``(F, 3)`` of a mesh file; nothing else is read.
+    """Read vertices ``(V, 3)`` and triangles ``(F, 3)`` of a mesh file, and no other file.
 
     Raises:
         FormatError: not a kind that is read, too large, or broken.
@@ -56,7 +56,7 @@ def _loaded(path: Path, kind: str) -> tuple[Array, IntArray]:
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
     try:
-        # A stream without a resolver: materials and textures are not looked for.
+        # A stream without a resolver: materials and textures are not read.
         mesh: Any = trimesh.load(
             io.BytesIO(content), file_type=kind, force="mesh", process=False, skip_materials=True
         )
@@ -69,7 +69,7 @@ def _loaded(path: Path, kind: str) -> tuple[Array, IntArray]:
 
 
 def mesh_slab(vertices: Array, faces: IntArray, low: float, high: float) -> BaseGeometry:
-    """What a mesh fills between two heights, seen from above.
+    """Find what a mesh fills between two heights, seen from above.
 
     The union of sections at ``LEVELS`` heights. Closed sections are filled (even-odd), and
     every section has a skin, so that surfaces without a back are obstacles as well.

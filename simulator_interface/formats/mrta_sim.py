@@ -18,6 +18,7 @@ from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import HumanSpec, RobotSpec, Room, Task
+from simulator_interface.formats.task_entries import check_task_entry
 
 NEAR_ROOM = 1.0  # m; a robot this near a room point already stands in that room
 
@@ -81,7 +82,7 @@ class _Route:
 
 
 def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
-    """Tasks and start rooms of a testcase JSON (``tasks_stream``, ``agents``).
+    """Read tasks and start rooms of a testcase JSON (``tasks_stream``, ``agents``).
 
     Args:
         path: the file.
@@ -104,7 +105,7 @@ def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
     for b, batch in enumerate(parsed.tasks_stream):
         for t, entry in enumerate(batch.tasks):
             field = f"tasks_stream[{b}].tasks[{t}]"
-            _check_task(entry, batch.arrival, rooms, f"{path}: {field}")
+            check_task_entry(entry, batch.arrival, rooms, where=f"{path}: {field}")
             tasks.append(
                 Task(
                     arrival=batch.arrival,
@@ -121,19 +122,8 @@ def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
     return TaskStream(tasks=tuple(tasks), agents=parsed.agents)
 
 
-def _check_task(entry: _TaskEntry, arrival: float, rooms: int, where: str) -> None:
-    for field, room in (("start", entry.start), ("end", entry.end)):
-        if room >= rooms:
-            raise FormatError(f"{where}.{field} is room {room}; rooms are 0 to {rooms - 1}")
-    if entry.deadline < arrival:
-        raise FormatError(
-            f"{where}.deadline is {entry.deadline:g} s, before its arrival at {arrival:g} s; "
-            "deadlines are absolute times"
-        )
-
-
 def read_robot_setup(path: Path) -> tuple[RobotStart, ...]:
-    """Robot starts of a setup file, JSON or YAML: ``agents: {robot1: {start: [x, y]}}``.
+    """Read robot starts, JSON or YAML: ``agents: {robot1: {start: [x, y]}}``.
 
     A third number is the start yaw [rad]; without it the yaw is 0.
 
@@ -161,7 +151,7 @@ def read_robot_setup(path: Path) -> tuple[RobotStart, ...]:
 
 
 def read_human_routes(path: Path) -> tuple[HumanSpec, ...]:
-    """People of a waypoint YAML: ``actor1: [[x, y], [x, y], ...]`` in map metres.
+    """Read people of a waypoint YAML: ``actor1: [[x, y], [x, y], ...]`` in map metres.
 
     Raises:
         InputError: not such a file, or a route that is not a list of points.
@@ -190,7 +180,7 @@ def _read(path: Path) -> Any:
 def robots_at_rooms(
     robots: tuple[RobotSpec, ...], agents: tuple[int, ...], rooms: tuple[Room, ...]
 ) -> tuple[RobotSpec, ...]:
-    """One robot per entry of ``agents``, robot i in room ``agents[i]``.
+    """Place one robot per entry of ``agents``, robot i in room ``agents[i]``.
 
     A robot that already stands in its room keeps its pose, others move to the room point;
     missing robots are added with default properties, surplus ones left out.
@@ -222,7 +212,7 @@ def _free_name(index: int, robots: tuple[RobotSpec, ...]) -> str:
 def robots_from_setup(
     robots: tuple[RobotSpec, ...], starts: tuple[RobotStart, ...]
 ) -> tuple[RobotSpec, ...]:
-    """Robots of a setup file; one that ``robots`` knows by name keeps its other properties."""
+    """Place the robots of a setup file; known names keep their other properties."""
     known = {robot.name: robot for robot in robots}
     return tuple(
         dataclasses.replace(known[start.name], pose=start.pose)

@@ -27,9 +27,9 @@ NAMES = {
 def write_mrta_sim(world: World, costmap: Costmap, directory: Path) -> tuple[Path, ...]:
     """Write Gazebo world, robot setup, test case, people's waypoints and map.
 
-    MRTA-Sim counts in whole seconds: arrivals are rounded up, deadlines down. It knows no
-    service times, noise, outages or blockages that come and go; what of them the world has is
-    lost, and people begin at the first point of their route.
+    MRTA-Sim counts in whole seconds: arrivals are rounded up, deadlines down. It has no service
+    times, noise, outages or blockages that come and go: those of the world are lost. People
+    begin at the first point of their route.
 
     Args:
         world: what to write.
@@ -63,12 +63,12 @@ def write_mrta_sim(world: World, costmap: Costmap, directory: Path) -> tuple[Pat
 
 
 def robot_setup(world: World) -> dict[str, Any]:
-    """``agents: {NAME: {start: [x, y, yaw]}}``."""
+    """Make ``agents: {NAME: {start: [x, y, yaw]}}``."""
     return {"agents": {robot.name: {"start": robot.pose.tolist()} for robot in world.robots}}
 
 
 def task_stream(world: World) -> dict[str, Any]:
-    """``tasks_stream`` in order of arrival, and the room nearest to each robot."""
+    """Make ``tasks_stream`` in order of arrival, and the room nearest to each robot."""
     batches: dict[int, list[dict[str, int]]] = {}
     for task in sorted(world.tasks, key=lambda task: task.arrival):
         entry = {"start": task.start, "end": task.end, "deadline": math.floor(task.deadline)}

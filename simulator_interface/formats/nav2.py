@@ -64,7 +64,7 @@ class _Description:
 
 
 def occupancy_of(costmap: Costmap) -> OccupancyGrid:
-    """What Nav2 publishes for a costmap: 1-252 become 1-98, 253 99, 254 100, 255 -1."""
+    """Convert a costmap as Nav2 publishes it: 1-252 to 1-98, 253 to 99, 254 to 100, 255 to -1."""
     cost = np.arange(256)
     table = (1 + (97 * (cost - 1)) // 251).astype(np.int8)
     table[[FREE, INSCRIBED, LETHAL, UNKNOWN]] = [0, 99, 100, -1]
@@ -152,7 +152,7 @@ def _grey_levels(mode: Mode) -> ByteArray:
 
 
 def read_nav2_map(path: Path) -> OccupancyGrid:
-    """Occupancy grid from a Nav2 map.
+    """Read an occupancy grid from a Nav2 map.
 
     Args:
         path: the YAML file; its ``image`` is looked up beside it.
@@ -187,7 +187,7 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
 
 
 def walls_of_map(grid: OccupancyGrid, *, unknown_is_solid: bool = True) -> tuple[Wall, ...]:
-    """Outlines of the occupied cells of a map, as walls.
+    """Trace the occupied cells of a map as walls.
 
     Args:
         grid: the map; a value above ``OCCUPIED_THRESH`` is occupied.

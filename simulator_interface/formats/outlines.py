@@ -17,7 +17,7 @@ MAX_SPLITS = 20_000  # cuts through holes; a shape that needs more is not a floo
 
 
 def outlines(shape: BaseGeometry, *, smallest_hole: float = 0.0) -> list[Array]:
-    """Simple counter-clockwise outlines ``(V, 2)`` that together fill a shape.
+    """Cut a shape into simple counter-clockwise outlines ``(V, 2)`` that fill it.
 
     A part with holes is cut along lines through its holes, so that no piece has one.
 
@@ -62,7 +62,7 @@ def _without_small_holes(part: Polygon, smallest: float) -> Polygon:
 
 
 def merged_runs(cells: BoolArray) -> list[tuple[int, int, int, int]]:
-    """Rectangles that cover the true cells of ``(rows, cols)`` once.
+    """Cover the true cells of ``(rows, cols)`` once with rectangles.
 
     Returns:
         (left, right, low, high) column and row numbers, ends excluded: runs of cells that
@@ -87,7 +87,7 @@ def merged_runs(cells: BoolArray) -> list[tuple[int, int, int, int]]:
 def mask_outlines(
     cells: BoolArray, *, resolution: float, origin: Array, smallest_hole: float = 0.0
 ) -> list[Array]:
-    """Outlines of the true cells of a grid.
+    """Outline the true cells of a grid.
 
     Args:
         cells: ``(rows, cols)``, row 0 southernmost.

@@ -1,4 +1,4 @@
-"""A world as SDF for Gazebo: every solid an extruded outline, robots left to who spawns them."""
+"""A world as SDF for Gazebo: every solid an extruded outline, without robots."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def write_sdf(world: World, path: Path) -> None:
 
 
 def sdf_text(world: World) -> str:
-    """The SDF document of ``world``."""
+    """Make the SDF document of ``world``."""
     root = ET.Element("sdf", version=SDF_VERSION)
     name = _free_name(world.name, {"world"})  # which libsdformat reserves
     tree = ET.SubElement(root, "world", name=name)

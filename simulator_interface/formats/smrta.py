@@ -19,6 +19,7 @@ from mrta_falsify.core.allocation_problem import OpenTask, Stop
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError
+from simulator_interface.formats.task_entries import check_task_entry
 
 MOST_TASKS = 100_000  # of one file; the arrays of more would not fit a small machine
 MOST_ROBOTS = 10_000
@@ -27,7 +28,7 @@ UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class SmrtaCase:
     """A task file: start rooms of the robots, and batches of numbered tasks by arrival."""
 
     rooms: tuple[int, ...]  #: start room per robot
@@ -35,7 +36,7 @@ class Case:
     batches: tuple[tuple[OpenTask, ...], ...]  #: numbered through in the order of the file
 
     def position(self, number: int) -> tuple[int, int]:
-        """Batch and place in it of a task, both from 0."""
+        """Find the batch and the place in it of a task, both from 0."""
         for b, tasks in enumerate(self.batches):
             if number < len(tasks):
                 return b, number
@@ -66,8 +67,8 @@ class _Batch:
     tasks: tuple[dict[str, Any], ...]
 
 
-def read_case(path: Path, *, rooms: int) -> Case:
-    """Robots and batches of a task file (``tasks_stream``, ``agents``).
+def read_case(path: Path, *, rooms: int) -> SmrtaCase:
+    """Read robots and batches of a task file (``tasks_stream``, ``agents``).
 
     Args:
         path: the file.
@@ -83,7 +84,7 @@ def read_case(path: Path, *, rooms: int) -> Case:
     for field in ("tasks_stream", "agents"):
         if not isinstance(data.get(field), list):
             raise FormatError(
-                f"{path}: {field} is missing or no list; a task file reads "
+                f"{path}: {field} is missing or not a list; a task file reads "
                 '{"agents": [0, 3], "tasks_stream": [{"arrival": 0, "tasks": '
                 '[{"start": 1, "end": 4, "deadline": 200}]}]}'
             )
@@ -106,7 +107,7 @@ def read_case(path: Path, *, rooms: int) -> Case:
             number += 1
         arrivals.append(float(batch.arrival))
         batches.append(tuple(tasks))
-    return Case(rooms=start_rooms, arrivals=tuple(arrivals), batches=tuple(batches))
+    return SmrtaCase(rooms=start_rooms, arrivals=tuple(arrivals), batches=tuple(batches))
 
 
 def _check_size(path: Path, stream: list[Any]) -> None:
@@ -162,14 +163,7 @@ def _task(
         if key in seen:
             raise FormatError(f"{where}: id {name!r} was given to {seen[key]} already")
         seen[key] = where.rpartition(": ")[2]
-    for field, room in (("start", entry.start), ("end", entry.end)):
-        if room >= rooms:
-            raise FormatError(f"{where}.{field} is room {room}; rooms are 0 to {rooms - 1}")
-    if entry.deadline < arrival:
-        raise FormatError(
-            f"{where}.deadline is {entry.deadline} s, before its arrival at {arrival} s; "
-            "deadlines are absolute times"
-        )
+    check_task_entry(entry, arrival, rooms, where=where)
     return OpenTask(
         number=number,
         start=entry.start,
@@ -182,7 +176,7 @@ def _task(
 
 
 def read_travel_times(path: Path) -> TravelTable:
-    """Travel times of ``{units, rooms, statistic, travel_time}``, as ``travel-times`` writes it.
+    """Read ``{units, rooms, statistic, travel_time}``, as ``travel-times`` writes it.
 
     Times are rounded up to whole seconds and closed under shortest paths. They need not be
     symmetric.
@@ -236,8 +230,10 @@ def _closed(times: Array) -> Array:
 # --- output ------------------------------------------------------------------------------
 
 
-def smrta_plan(case: Case, itineraries: Sequence[Sequence[Stop]], travel: Array) -> dict[str, Any]:
-    """The plan as SMrTa's allocator returns it.
+def smrta_plan(
+    case: SmrtaCase, itineraries: Sequence[Sequence[Stop]], travel: Array
+) -> dict[str, Any]:
+    """Write a plan as SMrTa's allocator returns it.
 
     Action ids: ``i`` for robot i's start and "idle from here", ``n + 2 k`` and ``n + 2 k + 1``
     for pickup and drop of task k. Times are SMrTa's: the end of an action, one second of
@@ -283,7 +279,7 @@ def smrta_plan(case: Case, itineraries: Sequence[Sequence[Stop]], travel: Array)
     }
 
 
-def _by_batch(case: Case, values: Sequence[int]) -> list[list[int]]:
+def _by_batch(case: SmrtaCase, values: Sequence[int]) -> list[list[int]]:
     rows, first = [], 0
     for tasks in case.batches:
         rows.append(list(values[first : first + len(tasks)]))

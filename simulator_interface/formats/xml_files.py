@@ -15,14 +15,14 @@ Node = ElementTree.Element
 
 
 def read_xml(path: Path, root: str) -> Node:
-    """Root element of an XML file; namespaces are left out of the tags.
+    """Read the root element of an XML file; namespaces are left out of the tags.
 
     Args:
         path: the file.
         root: tag that the root element must have.
 
     Raises:
-        FormatError: it cannot be read, is no such file, or has a document type.
+        FormatError: it cannot be read, is not such a file, or has a document type.
     """
     try:
         size = path.stat().st_size
@@ -32,36 +32,44 @@ def read_xml(path: Path, root: str) -> Node:
         content = path.read_bytes()
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
-    builder = ElementTree.TreeBuilder()
-    depth = 0
-
-    def refuse(*_: object) -> None:
-        raise FormatError(f"{path}: has a document type or entities; remove the DOCTYPE part")
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > MAX_DEPTH:
-            raise FormatError(f"{path}: elements are nested deeper than {MAX_DEPTH}")
-        builder.start(tag.rpartition(":")[2], attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag.rpartition(":")[2])
-
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
+    builder = _GuardedBuilder(path)
     try:
-        parser.Parse(content, True)
+        found = builder.build(content)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise FormatError(f"{path}: is not valid XML: {error}") from None
-    found = builder.close()
     if found.tag != root:
         raise FormatError(f"{path}: its root element is <{found.tag}>; it must be <{root}>")
     return found
+
+
+class _GuardedBuilder:
+    """Builds elements, and refuses what untrusted files must not have."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._builder = ElementTree.TreeBuilder()
+        self._depth = 0
+
+    def build(self, content: bytes) -> Node:
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartDoctypeDeclHandler = self._refuse
+        parser.EntityDeclHandler = self._refuse
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._builder.data
+        parser.Parse(content, True)
+        return self._builder.close()
+
+    def _refuse(self, *_: object) -> None:
+        raise FormatError(f"{self._path}: has a document type or entities; remove the DOCTYPE part")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise FormatError(f"{self._path}: elements are nested deeper than {MAX_DEPTH}")
+        self._builder.start(tag.rpartition(":")[2], attributes)
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._builder.end(tag.rpartition(":")[2])

@@ -1,7 +1,7 @@
-"""People on their routes and errands: where each goes, and the model that moves them.
+"""People on their routes and scripts: where each goes, and the model that moves them.
 
 A route is a list of points; the way between two of them is planned on the costmap, so that
-nobody is sent through a bed. The model (social force by default) only sees the next point.
+no route leads through a bed. The model (social force by default) only sees the next point.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Sensed
 from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Planner
 from mrta_falsify.core.world import Blockage, HumanSpec, World
-from simulator_interface.people.pushing import Bystanders
-from simulator_interface.people.scripts import STANDS, Errand, Errands, Now
+from simulator_interface.engines.rays import polygon_edges
+from simulator_interface.people.margins import Bystanders
+from simulator_interface.people.scripts import STANDS, Now, Script, ScriptPlayer
 from simulator_interface.people.walking import Walker, Walking
 from simulator_interface.staging import Stage, StagedSource, without_later
 
@@ -33,10 +34,10 @@ class Crowd:
     planner: Planner
     source: CostmapSource
     dt: float  #: control period [s]
-    errands: Errands = field(init=False)
+    player: ScriptPlayer = field(init=False)  #: carries out the directives
     _walking: Walking = field(init=False)
     _walkers: list[Walker] = field(default_factory=list)
-    _at_work: dict[int, Errand | None] = field(default_factory=dict)  #: people with directives
+    _at_work: dict[int, Script | None] = field(default_factory=dict)  #: people with directives
     _edges: Array = field(default_factory=lambda: np.zeros((0, 4)))
     _drawn: Array = field(init=False)  #: (F, 3) furniture poses that ``_edges`` show
     _resting: tuple[int, ...] = ()
@@ -51,7 +52,7 @@ class Crowd:
 
     def __post_init__(self) -> None:
         self._walking = Walking(self.planner, self.source)
-        self.errands = Errands(self.world, self._walking, self.dt)
+        self.player = ScriptPlayer(self.world, self._walking, self.dt)
         self._robot_radius = np.array([robot.radius for robot in self.world.robots])
         self._read_people()
 
@@ -61,10 +62,10 @@ class Crowd:
         self._radius = np.array([human.radius for human in humans])
         self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
 
-    # --- what is done with the crowd -----------------------------------------------------------
+    # --- between two ticks -----------------------------------------------------------
 
     def start(self) -> Array:
-        """Start positions ``(H, 2)`` [m] of the people on their planned ways."""
+        """Plan the ways of all people, and return their start positions ``(H, 2)`` [m]."""
         self._furnish(0.0)
         self._walking.look(0.0)
         self._draw_edges(0.0)
@@ -73,8 +74,8 @@ class Crowd:
             positions[i], walker = self._begin(spec)
             self._walkers.append(walker)
             if spec.directives:
-                self._at_work[i] = Errand(spec.directives)
-        self._staged = (self.errands.inside, self.errands.furnishings.pose)
+                self._at_work[i] = Script(spec.directives)
+        self._staged = (self.player.inside, self.player.furnishings.pose)
         return positions
 
     def _begin(self, spec: HumanSpec) -> tuple[Array, Walker]:
@@ -83,59 +84,55 @@ class Crowd:
             return begin(spec.route[:1], repeat=False, speed=spec.speed, share=0.0)
         return begin(spec.route, repeat=spec.repeat, speed=spec.speed, share=spec.start)
 
-    def errand_of(self, person: int) -> Errand | None:
-        """What a person is at, None: a route, or nothing."""
+    def script_of(self, person: int) -> Script | None:
+        """Look up the script of a person, None: it follows a route, or does nothing."""
         return self._at_work.get(person)
 
-    def assign(self, person: int, errand: Errand | None) -> None:
-        """Give a person something else to do, None: stand. The old errand lets go."""
+    def assign(self, person: int, script: Script | None) -> None:
+        """Give a person something else to do, None: stand. The old script lets go."""
         before = self._at_work.get(person)
-        if before is not None and before is not errand:
+        if before is not None and before is not script:
             before.suspend()
-        self._at_work[person] = errand
+        self._at_work[person] = script
 
     def add_blockage(self, blockage: Blockage) -> None:
-        """Something that is put down while the episode runs; its start is still to come."""
+        """Add a blockage that is put down while the episode runs; it has not started yet."""
         self.world = dataclasses.replace(self.world, events=(*self.world.events, blockage))
         self._added += (blockage,)
         assert isinstance(self.source, StagedSource)
         self.source.add_blockage(blockage)
 
     def forget_after(self, time: float) -> None:
-        """No event that starts after ``time`` [s] happens any more."""
+        """Leave out all events that start after ``time`` [s]."""
         events = tuple(without_later(self.world.events, time))
         self.world = dataclasses.replace(self.world, events=events)
 
     def replace_person(self, person: int, spec: HumanSpec) -> None:
-        """Let somebody new take the place of a person who never appeared."""
+        """Replace a person who has not appeared yet."""
         humans = list(self.world.humans)
         humans[person] = spec
         self.world = dataclasses.replace(self.world, humans=tuple(humans))
         self._read_people()
-        self.errands.set_speed(person, spec.speed)
+        self.player.set_speed(person, spec.speed)
         self._walkers[person] = dataclasses.replace(self._walkers[person], speed=spec.speed)
-        self.assign(person, Errand(spec.directives))
+        self.assign(person, Script(spec.directives))
 
     def stage(self) -> Stage | None:
-        """What the engine must be told before the next tick, None: nothing."""
-        errands = self.errands
-        inside, pose = errands.inside, errands.furnishings.pose
+        """Make the stage for the engine's next tick, None: nothing has changed."""
+        inside, pose = self.player.inside, self.player.furnishings.pose
         known = self._staged
         if known is not None and known[0] is inside and known[1] is pose and not self._added:
             return None
         self._staged = (inside, pose)
         stage = Stage(
-            inside=errands.inside,
-            placed=errands.placed,
-            furniture_pose=errands.furnishings.pose,
-            added=self._added,
+            inside=inside, placed=self.player.placed, furniture_pose=pose, added=self._added
         )
         self._added = ()
         return stage
 
     def present(self, time: float) -> BoolArray:
-        """Who ``(H,)`` is in the building at ``time`` [s]."""
-        inside = self.errands.inside
+        """Say which people ``(H,)`` are in the building at ``time`` [s]."""
+        inside = self.player.inside
         if time != self._present_at or inside is not self._present_inside:
             self._present_at, self._present_inside = time, inside
             self._present = present_humans(self.world, time) & inside
@@ -144,44 +141,32 @@ class Crowd:
     # --- a tick ----------------------------------------------------------------------------------
 
     def velocities(self, sensed: Sensed) -> Array:
-        """Velocities ``(H, 2)`` [m/s] for the tick after ``sensed``."""
+        """Decide velocities ``(H, 2)`` [m/s] for the tick after ``sensed``."""
         if not self._walkers:
             return np.zeros((0, 2))
         self._look(sensed.time)
         position, present = sensed.human_position, self.present(sensed.time)
-        targets = np.empty_like(position)
+        target = np.empty_like(position)
         desired = np.empty(len(position))
         led: dict[int, Array] = {}
         if self._at_work:
-            self.errands.begin_tick()
-            position = position.copy()
-            now = self._now(sensed, position, present)
-            for i, errand in self._at_work.items():
-                step = self.errands.step(i, errand, now) if errand is not None else STANDS
-                targets[i] = position[i] if step.target is None else step.target
-                desired[i] = 0.0 if step.target is None else step.speed
-                if step.velocity is not None:
-                    led[i] = step.velocity
+            position = position.copy()  # a script that lets a person appear writes here
+            led = self._fill_scripted(target, desired, self._now(sensed, position, present))
         for i, walker in enumerate(self._walkers):
             if i not in self._at_work:
-                targets[i] = self._walking.target(walker, position[i], sensed.time)
+                target[i] = self._walking.target(walker, position[i], sensed.time)
                 desired[i] = walker.speed if len(walker.way) else 0.0
-        heading, forward, left = sensed.pose[:, 2], sensed.velocity[:, 0], sensed.velocity[:, 1]
-        cos, sin = np.cos(heading), np.sin(heading)
-        robot_velocity = np.empty((len(heading), 2))
-        robot_velocity[:, 0] = cos * forward - sin * left
-        robot_velocity[:, 1] = sin * forward + cos * left
         view = CrowdView(
             dt=self.dt,
             position=position,
             velocity=sensed.human_velocity,
-            target=targets,
+            target=target,
             desired_speed=desired,
             radius=self._radius,
             reacts_to_robots=self._reacts,
             present=present,
             robot_position=sensed.pose[:, :2],
-            robot_velocity=robot_velocity,
+            robot_velocity=_map_velocity(sensed),
             robot_radius=self._robot_radius,
             walls=self._edges,
         )
@@ -189,6 +174,22 @@ class Crowd:
         for i, exactly in led.items():
             velocity[i] = exactly
         return velocity
+
+    def _fill_scripted(self, target: Array, desired: Array, now: Now) -> dict[int, Array]:
+        """Write targets and speeds of the people with scripts.
+
+        Returns:
+            Exact velocities ``(2,)`` [m/s] of the people who are led, by number.
+        """
+        self.player.begin_tick()
+        led: dict[int, Array] = {}
+        for i, script in self._at_work.items():
+            step = self.player.step(i, script, now) if script is not None else STANDS
+            target[i] = now.around.person[i] if step.target is None else step.target
+            desired[i] = 0.0 if step.target is None else step.speed
+            if step.velocity is not None:
+                led[i] = step.velocity
+        return led
 
     def _now(self, sensed: Sensed, position: Array, present: BoolArray) -> Now:
         return Now(
@@ -199,26 +200,26 @@ class Crowd:
                 person=position,
                 person_radius=self._radius,
                 present=present,
-                blocks=_edges_of([b.polygon for b in _standing(self.world, sensed.time)]),
+                blocks=polygon_edges([b.polygon for b in _standing(self.world, sensed.time)]),
             ),
         )
 
     def _look(self, time: float) -> None:
-        """Take up the map and the solids of the moment."""
+        """Take in the map and the solids of the moment."""
         self._furnish(time)
-        pose = self.errands.furnishings.pose
+        pose = self.player.furnishings.pose
         moved = len(pose) > 0 and np.abs(pose - self._drawn).max() > REDRAWN
         if self._walking.look(time) or moved:
             self._draw_edges(time)
 
     def _draw_edges(self, time: float) -> None:
-        things = self.errands.furnishings
+        things = self.player.furnishings
         outlines = [things.outline(k) for k in range(len(things.pieces))]
         self._edges = solid_edges(self.world, time, outlines)
         self._drawn = things.pose
 
     def _furnish(self, time: float) -> None:
-        things = self.errands.furnishings
+        things = self.player.furnishings
         if not things.pieces:
             return
         resting = things.at_rest(time)
@@ -229,17 +230,17 @@ class Crowd:
 
 
 def present_humans(world: World, time: float) -> BoolArray:
-    """Which people ``(H,)`` may be in the building at ``time`` [s], whatever they do there."""
+    """Say which people ``(H,)`` may be in the building at ``time`` [s], apart from scripts."""
     return np.array([h.appears_at <= time < h.leaves_at for h in world.humans], dtype=np.bool_)
 
 
 def solid_edges(world: World, time: float, outlines: Sequence[Array] = ()) -> Array:
-    """Edges ``(S, 4)`` x1, y1, x2, y2 [m] of everything solid at ``time`` [s].
+    """List edges ``(S, 4)`` x1, y1, x2, y2 [m] of everything solid at ``time`` [s].
 
     ``outlines`` ``(V, 2)`` [m] are those of movable furniture.
     """
     blockages = (event.polygon for event in _standing(world, time))
-    return _edges_of([*world.solid_polygons(), *blockages, *outlines])
+    return polygon_edges([*world.solid_polygons(), *blockages, *outlines])
 
 
 def _standing(world: World, time: float) -> list[Blockage]:
@@ -250,7 +251,11 @@ def _standing(world: World, time: float) -> list[Blockage]:
     ]
 
 
-def _edges_of(polygons: Sequence[Array]) -> Array:
-    if not polygons:
-        return np.zeros((0, 4))
-    return np.concatenate([np.hstack([p, np.roll(p, -1, axis=0)]) for p in polygons])
+def _map_velocity(sensed: Sensed) -> Array:
+    """Velocities ``(N, 2)`` [m/s] of the robots, map frame."""
+    heading, forward, left = sensed.pose[:, 2], sensed.velocity[:, 0], sensed.velocity[:, 1]
+    cos, sin = np.cos(heading), np.sin(heading)
+    velocity = np.empty((len(heading), 2))
+    velocity[:, 0] = cos * forward - sin * left
+    velocity[:, 1] = sin * forward + cos * left
+    return velocity

@@ -1,8 +1,8 @@
-"""Pushing furniture: where each movable piece is, and how a person steers one.
+"""Pushing furniture: how a person steers a piece to its goal.
 
 The piece and the person at its end are one rigid body on swivel castors: its centre follows a
-planned way, the end that goes first is turned onto that way. A step that would bring it nearer
-than a hand's breadth to a robot, a person or a wall is not taken; others are tried instead.
+planned way, the end that goes first is turned onto that way. A move that would not keep its
+distances (:mod:`.margins`) is not made; others are tried instead.
 """
 
 from __future__ import annotations
@@ -14,74 +14,36 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.geometry import wrap_angle
 from mrta_falsify.core.world import World
-from simulator_interface.engines import rays
-from simulator_interface.engines.gaps import disc_clear, polygon_gap, polygon_point_gap, static_gap
-from simulator_interface.people.walking import Walker, Walking, ahead_on
-from simulator_interface.staging import Piece, first_poses, pieces_of
+from simulator_interface.people.furnishings import MOVED, Furnishings
+from simulator_interface.people.margins import Bystanders, Margins, PushMove
+from simulator_interface.people.walking import (
+    NO_WAY,
+    PEOPLES_RADIUS,
+    Walker,
+    Walking,
+    look_ahead,
+    way_length,
+)
 
 GRIP = 0.05  # m between the pushing person and the piece
 AT_HAND = 0.4  # m from the handle, from where the person steps straight to it
+AT_HANDLE = 1e-6  # m; nearer than this the person grips
 TOP_SPEED = 0.8  # m/s, of a person behind a bed; a free choice, slower than walking
 TURN_RATE = 0.5  # rad/s
 AIM = math.radians(60.0)  # off by more than this, the piece turns before it rolls
 STRIDE = 0.3  # m; the centre makes for the point of its way this far ahead
 CREEP = 0.4  # of its speed, when it must find its way past something
-BEHIND = math.radians(110.0)  # what lies farther round than this is reached the other way
+SIDESTEPS = (0.25, -0.25, 0.5, -0.5)  # of half a turn from the course, tried in this order
+BEHIND = math.radians(110.0)  # what lies farther round than this is reached by pulling
 ARRIVED = 0.1  # m from the goal
-ROBOT_MARGIN = 0.15  # m kept from robots' discs; a robot drives 0.075 m per tick
-PERSON_MARGIN = 0.05  # m
-WALL_MARGIN = 0.01  # m
 SHOVED = 0.05  # m; a person pushed off the handle by more goes back before going on
-PATIENCE = 20.0  # s without progress before a person leaves the piece where it is
-RESTED = 5.0  # s at rest, after which a piece is on the map again, as a parked robot is
-MOVED = 0.05  # m or rad; less is rest
+LEAVE_AFTER = 20.0  # s without progress before a person leaves the piece where it is
+APPROACH_LIMIT = 100.0  # s on the way to the handle before a person gives up
 WAY_MARGIN = 0.05  # m added to half the width of a piece when its way is planned
-PEOPLES_RADIUS = 0.3  # m; the way of last resort
-
-
-class Furnishings:
-    """Where the movable furniture of a world is, and what of it rests."""
-
-    def __init__(self, world: World) -> None:
-        self.pieces = pieces_of(world)
-        self.pose = first_poses(self.pieces)  #: (F, 3)
-        self._anchor = self.pose.copy()
-        self._since = np.full(len(self.pieces), -np.inf)
-
-    def number(self, name: str) -> int:
-        """Number of a piece by the name of its furniture."""
-        return [piece.item.name for piece in self.pieces].index(name)
-
-    def move(self, number: int, pose: Array, time: float) -> None:
-        """Put a piece somewhere at ``time`` [s]."""
-        self.pose = self.pose.copy()
-        self.pose[number] = pose
-        if np.abs(pose - self._anchor[number]).max() > MOVED:
-            self._anchor[number], self._since[number] = pose, time
-
-    def outline(self, number: int) -> Array:
-        """Outline ``(V, 2)`` [m] of a piece."""
-        return self.pieces[number].at(self.pose[number])
-
-    def at_rest(self, time: float) -> tuple[int, ...]:
-        """Numbers of the pieces that have been at rest for over 5 s."""
-        return tuple(np.flatnonzero(time - self._since > RESTED).tolist())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bystanders:
-    """Everything a piece must not run into at one tick."""
-
-    robot: Array  #: (N, 2) [m]
-    robot_radius: Array  #: (N,) [m]
-    person: Array  #: (H, 2) [m]
-    person_radius: Array  #: (H,) [m]
-    present: BoolArray  #: (H,)
-    blocks: Array  #: (E, 4) edges of blockages that stand [m]
 
 
 @dataclass(slots=True)
@@ -92,10 +54,10 @@ class Pushing:
     goal: Array  #: (2,) for its centre [m]
     speed: float  #: [m/s]
     backwards: bool = False  #: the person stands at the end that the axis points to
-    grips: bool = False
+    grips: bool = False  #: the person is at the handle, and the piece rolls
     pulls: bool = False  #: the person goes first
-    way: Array = field(default_factory=lambda: np.zeros((0, 2)))  #: of the centre
-    passed: int = 0
+    way: Array = field(default_factory=lambda: NO_WAY)  #: (L, 2) of the centre [m]
+    passed: int = 0  #: points of the way already passed
     walker: Walker | None = None  #: to the handle
     closest: float = np.inf  #: least distance to the goal so far [m]
     closest_at: float = 0.0  #: when that was [s]
@@ -110,6 +72,21 @@ class PushStep:
     velocity: Array | None = None  #: (2,) is moved like this [m/s]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pusher:
+    """A pushing person at one tick, and what is around."""
+
+    person: int
+    place: Array  #: (2,) [m]
+    time: float  #: [s]
+    around: Bystanders
+
+    @property
+    def radius(self) -> float:
+        """Radius of the person [m]."""
+        return float(self.around.person_radius[self.person])
+
+
 class Pushers:
     """All pushing in a world."""
 
@@ -118,25 +95,25 @@ class Pushers:
         self._things = furnishings
         self._walking = walking
         self._dt = dt
-        if furnishings.pieces:
-            edges = rays.polygon_edges(world.solid_polygons())
-            self._grid = rays.build_edge_grid(edges, world.bounds)
+        self._margins = Margins(world, furnishings)
 
-    def step(
-        self, push: Pushing, person: int, position: Array, time: float, around: Bystanders
-    ) -> PushStep:
-        """The next tick of a push that a person at ``position`` ``(2,)`` [m] is at."""
-        radius = float(around.person_radius[person])
+    def step(self, push: Pushing, pusher: Pusher) -> PushStep:
+        """Take the next step of a push; the piece is moved along."""
         if not push.grips:
-            return self._approach(push, radius, position, time)
-        handle = self._handle(push, self._things.pose[push.number], radius)
-        offset = handle - position
-        distance = float(np.hypot(*offset))
-        if distance > SHOVED:
-            if time - push.closest_at > PATIENCE:
+            return self._approach(push, pusher)
+        handle = self._handle(push, self._things.pose[push.number], pusher.radius)
+        if float(np.hypot(*(handle - pusher.place))) > SHOVED:
+            if pusher.time - push.closest_at > LEAVE_AFTER:
                 return PushStep(finished=True)
-            return PushStep(velocity=offset * (min(push.speed, distance / self._dt) / distance))
-        return self._roll(push, person, position, time, around)
+            return PushStep(velocity=self._towards(handle, pusher.place, push.speed))
+        return self._roll(push, pusher)
+
+    def _towards(self, goal: Array, place: Array, speed: float) -> Array:
+        """Velocity ``(2,)`` [m/s] straight to a goal, not beyond it in one tick."""
+        offset = goal - place
+        distance = float(np.hypot(*offset))
+        velocity: Array = offset * (min(speed, distance / self._dt) / distance)
+        return velocity
 
     # --- to the handle -------------------------------------------------------------------
 
@@ -151,38 +128,38 @@ class Pushers:
         place: Array = pose[:2] - reach * np.array([math.cos(angle), math.sin(angle)])
         return place
 
-    def _approach(self, push: Pushing, radius: float, position: Array, time: float) -> PushStep:
+    def _approach(self, push: Pushing, pusher: Pusher) -> PushStep:
         if push.walker is None:
-            push.walker = self._nearer_end(push, radius, position)
-            push.closest_at = time
-        if push.walker is None or time - push.closest_at > 5.0 * PATIENCE:
+            push.walker = self._nearer_end(push, pusher)
+            push.closest_at = pusher.time
+        if push.walker is None or pusher.time - push.closest_at > APPROACH_LIMIT:
             return PushStep(finished=True)
-        handle = self._handle(push, self._things.pose[push.number], radius)
-        offset = handle - position
-        distance = float(np.hypot(*offset))
+        handle = self._handle(push, self._things.pose[push.number], pusher.radius)
+        distance = float(np.hypot(*(handle - pusher.place)))
         if distance > AT_HAND:
-            target = self._walking.target(push.walker, position, time)
+            target = self._walking.target(push.walker, pusher.place, pusher.time)
             if len(push.walker.way):
                 return PushStep(target=target)
             return PushStep(finished=True)  # the handle cannot be reached
-        if distance > 1e-6:
-            return PushStep(velocity=offset * (min(push.speed, distance / self._dt) / distance))
-        push.grips, push.closest, push.closest_at = True, np.inf, time
-        push.way, push.passed = self._plan(push, time), 0
+        if distance > AT_HANDLE:
+            return PushStep(velocity=self._towards(handle, pusher.place, push.speed))
+        push.grips, push.closest, push.closest_at = True, np.inf, pusher.time
+        push.way, push.passed = self._plan(push, pusher.time), 0
         return PushStep(finished=not len(push.way), velocity=np.zeros(2))
 
-    def _nearer_end(self, push: Pushing, radius: float, position: Array) -> Walker | None:
+    def _nearer_end(self, push: Pushing, pusher: Pusher) -> Walker | None:
+        """Choose the end with the shorter way to it; None: neither can be reached."""
         best: tuple[float, bool, Walker] | None = None
         for backwards in (False, True):
             push.backwards = backwards
-            handle = self._handle(push, self._things.pose[push.number], radius)
+            handle = self._handle(push, self._things.pose[push.number], pusher.radius)
             place = self._walking.free_point(handle)
             if np.hypot(*(place - handle)) > AT_HAND:
                 continue
             walker = self._walking.set_out(
-                place[None], repeat=False, speed=push.speed, start=position
+                place[None], repeat=False, speed=push.speed, start=pusher.place
             )
-            length = float(np.hypot(*np.diff(walker.way, axis=0).T).sum())
+            length = way_length(walker.way)
             if len(walker.way) and (best is None or length < best[0]):
                 best = (length, backwards, walker)
         if best is None:
@@ -207,32 +184,37 @@ class Pushers:
             way = wide.way(wide.free_point(start), wide.free_point(push.goal))
             if len(way):
                 return np.vstack([start, way])
-        return np.zeros((0, 2))
+        return NO_WAY
 
-    def _roll(
-        self, push: Pushing, person: int, position: Array, time: float, around: Bystanders
-    ) -> PushStep:
+    def _roll(self, push: Pushing, pusher: Pusher) -> PushStep:
         pose = self._things.pose[push.number]
         left = float(np.hypot(*(push.way[-1] - pose[:2])))
         if left < push.closest - MOVED:
-            push.closest, push.closest_at = left, time
-        if left < ARRIVED or time - push.closest_at > PATIENCE:
+            push.closest, push.closest_at = left, pusher.time
+        if left < ARRIVED or pusher.time - push.closest_at > LEAVE_AFTER:
             return PushStep(finished=True)
-        push.passed, _ = ahead_on(push.way, push.passed, pose[:2])
-        radius = float(around.person_radius[person])
-        for velocity, rate in self._options(push, pose, left, radius):
-            there = pose + self._dt * np.array([*velocity, rate])
-            there[2] = float(wrap_angle(there[2]))
-            handle = self._handle(push, there, radius)
-            if self._is_clear(push, person, pose, there, position, handle, around):
-                self._things.move(push.number, there, time)
-                return PushStep(velocity=(handle - position) / self._dt)
+        push.passed = look_ahead(push.way, push.passed, pose[:2]).passed
+        for velocity, rate in self._options(push, pose, left, pusher.radius):
+            new_pose = pose + self._dt * np.array([*velocity, rate])
+            new_pose[2] = float(wrap_angle(new_pose[2]))
+            handle = self._handle(push, new_pose, pusher.radius)
+            move = PushMove(
+                piece=push.number,
+                person=pusher.person,
+                pose=pose,
+                new_pose=new_pose,
+                place=pusher.place,
+                new_place=handle,
+            )
+            if self._margins.are_kept(move, pusher.around):
+                self._things.move(push.number, new_pose, pusher.time)
+                return PushStep(velocity=(handle - pusher.place) / self._dt)
         return PushStep(velocity=np.zeros(2))
 
     def _options(
         self, push: Pushing, pose: Array, left: float, radius: float
     ) -> Iterator[tuple[Array, float]]:
-        """Velocities ``(2,)`` [m/s] and turn rates [rad/s] to try, the best first.
+        """Yield velocities ``(2,)`` [m/s] and turn rates [rad/s] to try, the best first.
 
         The centre follows the way, and the end that goes first is turned onto it; where that
         is blocked, only one of both, and then past the obstacle to either side.
@@ -257,72 +239,11 @@ class Pushers:
         yield share * ahead, rate
         yield stands, rate
         yield CREEP * ahead, 0.0
-        for aside in (0.25, -0.25, 0.5, -0.5):
+        for aside in SIDESTEPS:
             angle = course + aside * math.pi
             slide = CREEP * speed * np.array([math.cos(angle), math.sin(angle)])
             yield slide, rate
             yield slide, 0.0
-
-    def _is_clear(
-        self,
-        push: Pushing,
-        person: int,
-        pose: Array,
-        there: Array,
-        position: Array,
-        handle: Array,
-        around: Bystanders,
-    ) -> bool:
-        """Whether a step keeps its distances, or does not lower those that are too small."""
-        piece = self._things.pieces[push.number]
-        before, after = piece.at(pose), piece.at(there)
-        margins = [
-            *((p, r, ROBOT_MARGIN) for p, r in zip(around.robot, around.robot_radius, strict=True)),
-            *(
-                (around.person[h], around.person_radius[h], PERSON_MARGIN)
-                for h in np.flatnonzero(around.present)
-                if h != person
-            ),
-        ]
-        near = piece.half_length + piece.half_width + 2.0
-        own = float(around.person_radius[person])
-        for place, radius, margin in margins:
-            if math.hypot(place[0] - there[0], place[1] - there[1]) > near + radius:
-                continue
-            gap = polygon_point_gap(after, len(after), place[0], place[1]) - radius
-            if gap < margin and gap < polygon_point_gap(before, len(before), *place) - radius:
-                return False
-            gap = math.hypot(*(handle - place)) - own - radius
-            if gap < margin and gap < math.hypot(*(position - place)) - own - radius:
-                return False
-        if not self._is_clear_of_solids(piece, pose, there, around.blocks):
-            return False
-        room = disc_clear(self._grid, around.blocks, handle[0], handle[1], own)
-        if room < own and room < disc_clear(
-            self._grid, around.blocks, position[0], position[1], own
-        ):
-            return False
-        return all(
-            polygon_gap(after, len(after), other, len(other), 1.0) >= WALL_MARGIN
-            or polygon_gap(after, len(after), other, len(other), 1.0)
-            >= polygon_gap(before, len(before), other, len(other), 1.0)
-            for k in range(len(self._things.pieces))
-            if k != push.number
-            for other in (self._things.outline(k),)
-        )
-
-    def _is_clear_of_solids(self, piece: Piece, pose: Array, there: Array, blocks: Array) -> bool:
-        reach = float(np.hypot(*piece.outline.T).max())
-        gaps = []
-        for where in (there, pose):
-            body = piece.at(where)
-            gap = static_gap(
-                self._grid, blocks, body, len(body), where[0], where[1], reach, WALL_MARGIN
-            )
-            if gap >= WALL_MARGIN:
-                return True
-            gaps.append(gap)
-        return bool(gaps[0] >= gaps[1])
 
 
 def _beyond(way: Array, passed: int, place: Array, distance: float) -> Array:

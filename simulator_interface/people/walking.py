@@ -1,8 +1,9 @@
-"""Finding one's way on foot: planned ways between the points of a route, and where on them."""
+"""People on foot: planned ways between the points of a route, and progress on them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,8 +16,10 @@ LOOK_AHEAD = 0.8  # m along the way to the point that a person walks towards
 ARRIVAL = 0.3  # m, goal switch distance of MRTA-Sim's people
 LOST = 1.5  # m off the way: look for a new one
 FREE_REACH = 2.0  # m, how far a route point inside an obstacle may be moved
-PATIENCE = 8.0  # s without progress before a person turns to the next point of the route
-WINDOW = 40  # points of the way that are looked at; they are about 0.1 m apart
+STUCK_AFTER = 8.0  # s without progress before a person turns to the next point of the route
+PROGRESS = 0.2  # m nearer to the end of the way is progress
+PEOPLES_RADIUS = 0.3  # m; people plan with more room than a robot's disc needs
+WINDOW = 40  # points of the way that are searched; they are about 0.1 m apart
 NO_ROBOTS = np.zeros((0, 2))
 NO_WAY = np.zeros((0, 2))
 
@@ -44,7 +47,7 @@ class Walking:
     map: Costmap | None = field(default=None)
 
     def look(self, time: float) -> bool:
-        """Take up the costmap of the moment; says whether solids changed."""
+        """Take in the costmap of the moment; say whether it changed."""
         costmap = self.source.costmap(time, NO_ROBOTS)
         if costmap is self.map:
             return False
@@ -53,7 +56,7 @@ class Walking:
         return True
 
     def free_point(self, point: Array) -> Array:
-        """``point``, or the nearest place beside the obstacle it lies in."""
+        """Find the free place nearest to ``point``, mostly the point itself."""
         assert self.map is not None
         if self.map.cost_at(point) < INSCRIBED:
             return np.asarray(point)
@@ -66,12 +69,12 @@ class Walking:
         return centers[int(np.argmax(free))] if free.any() else np.asarray(point)
 
     def way(self, start: Array, goal: Array) -> Array:
-        """Planned points ``(L, 2)`` [m], none if there is no way."""
+        """Plan a way ``(L, 2)`` [m]; it is empty if there is none."""
         plan = self.planner.plan(np.asarray(start), np.asarray(goal))
         return plan.path if plan.found else NO_WAY
 
     def set_out(self, route: Array, *, repeat: bool, speed: float, start: Array) -> Walker:
-        """A walker at ``start`` ``(2,)`` [m] on the way to the first point of ``route``."""
+        """Send a walker at ``start`` ``(2,)`` [m] to the first point of ``route``."""
         walker = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
         walker.way = self.way(start, self.free_point(route[0]))
         return walker
@@ -79,14 +82,14 @@ class Walking:
     def begin(
         self, route: Array, *, repeat: bool, speed: float, share: float
     ) -> tuple[Array, Walker]:
-        """Place ``(2,)`` [m] and walker ``share`` of the way along a route."""
+        """Place a walker at ``share`` of a route; its point ``(2,)`` [m] comes first."""
         points = [self.free_point(point) for point in route]
         standing = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
         if len(points) < 2:
             return points[0], standing
         last = len(points) if repeat else len(points) - 1
         legs = [self.way(points[i], points[(i + 1) % len(points)]) for i in range(last)]
-        lengths = [_length(leg) for leg in legs]
+        lengths = [way_length(leg) for leg in legs]
         walked = share * sum(lengths)
         for i, (leg, length) in enumerate(zip(legs, lengths, strict=True)):
             if len(leg) and (walked <= length or i == len(legs) - 1):
@@ -97,25 +100,26 @@ class Walking:
         return points[0], standing
 
     def target(self, walker: Walker, position: Array, time: float) -> Array:
-        """Point ``(2,)`` [m] to walk towards; the own ``position`` if there is nowhere to go."""
+        """Choose the point ``(2,)`` [m] to walk towards; ``position`` itself: stand."""
         if not len(walker.way):
             return position
         last = walker.way[-1]
         end = float(np.hypot(last[0] - position[0], last[1] - position[1]))
-        if end < walker.closest - 0.2:
+        if end < walker.closest - PROGRESS:
             walker.closest, walker.closest_at = end, time
-        off_way, passed, ahead = _look_around(walker.way, walker.passed, position)
-        if end < ARRIVAL or time - walker.closest_at > PATIENCE:
+        ahead = look_ahead(walker.way, walker.passed, position)
+        if end < ARRIVAL or time - walker.closest_at > STUCK_AFTER:
             self._turn_to_next_point(walker, position, time)
-        elif off_way > LOST:
+        elif ahead.off_way > LOST:
             self._find_way(walker, position, time)
         else:
-            walker.passed = passed
-            return np.asarray(walker.way[ahead])
+            walker.passed = ahead.passed
+            return np.asarray(walker.way[ahead.point])
         if not len(walker.way):
             return position
-        walker.passed, ahead = ahead_on(walker.way, walker.passed, position)
-        target: Array = walker.way[ahead]
+        ahead = look_ahead(walker.way, walker.passed, position)
+        walker.passed = ahead.passed
+        target: Array = walker.way[ahead.point]
         return target
 
     def _turn_to_next_point(self, walker: Walker, position: Array, time: float) -> None:
@@ -142,18 +146,23 @@ class Walking:
         walker.closest, walker.closest_at = np.inf, time
 
 
-@njit(cache=True)
-def _off_way(way: Array, passed: int, position: Array) -> float:
-    """Distance [m] from ``position`` to the next stretch of ``way``."""
-    best = np.inf
-    for i in range(passed, min(passed + WINDOW, len(way))):
-        best = min(best, np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]))
-    return best
+class Ahead(NamedTuple):
+    """Where a person is on a way."""
+
+    off_way: float  #: distance to the next stretch of the way [m]
+    passed: int  #: closest point not yet passed
+    point: int  #: the point to walk towards
 
 
 @njit(cache=True)
-def ahead_on(way: Array, passed: int, position: Array) -> tuple[int, int]:
-    """Index of the closest point not yet passed, and of the point to walk towards."""
+def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
+    """Find where a person at ``position`` ``(2,)`` [m] is on a way, and what to walk towards.
+
+    Args:
+        way: ``(L, 2)`` [m].
+        passed: earlier points are left out.
+        position: ``(2,)`` [m].
+    """
     closest, best, stop = passed, np.inf, min(passed + WINDOW, len(way))
     for i in range(passed, stop):
         distance = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1])
@@ -161,18 +170,12 @@ def ahead_on(way: Array, passed: int, position: Array) -> tuple[int, int]:
             closest, best = i, distance
     for i in range(closest, stop):
         if np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) >= LOOK_AHEAD:
-            return closest, i
-    return closest, stop - 1
+            return Ahead(best, closest, i)
+    return Ahead(best, closest, stop - 1)
 
 
-@njit(cache=True)
-def _look_around(way: Array, passed: int, position: Array) -> tuple[float, int, int]:
-    """How far off the way [m], and what :func:`ahead_on` says."""
-    closest, ahead = ahead_on(way, passed, position)
-    return _off_way(way, passed, position), closest, ahead
-
-
-def _length(points: Array) -> float:
+def way_length(points: Array) -> float:
+    """Measure the length [m] of a way ``(L, 2)``."""
     if len(points) < 2:
         return 0.0
     return float(np.hypot(*np.diff(points, axis=0).T).sum())

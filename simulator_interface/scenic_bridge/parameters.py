@@ -1,4 +1,4 @@
-"""What the global parameters of a Scenic program say about how it is to be run."""
+"""How a Scenic program asks to be run: its global parameters."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from mrta_falsify.specs.library import default_specifications
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """What the parameters of a program say about how it is to be run."""
+class RunParameters:
+    """How a program asks to be run."""
 
     config: StackConfig
     specifications: tuple[str, ...]
@@ -22,8 +22,8 @@ class Settings:
     output: Path | None  #: folder for the files of each run
 
 
-def read_settings(params: dict[str, Any]) -> Settings:
-    """Settings of a scene from its global parameters.
+def read_parameters(params: dict[str, Any]) -> RunParameters:
+    """Read how a scene asks to be run from its global parameters.
 
     Args:
         params: ``stack`` (path of a stack file), ``settings`` (texts as of ``--set``),
@@ -42,7 +42,7 @@ def read_settings(params: dict[str, Any]) -> Settings:
         config = apply_setting(config, f"engine={params['engine']}")
         registry.load("engine", config.engine.name, where="param engine")
     output = params.get("output")
-    return Settings(
+    return RunParameters(
         config=config,
         specifications=_texts(params.get("specs"), "specs") or default_specifications(),
         seed=_whole(params.get("seed", 0), "seed"),

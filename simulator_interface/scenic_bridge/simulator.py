@@ -1,6 +1,6 @@
 """Scenic's simulator interface over our own tick loop, so that ``scenic -S FILE`` works.
 
-A Scenic time step is a few control ticks of :class:`~simulator_interface.simulate.Run`, the
+A Scenic time step is a few control ticks of :class:`~simulator_interface.simulate.EpisodeRun`, the
 loop that ``mrta-falsify run`` drives; robots without a behaviour are driven by the stack.
 How to use it, and what it makes of Scenic's dynamic statements: ``docs/scenic-simulator.md``.
 """
@@ -33,10 +33,11 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications
-from simulator_interface.scenic_bridge.parameters import read_settings
+from simulator_interface.scenic_bridge.parameters import read_parameters
+from simulator_interface.scenic_bridge.scene_contract import BEHAVIORS_FILE
 from simulator_interface.scenic_bridge.simulation import PyBulletSimulation
 from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
-from simulator_interface.simulate import Outcome, Run
+from simulator_interface.simulate import EpisodeRun, Outcome
 
 TIMESTEP = 0.25  # s; five ticks of 20 Hz: Scenic's own work per step is 0.3 to 2 ms
 
@@ -78,15 +79,15 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         logged until then is returned (attribute ``rejected`` says why).
 
         Raises:
-            SimulationCreationError: the scene is no world that can be run, with our words.
+            SimulationCreationError: the scene cannot be run; the message says why.
         """
         if options.get("timestep") is None:
             options["timestep"] = TIMESTEP
         try:
-            settings = read_settings(scene.params)
+            settings = read_parameters(scene.params)
             realise = self._realise or _realise_with(settings.seed)
             config = self._config or settings.config
-            run = Run(
+            run = EpisodeRun(
                 realise(scene),
                 config,
                 specifications=(
@@ -123,14 +124,8 @@ def simulate_scene(
     For worlds that are ``scripted``: what behaviours draw comes from ``world.seed``, so the
     same scene and world give the same trace.
 
-    Args:
-        scene: the sampled scene, for its behaviours and compose block.
-        world: of the scene.
-        config: the stack under test.
-        specifications: folds that score the run; they are started here.
-        keep_trace: keep columns and tables; without, the trace has only its digest.
-        on_progress: called about once per simulated second with the time [s].
-        stop: ends the episode at the first frame for which it returns a reason.
+    ``scene`` is the sampled scene, for its behaviours and compose block, and ``world`` is made
+    of it; the other arguments are those of ``simulate``.
 
     Raises:
         InputError: the world cannot be run, or the program fails while it runs; file and
@@ -144,7 +139,9 @@ def simulate_scene(
         stop=_watching(stop, on_progress, config.control_rate),
     )
     timeout = dynamics.stuckBehaviorWarningTimeout
-    dynamics.stuckBehaviorWarningTimeout = 0  # it is an alarm, and not ours to set in a worker
+    dynamics.stuckBehaviorWarningTimeout = (
+        0  # the warning is an alarm signal, which a worker must not set
+    )
     try:
         simulation = simulator.simulate(scene, verbosity=0, raiseGuardViolations=False)
     except SimulationCreationError as error:
@@ -182,12 +179,12 @@ def _line_of_program(error: BaseException) -> str:
     if not isinstance(error, InvalidScenarioError) and not frames[-1].filename.endswith(".scenic"):
         return ""
     lines = [frame for frame in frames if frame.filename.endswith(".scenic")]
-    own = [line for line in lines if Path(line.filename).name != "behaviors.scenic"]
+    own = [line for line in lines if Path(line.filename).name != BEHAVIORS_FILE]
     return f"{own[-1].filename}:{own[-1].lineno}" if own else "the program"
 
 
-def _simulated(scene: Scene, run: Run, options: dict[str, Any]) -> PyBulletSimulation:
-    """The finished simulation; what behaviours draw comes from Scenic's global generators."""
+def _simulated(scene: Scene, run: EpisodeRun, options: dict[str, Any]) -> PyBulletSimulation:
+    """Run a simulation; what behaviours draw comes from Scenic's global generators."""
     try:
         with seeded_globals(run.episode.world.seed, "behaviors"):
             return PyBulletSimulation(scene, run, **options)
@@ -225,7 +222,7 @@ def _in_words(outcome: Outcome) -> str:
 
 
 def _write(simulation: PyBulletSimulation, config: StackConfig, folder: Path) -> None:
-    """Files from which the run can be looked at and, unless scripted, run again."""
+    """Write the files that show the run and, unless it is scripted, repeat it."""
     folder.mkdir(parents=True, exist_ok=True)
     outcome = simulation.outcome
     write_world(simulation.world, folder / "world.json")
@@ -241,7 +238,7 @@ def _realise_with(seed: int) -> Callable[[Scene], World]:
 
 
 def program_name(scene: Scene) -> str:
-    """Name of the file that a scene's program was read from, ``scenic`` if it is unknown."""
+    """Name a scene's program by its file, ``scenic`` if that is unknown."""
     namespace = getattr(scene.dynamicScenario, "_dummyNamespace", None) or {}
     file = namespace.get("__file__")
     return Path(file).stem if isinstance(file, str) else "scenic"

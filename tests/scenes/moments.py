@@ -163,6 +163,16 @@ def _full_house(world: World, trace: Trace) -> list[Moment]:
     ]
 
 
+def _link_cut(link: str, where: str, moments, window) -> Scene:
+    return Scene(
+        name=f"{link}_link_cut",
+        title=f"Link {where} cut from 8 s to 28 s",
+        world=lambda: worlds.two_robots_in_a_row(link),
+        moments=moments,
+        window=window,
+    )
+
+
 SCENES = (
     Scene(
         name="idle_robot_moved_aside",
@@ -201,34 +211,10 @@ SCENES = (
         moments=_blocked,
         window=(-0.2, -0.2, 16.2, 6.2),
     ),
-    Scene(
-        name="leader_link_cut",
-        title="Link to the leader cut from 8 s to 28 s",
-        world=lambda: worlds.two_robots_in_a_row("leader"),
-        moments=_leader_cut,
-        window=(4.5, -0.2, 15.5, 5.5),
-    ),
-    Scene(
-        name="states_link_cut",
-        title="Link between the robots' states cut from 8 s to 28 s",
-        world=lambda: worlds.two_robots_in_a_row("states"),
-        moments=_states_cut,
-        window=(4.5, -0.2, 15.5, 5.5),
-    ),
-    Scene(
-        name="planner_link_cut",
-        title="Link to the planning service cut from 8 s to 28 s",
-        world=lambda: worlds.two_robots_in_a_row("planner"),
-        moments=_planner_cut,
-        window=(4.5, -0.2, 19.5, 6.0),
-    ),
-    Scene(
-        name="dispatcher_link_cut",
-        title="Link to the dispatcher cut from 8 s to 28 s",
-        world=lambda: worlds.two_robots_in_a_row("dispatcher"),
-        moments=_dispatcher_cut,
-        window=(4.5, -0.2, 24.2, 6.5),
-    ),
+    _link_cut("leader", "to the leader", _leader_cut, (4.5, -0.2, 15.5, 5.5)),
+    _link_cut("states", "between the robots' states", _states_cut, (4.5, -0.2, 15.5, 5.5)),
+    _link_cut("planner", "to the planning service", _planner_cut, (4.5, -0.2, 19.5, 6.0)),
+    _link_cut("dispatcher", "to the dispatcher", _dispatcher_cut, (4.5, -0.2, 24.2, 6.5)),
     Scene(
         name="idle_robots_make_room",
         title="Idle robots make room: a robot parked in each of the six rooms",

@@ -62,7 +62,7 @@ def test_a_scenario_has_variation_worth_searching(programs, name):
     for world in worlds:
         assert world.robots
         assert world.tasks
-        bodies.check_starts(world)
+        bodies.check_start_footprints(world)
 
 
 @pytest.mark.slow

@@ -118,7 +118,7 @@ def test_movable_furniture_must_be_convex():
 
 
 @ENGINES
-def test_errands_are_done_one_after_the_other(config):
+def test_directives_are_carried_out_one_after_the_other(config):
     world = ward(
         person(
             Wait(duration=1.0),

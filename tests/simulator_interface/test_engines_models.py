@@ -18,7 +18,7 @@ from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import RobotSpec, World
 from simulator_interface.engines import gaps, rays
-from simulator_interface.engines.bodies import find_model, shipped_models
+from simulator_interface.engines.robot_models import find_model, shipped_models
 
 URDF = """
 <robot name="cart">

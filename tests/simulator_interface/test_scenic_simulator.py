@@ -376,9 +376,9 @@ def test_a_robot_cannot_appear_mid_run(realise):
 )
 def test_a_wrong_argument_of_a_behavior_is_named_with_what_is_allowed(name, args, words):
     from scenic_worlds.places import places_of
-    from simulator_interface.scenic_bridge.actions import Reader
+    from simulator_interface.scenic_bridge.behaviors import BehaviorReader
 
-    reader = Reader(places_of("aws_hospital"), {})
+    reader = BehaviorReader(places_of("aws_hospital"), {})
     with pytest.raises(InputError, match=f"behavior {name}: .*{re.escape(words)}"):
         reader.read(name, args, {})
 
@@ -425,18 +425,18 @@ def test_an_error_in_the_program_while_it_runs_names_file_and_line(realise):
     ],
 )
 def test_wrong_parameters_are_refused_in_words(params, words):
-    from simulator_interface.scenic_bridge.parameters import read_settings
+    from simulator_interface.scenic_bridge.parameters import read_parameters
 
     with pytest.raises(InputError, match=re.escape(words)):
-        read_settings(params)
+        read_parameters(params)
 
 
 def test_parameters_choose_stack_and_specifications(tmp_path):
-    from simulator_interface.scenic_bridge.parameters import read_settings
+    from simulator_interface.scenic_bridge.parameters import read_parameters
 
     stack = tmp_path / "stack.yaml"
     stack.write_text("engine: bullet\nplanner: {name: astar}\ncontrol_rate: 10\n")
-    settings = read_settings(
+    settings = read_parameters(
         {
             "stack": str(stack),
             "settings": "costmap.inflation_radius=0.4, queue_policy=deadline_first",

@@ -1,0 +1,255 @@
+"""The robots in a Bullet client: their motors and brakes, and where they are."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
+from mrta_falsify.core.world import World
+from simulator_interface.engines import gaps
+from simulator_interface.engines.bodies import Fleet
+from simulator_interface.engines.bullet_client import (
+    FLOOR,
+    HUMAN,
+    NO_TURN,
+    ROBOT,
+    SOLID,
+    WHEEL,
+    BulletClient,
+    native_output_muted,
+    pybullet,
+)
+from simulator_interface.engines.bullet_frames import body_twists, floor_poses, motor_targets
+from simulator_interface.engines.robot_models import RobotModel
+
+TOUCH = 1e-3  # m; a contact point nearer than this is a touch (Bullet reports some that are apart)
+AT_REST = (0.005, 0.005, 0.02)  # m/s, m/s, rad/s; slower than this a robot counts as standing
+BRAKE_AFTER = 0.2  # s of standing without a set point, then the brake holds it
+CARRIED = 3  # driven joints of a holonomic base
+
+
+class _Body(NamedTuple):
+    """A robot in Bullet."""
+
+    number: int  #: body
+    joints: tuple[int, ...]  #: driven, in the model's order
+    forces: tuple[float, ...]  #: limits of their motors [N] or [N m]
+
+
+class BulletRobots:
+    """The robots of a world in a client.
+
+    Raises:
+        UnknownNameError: a model names a joint that its URDF does not have.
+        InputError: a model's URDF cannot be used.
+    """
+
+    def __init__(self, client: BulletClient, fleet: Fleet, world: World) -> None:
+        n = len(world.robots)
+        self._client = client
+        self._fleet = fleet
+        self._bodies = [
+            _load_robot(client, model, robot.pose)
+            for robot, model in zip(world.robots, fleet.models, strict=True)
+        ]
+        self._offset = np.zeros((n, 3))  # of the inertial frame in the robot frame [m]
+        self._turned = np.tile(NO_TURN, (n, 1))  # of the inertial frame, quaternions
+        for i, body in enumerate(self._bodies):
+            info = pybullet.getDynamicsInfo(body.number, -1, **client.call)
+            self._offset[i], self._turned[i] = info[3], info[4]
+            client.column[body.number] = gaps.ROBOT
+        self._wheels = np.array(
+            [[model.wheel_radius, model.wheel_separation] for model in fleet.models]
+        ).reshape(n, 2)
+        self._targets: list[list[float]] = [[] for _ in range(n)]
+        self._standing_for = np.zeros(n)  # s
+        self._is_braked = np.zeros(n, dtype=np.bool_)
+        for i in range(n):
+            self._brake(i, hold=False)
+
+    def __len__(self) -> int:
+        return len(self._bodies)
+
+    # --- motors and brakes ---------------------------------------------------------------
+
+    def drive(self, set_point: Array, loss: Array, pose: Array) -> None:
+        """Set the motors to body twists.
+
+        Args:
+            set_point: ``(N, 3)`` forward, left [m/s], turn [rad/s].
+            loss: ``(N, 2)`` shares of speed that slip takes (see ``Actuation.loss``).
+            pose: ``(N, 3)``.
+        """
+        wheels, holonomic = self._wheels, self._fleet.holonomic
+        targets = motor_targets(set_point, loss, pose, wheels, holonomic).tolist()
+        for i, body in enumerate(self._bodies):
+            if targets[i] == self._targets[i]:
+                continue  # a motor keeps its target
+            if self._is_braked[i]:
+                self._brake(i, hold=False)
+            pybullet.setJointMotorControlArray(
+                body.number,
+                body.joints,
+                pybullet.VELOCITY_CONTROL,
+                targetVelocities=targets[i][: len(body.joints)],
+                forces=body.forces,
+                **self._client.call,
+            )
+        self._targets = targets
+
+    def _brake(self, robot: int, *, hold: bool) -> None:
+        """Hold a robot where it stands, or let it go.
+
+        A standing robot creeps by 0.3 mm/s, as far as the solver is from convergence. Held, it
+        sleeps in Bullet's sense: what runs into it wakes it, and it costs no time.
+        """
+        self._is_braked[robot] = hold
+        state = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING + pybullet.ACTIVATION_STATE_WAKE_UP
+        if hold:
+            state = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING + pybullet.ACTIVATION_STATE_SLEEP
+        number = self._bodies[robot].number
+        pybullet.changeDynamics(number, -1, activationState=state, **self._client.call)
+
+    def update_brakes(self, velocity: Array, set_point: Array, dt: float) -> None:
+        """Brake the robots that stand.
+
+        A held robot that moves was pushed, and Bullet has woken it already.
+
+        Args:
+            velocity: ``(N, 3)`` forward, left [m/s], turn [rad/s].
+            set_point: ``(N, 3)`` of the same.
+            dt: since the last call [s].
+        """
+        stands = (np.abs(velocity) < AT_REST).all(axis=1)
+        stands &= ~set_point.any(axis=1)
+        self._standing_for = np.where(stands, self._standing_for + dt, 0.0)
+        pushed = self._is_braked & velocity.any(axis=1)
+        for i in np.flatnonzero(pushed):
+            self._brake(int(i), hold=False)
+        due = (self._standing_for >= BRAKE_AFTER) & ~self._is_braked
+        for i in np.flatnonzero(due & (self._fleet.holonomic == 0)):
+            self._brake(int(i), hold=True)
+
+    # --- where they are ------------------------------------------------------------------
+
+    def read_pose(self) -> Array:
+        """Read poses ``(N, 3)`` x, y [m], yaw [rad]."""
+        client, raw = self._client.number, []
+        for body in self._bodies:
+            if len(body.joints) == CARRIED:
+                states = pybullet.getJointStates(body.number, body.joints, client)
+                raw.append((*(state[0] for state in states), *NO_TURN))
+            else:
+                position, turn = pybullet.getBasePositionAndOrientation(body.number, client)
+                raw.append(position + turn)
+        holonomic = self._fleet.holonomic
+        return floor_poses(np.array(raw).reshape(-1, 7), self._offset, self._turned, holonomic)
+
+    def read_velocity(self, pose: Array) -> Array:
+        """Read body twists ``(N, 3)`` forward, left [m/s], turn [rad/s] at poses ``(N, 3)``."""
+        call = self._client.call
+        raw = np.zeros((len(self._bodies), 3))
+        for i, body in enumerate(self._bodies):
+            if self._fleet.holonomic[i]:
+                states = pybullet.getJointStates(body.number, body.joints, **call)
+                raw[i] = [state[1] for state in states]
+            else:
+                linear, angular = pybullet.getBaseVelocity(body.number, **call)
+                raw[i] = linear[0], linear[1], angular[2]
+        return body_twists(raw, pose, self._offset, self._fleet.holonomic)
+
+    def put(self, robot: int, x: float, y: float) -> None:
+        """Put a robot at (x, y) [m]."""
+        body = self._bodies[robot]
+        if len(body.joints) == CARRIED:
+            for joint, value in zip(body.joints, (x, y, 0.0), strict=True):
+                pybullet.resetJointState(body.number, joint, value, 0.0, **self._client.call)
+        else:
+            number = self._client.number
+            position, turn = pybullet.getBasePositionAndOrientation(body.number, number)
+            self._client.place(body.number, (x, y, position[2]), turn)
+
+    # --- what they touch -----------------------------------------------------------------
+
+    def fill_contact(self, robots: IntArray, contact: BoolArray) -> None:
+        """Mark what ``robots`` touch in ``contact`` ``(N, 3)`` (robot, human, static)."""
+        column_of = self._client.column
+        for i in robots:
+            for point in pybullet.getContactPoints(self._bodies[i].number, **self._client.call):
+                column = column_of.get(point[2])
+                if column is not None and point[8] <= TOUCH:
+                    contact[i, column] = True
+
+    def collide_with(self, robot: int, body: int, *, enable: bool) -> None:
+        """Let a robot and another body collide, or pass through each other."""
+        number, call = self._bodies[robot].number, self._client.call
+        for link in range(-1, pybullet.getNumJoints(number, **call)):
+            pybullet.setCollisionFilterPair(body, number, -1, link, int(enable), **call)
+
+
+# --- from URDF to body -------------------------------------------------------------------
+
+
+def _load_robot(client: BulletClient, model: RobotModel, pose: Array) -> _Body:
+    x, y, yaw = (float(value) for value in pose)
+    is_carried = model.base == "holonomic"
+    where = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+    if not is_carried:
+        where = ([x, y, 0.0], [0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0)])
+    try:
+        with native_output_muted():  # merging links is chatty
+            number = pybullet.loadURDF(
+                model.urdf,
+                *where,
+                useFixedBase=is_carried,
+                flags=pybullet.URDF_MERGE_FIXED_LINKS + pybullet.URDF_USE_INERTIA_FROM_FILE,
+                **client.call,
+            )
+    except pybullet.error as error:
+        raise FormatError(f"{model.urdf}: Bullet cannot load it: {error}") from None
+    joints = _driven_joints(client, number, model)
+    _tune_links(client, number, model, joints)
+    if is_carried:
+        for joint, value in zip(joints, (x, y, yaw), strict=True):
+            pybullet.resetJointState(number, joint, value, **client.call)
+        return _Body(number, joints, (model.max_force, model.max_force, model.max_torque))
+    return _Body(number, joints, (model.max_torque, model.max_torque))
+
+
+def _driven_joints(client: BulletClient, number: int, model: RobotModel) -> tuple[int, ...]:
+    count = pybullet.getNumJoints(number, **client.call)
+    infos = [pybullet.getJointInfo(number, j, **client.call) for j in range(count)]
+    known = {info[1].decode(): j for j, info in enumerate(infos)}
+    for name in model.joints:
+        if name not in known:
+            raise UnknownNameError("joint", name, known, where=model.urdf)
+        if infos[known[name]][2] not in (pybullet.JOINT_REVOLUTE, pybullet.JOINT_PRISMATIC):
+            raise ConfigError(f"{model.urdf}: joint {name!r} cannot be driven")
+    return tuple(known[name] for name in model.joints)
+
+
+def _tune_links(
+    client: BulletClient, number: int, model: RobotModel, joints: tuple[int, ...]
+) -> None:
+    """Set friction, damping and collision groups of a robot's links."""
+    wheels = joints if model.base == "differential" else ()
+    for link in range(-1, pybullet.getNumJoints(number, **client.call)):
+        is_wheel = link in wheels
+        pybullet.changeDynamics(
+            number,
+            link,
+            lateralFriction=1.0 if is_wheel else 0.0,
+            restitution=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            **client.call,
+        )
+        if is_wheel and model.wheels_touch == "floor":
+            client.collide(number, link, WHEEL, FLOOR)
+        else:
+            client.collide(number, link, ROBOT, ROBOT | SOLID | FLOOR | HUMAN)
