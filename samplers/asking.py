@@ -34,7 +34,7 @@ class Counter:
 
 
 @dataclass(slots=True)
-class Memory:
+class BestResults:
     """The best results so far, smallest score first; ties in the order they were told."""
 
     size: int  #: how many are kept

@@ -10,7 +10,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 
 SMALLEST_STEP, LARGEST_STEP = 0.02, 0.4
 
@@ -42,7 +42,7 @@ class EvolutionSampler:
         self._options = options
         self._counter = Counter("evolution", options.seed)
         self._mutator = Mutator(options.cube)
-        self._memory = Memory(options.parents)
+        self._memory = BestResults(options.parents)
         self._step = options.step
 
     def ask(self) -> Proposal:
@@ -73,5 +73,5 @@ class EvolutionSampler:
         factor = 1.5 if better else 1.5**-0.25
         self._step = float(np.clip(self._step * factor, SMALLEST_STEP, LARGEST_STEP))
         if self._memory.since_best >= self._options.patience:
-            self._memory = Memory(self._options.parents)
+            self._memory = BestResults(self._options.parents)
             self._step = self._options.step

@@ -15,7 +15,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 
 PARENTS = 8
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
@@ -61,8 +61,8 @@ class SurrogateSampler:
         self._counter = Counter("surrogate", options.seed)
         self._mutator = Mutator(options.cube)
         self._features = _Features(options.cube)
-        self._best = Memory(PARENTS)
-        self._kept = Memory(options.memory // 2)
+        self._best = BestResults(PARENTS)
+        self._kept = BestResults(options.memory // 2)
         self._recent: list[Feedback] = []
         self._signatures: set[str] = set()
         self._violations: Counts[str] = Counts()  # by specification

@@ -14,7 +14,7 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import candidate_seed
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 from samplers.optuna_study import Study
 
 
@@ -42,7 +42,7 @@ class TpeSampler:
         self._options = options
         self._counter = Counter("tpe", options.seed)
         self._mutator = Mutator(options.cube)
-        self._memory = Memory(8)
+        self._memory = BestResults(8)
         self._history: list[Feedback] = []
         self._study: Study | None = None
         self._reviewed = 0

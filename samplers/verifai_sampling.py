@@ -40,7 +40,7 @@ STRIDE = 409  # points of Halton's sequence between the starts of two seeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VerifaiOptions:
+class VerifaiSamplerOptions:
     """Options of the samplers of VerifAI; theirs are at their defaults."""
 
     cube: Cube = Cube()
@@ -50,10 +50,10 @@ class VerifaiOptions:
 class VerifaiSampler:
     """What VerifAI's samplers share; discrete coordinates are discrete for them, too."""
 
-    Options = VerifaiOptions
+    Options = VerifaiSamplerOptions
     name = ""  #: in VerifAI
 
-    def __init__(self, options: VerifaiOptions) -> None:
+    def __init__(self, options: VerifaiSamplerOptions) -> None:
         if not HAS_VERIFAI:
             raise ConfigError(
                 f"sampler verifai_{self.name} needs VerifAI: pip install --no-deps verifai==2.2.0, "

@@ -22,8 +22,8 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
 
 LOOPBACK = "127.0.0.1"
-PATIENCE = 1.0  # s between two looks at the child process
-FIND_LIMIT = 30.0  # s to find a scheduler
+CHILD_TIMEOUT = 1.0  # s between two looks at the child process
+SCHEDULER_TIMEOUT = 30.0  # s to find a scheduler
 
 
 class DaskExecutor:
@@ -73,7 +73,7 @@ class DaskExecutor:
             address = self._cluster.scheduler_address
         try:
             connect: Any = distributed.Client
-            self._client = connect(address, timeout=FIND_LIMIT, set_as_default=False)
+            self._client = connect(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ConfigError(
                 f"executor dask: no scheduler answers at {address!r} ({error}); start one by "
@@ -158,7 +158,7 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
                 _children[key] = child
         child.submit(job)
         while True:
-            for finished in child.collect(PATIENCE):
+            for finished in child.collect(CHILD_TIMEOUT):
                 return {
                     "fate": finished.fate,
                     "record": finished.record,

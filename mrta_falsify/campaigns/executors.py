@@ -252,7 +252,9 @@ class ProcessExecutor:
             return []
         job, worker.job = worker.job, None
         if job is None or job["number"] != message["number"]:
-            raise HarnessError(f"a worker answered for trial {message['number']}, which it had not")
+            raise HarnessError(
+                f"a worker answered for trial {message['number']}, which was not assigned to it"
+            )
         worker.served += 1
         if worker.served >= self._options.recycle:
             self._replace(worker)

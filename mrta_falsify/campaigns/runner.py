@@ -29,7 +29,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
-PATIENCE = 1.0  # s between two looks at overdue workers
+COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
 Ended = Literal["budget", "stop-after", "interrupted"]
 
 
@@ -216,7 +216,7 @@ class _Loop:
                 return "budget"
             record = self._store.finished.get(progress.told)
             if record is None:
-                for finished in self._executor.collect(PATIENCE):
+                for finished in self._executor.collect(COLLECT_TIMEOUT):
                     self._take(finished)
                 continue
             self._tell(record)
@@ -258,7 +258,7 @@ class _Loop:
             if asked is not None and stored.proposal_digest != point_digest(asked):
                 raise StoreError(
                     f"{self._store.directory}: trial {stored.id} was asked for at another point "
-                    "than these settings and this version ask for; it cannot be gone on with"
+                    "than these settings and this version ask for; it cannot be resumed"
                 )
             self._on_record(stored, False)
 

@@ -174,7 +174,7 @@ def _lines(path: Path) -> Iterator[bytes]:
 # --- reading -----------------------------------------------------------------------------
 
 
-def read_settings(directory: Path) -> CampaignSettings:
+def read_campaign_settings(directory: Path) -> CampaignSettings:
     """Settings of a campaign directory.
 
     Raises:
@@ -205,7 +205,7 @@ def read_campaign(directory: Path) -> Campaign:
     Raises:
         StoreError: not a campaign, of another version, or damaged.
     """
-    settings = read_settings(directory)
+    settings = read_campaign_settings(directory)
     records, _ = _records(directory / RECORDS)
     records.sort(key=lambda record: record.number)
     return Campaign(directory=directory, settings=settings, records=tuple(records))
@@ -279,7 +279,7 @@ class Store:
             StoreError: not a campaign, of another version, damaged, or owned by a process
                 that lives.
         """
-        store = cls(directory, read_settings(directory))
+        store = cls(directory, read_campaign_settings(directory))
         store._take_lock()
         try:
             store._open_log()

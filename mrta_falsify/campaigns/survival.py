@@ -20,7 +20,7 @@ RESAMPLES = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class SearchCost:
     """One search: what it spent, and whether it ended with a failure."""
 
     spent: float  #: simulations, or seconds of computing
@@ -28,7 +28,7 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class IntervalEstimate:
     """A number with its 95 % interval."""
 
     value: float
@@ -36,7 +36,7 @@ class Estimate:
     high: float
 
 
-def survival_curve(searches: Sequence[Search]) -> tuple[Array, Array]:
+def survival_curve(searches: Sequence[SearchCost]) -> tuple[Array, Array]:
     """Kaplan-Meier share of searches without a failure.
 
     Args:
@@ -50,7 +50,7 @@ def survival_curve(searches: Sequence[Search]) -> tuple[Array, Array]:
     return times, np.concatenate([[1.0], curve.probabilities])
 
 
-def restricted_mean(searches: Sequence[Search], limit: float) -> float:
+def restricted_mean(searches: Sequence[SearchCost], limit: float) -> float:
     """Mean spent until the first failure, each search cut at ``limit``."""
     times, share = survival_curve(searches)
     inside = times < limit
@@ -59,13 +59,13 @@ def restricted_mean(searches: Sequence[Search], limit: float) -> float:
 
 
 def restricted_mean_interval(
-    searches: Sequence[Search], limit: float, *, seed: int = 0
-) -> Estimate:
+    searches: Sequence[SearchCost], limit: float, *, seed: int = 0
+) -> IntervalEstimate:
     """Restricted mean with a percentile bootstrap interval over searches."""
     return _bootstrapped(lambda some: restricted_mean(some, limit), searches, seed)
 
 
-def spent_per_failure(searches: Sequence[Search]) -> float:
+def spent_per_failure(searches: Sequence[SearchCost]) -> float:
     """All that was spent, by searches that found nothing as well, per failure found.
 
     The maximum-likelihood mean if a failure is equally likely at any time. Unlike the restricted
@@ -75,43 +75,47 @@ def spent_per_failure(searches: Sequence[Search]) -> float:
     return sum(search.spent for search in searches) / found if found else float("inf")
 
 
-def spent_per_failure_interval(searches: Sequence[Search], *, seed: int = 0) -> Estimate:
+def spent_per_failure_interval(
+    searches: Sequence[SearchCost], *, seed: int = 0
+) -> IntervalEstimate:
     """:func:`spent_per_failure` with a percentile bootstrap interval over searches."""
     return _bootstrapped(spent_per_failure, searches, seed)
 
 
 def _bootstrapped(
-    statistic: Callable[[Sequence[Search]], float], searches: Sequence[Search], seed: int
-) -> Estimate:
+    statistic: Callable[[Sequence[SearchCost]], float], searches: Sequence[SearchCost], seed: int
+) -> IntervalEstimate:
     random = stream(seed, "bootstrap")
     picks = random.integers(len(searches), size=(RESAMPLES, len(searches)))
     values = np.sort([statistic([searches[i] for i in row]) for row in picks])
     low, high = values[round(0.025 * RESAMPLES)], values[round(0.975 * RESAMPLES) - 1]
-    return Estimate(value=statistic(searches), low=float(low), high=float(high))
+    return IntervalEstimate(value=statistic(searches), low=float(low), high=float(high))
 
 
-def median(searches: Sequence[Search]) -> float:
+def median(searches: Sequence[SearchCost]) -> float:
     """Spent until half of the searches have found a failure; inf if fewer ever do."""
     times, share = survival_curve(searches)
     reached = np.flatnonzero(share <= 0.5)
     return float(times[reached[0]]) if len(reached) else float("inf")
 
 
-def found_share(searches: Sequence[Search]) -> Estimate:
+def found_share(searches: Sequence[SearchCost]) -> IntervalEstimate:
     """Falsification rate: share of searches that found a failure, Clopper-Pearson interval."""
     count = sum(search.found for search in searches)
     interval = stats.binomtest(count, len(searches)).proportion_ci(method="exact")
-    return Estimate(value=count / len(searches), low=float(interval.low), high=float(interval.high))
+    return IntervalEstimate(
+        value=count / len(searches), low=float(interval.low), high=float(interval.high)
+    )
 
 
-def log_rank(one: Sequence[Search], other: Sequence[Search]) -> float:
+def log_rank(one: Sequence[SearchCost], other: Sequence[SearchCost]) -> float:
     """p-value of the log-rank test that both need equally long; 1 if nobody found anything."""
     if not any(search.found for search in (*one, *other)):
         return 1.0
     return float(stats.logrank(_censored(one), _censored(other)).pvalue)
 
 
-def _censored(searches: Sequence[Search]) -> stats.CensoredData:
+def _censored(searches: Sequence[SearchCost]) -> stats.CensoredData:
     found = [search.spent for search in searches if search.found]
     missed = [search.spent for search in searches if not search.found]
     return stats.CensoredData(uncensored=found, right=missed)

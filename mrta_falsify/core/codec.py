@@ -7,6 +7,7 @@ a field; ``decode`` checks them and reports the first violation as
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
 import difflib
 import enum
@@ -17,7 +18,7 @@ import math
 import types
 import typing
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union
+from typing import Any, TypeVar
 
 import numpy as np
 import yaml
@@ -162,32 +163,31 @@ def _show(data: Any) -> str:
 def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if rule is None and type(data) is hint and _is_plain(data):
         return data  # most of what is stored, at a fifth of the time
-    origin = typing.get_origin(hint)
     if hint is Any:
-        return data
-    if origin in (Union, types.UnionType):
-        return _decode_union(hint, data, where, path, rule)
-    if origin is Literal:
-        allowed = typing.get_args(hint)
-        if data not in allowed:
-            names = ", ".join(map(repr, allowed))
-            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
         return data
     if dataclasses.is_dataclass(hint):
         return _decode_dataclass(typing.cast(type, hint), data, where, path)
-    if origin is tuple:
-        return _decode_tuple(hint, data, where, path, rule)
-    if origin is dict:
-        return _decode_dict(hint, data, where, path, rule)
-    if origin is np.ndarray or hint is np.ndarray:
-        return _decode_array(data, where, path, rule or Rule())
+    match typing.get_origin(hint) or hint:
+        case typing.Union | types.UnionType:
+            return _decode_union(hint, data, where, path, rule)
+        case typing.Literal:
+            return _decode_choice(typing.get_args(hint), data, where, path)
+        case builtins.tuple:
+            return _decode_tuple(hint, data, where, path, rule)
+        case builtins.dict:
+            return _decode_dict(hint, data, where, path, rule)
+        case np.ndarray:
+            return _decode_array(data, where, path, rule or Rule())
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        try:
-            return hint(data)
-        except ValueError:
-            names = ", ".join(repr(item.value) for item in hint)
-            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+        return hint(_decode_choice(tuple(item.value for item in hint), data, where, path))
     return _decode_scalar(hint, data, where, path, rule)
+
+
+def _decode_choice(allowed: tuple[Any, ...], data: Any, where: str, path: str) -> Any:
+    if data not in allowed:
+        names = ", ".join(map(repr, allowed))
+        _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+    return data
 
 
 def _is_plain(data: Any) -> bool:

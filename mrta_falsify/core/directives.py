@@ -53,7 +53,7 @@ class WaitUntil:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stop:
+class StandStill:
     """Stand for good."""
 
     KIND: ClassVar[str] = "stop"
@@ -88,7 +88,7 @@ class Leave:
     kind: Literal["leave"] = "leave"
 
 
-Directive = FollowRoute | WalkTo | Wait | WaitUntil | Stop | Push | Appear | Leave
+Directive = FollowRoute | WalkTo | Wait | WaitUntil | StandStill | Push | Appear | Leave
 
 
 def begins_outside(directives: tuple[Directive, ...]) -> bool:

@@ -26,10 +26,6 @@ class Phase(enum.IntEnum):
     MAKING_ROOM = 6  #: idle, on the way to a parking spot
 
 
-#: Phases in which a robot counts as active: it has a task and does not wait in a queue.
-ACTIVE_PHASES = (Phase.DRIVING, Phase.PLANNING, Phase.SERVING)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sensed:
     """The world after a step, as the engine measures it; ground truth, no noise."""

@@ -15,7 +15,7 @@ from mrta_falsify.core.directives import (
     FollowRoute,
     Leave,
     Push,
-    Stop,
+    StandStill,
     Wait,
     WaitUntil,
     WalkTo,
@@ -91,7 +91,7 @@ class Errands:
             WalkTo: self._walk,
             Wait: self._wait,
             WaitUntil: self._wait_until,
-            Stop: self._stop,
+            StandStill: self._stop,
             Push: self._push,
             Appear: self._appear,
             Leave: self._leave,
@@ -151,7 +151,7 @@ class Errands:
     def _wait_until(self, person: int, errand: Errand, to_do: WaitUntil, now: Now) -> Step | None:
         return None if now.time >= to_do.time - SOON else STANDS
 
-    def _stop(self, person: int, errand: Errand, to_do: Stop, now: Now) -> Step | None:
+    def _stop(self, person: int, errand: Errand, to_do: StandStill, now: Now) -> Step | None:
         return STANDS
 
     def _push(self, person: int, errand: Errand, to_do: Push, now: Now) -> Step | None:

@@ -17,10 +17,11 @@ from scenic.core.simulators import (
 )
 from scenic.core.vectors import Vector
 
-from mrta_falsify.core.directives import Appear, Stop, WaitUntil, begins_outside
+from mrta_falsify.core.directives import Appear, StandStill, WaitUntil, begins_outside
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.world import HumanSpec, World, check_pushes
+from mrta_falsify.core.world import HumanSpec, World
+from mrta_falsify.core.world_checks import check_pushes
 from simulator_interface.people.scripts import Errand
 from simulator_interface.scenic_bridge.actions import Reader, is_of_library
 from simulator_interface.scenic_bridge.objects import Body
@@ -207,7 +208,9 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
         entry = (WaitUntil(time=self.frame.sensed.time), Appear(point=spec.route[0]))
         is_told = is_of_library(obj.behavior) or obj.behavior is None
         spec = replace(
-            spec, name=place.name, directives=(*entry, *(spec.directives if is_told else (Stop(),)))
+            spec,
+            name=place.name,
+            directives=(*entry, *(spec.directives if is_told else (StandStill(),))),
         )
         self._episode.replace_person(number, spec)
         return Body(

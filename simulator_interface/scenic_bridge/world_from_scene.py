@@ -17,7 +17,7 @@ from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core import geometry
 from mrta_falsify.core.arrays import Array, frozen_array
-from mrta_falsify.core.directives import Appear, FollowRoute, Stop, WaitUntil
+from mrta_falsify.core.directives import Appear, FollowRoute, StandStill, WaitUntil
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.world import (
     LINKS,
@@ -275,7 +275,7 @@ def late_person(item: Any, name: str, reader: Reader) -> HumanSpec:
         return scripted_person(item, name, reader)
     spec = _human(item, name, reader.places)
     if len(spec.route) < 2:
-        return dataclasses.replace(spec, directives=(Stop(),))
+        return dataclasses.replace(spec, directives=(StandStill(),))
     follow = FollowRoute(route=spec.route, repeat=spec.repeat)
     return dataclasses.replace(spec, directives=(follow,))
 
@@ -300,7 +300,7 @@ def is_composed(scene: Scene) -> bool:
 
 
 def _told_by_scenic(human: HumanSpec) -> HumanSpec:
-    return dataclasses.replace(human, directives=(Stop(),))
+    return dataclasses.replace(human, directives=(StandStill(),))
 
 
 def _scripted(scene: Scene, own_behaviors: list[str]) -> str:
