@@ -1,4 +1,4 @@
-"""Evolution that moves whole objects: the workhorse for scenes with hundreds of coordinates."""
+"""Evolution that moves whole objects: for scenes with hundreds of coordinates."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class EvolutionSampler:
         self._step = options.step
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options, parents = self._options, self._memory.best
         dimensions = options.cube.dimensions
@@ -59,12 +59,12 @@ class EvolutionSampler:
         return self._counter.proposal(self._mutator.child(u, self._step, random))
 
     def _parent(self, random: np.random.Generator) -> Array:
-        # The better of two: the best are chosen more often, the others not never.
+        # The better of two: the best are chosen more often, but the others, too.
         first, second = random.integers(len(self._memory.best), size=2)
         return self._memory.best[int(min(first, second))].u
 
     def tell(self, feedback: Feedback) -> None:
-        """Take in a result; also of a point that somebody else proposed."""
+        """Take in a result, also of a point that another sampler proposed."""
         if feedback.fate != "judged":
             return
         better = self._memory.add(feedback)

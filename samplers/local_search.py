@@ -39,7 +39,7 @@ class LocalSearchSampler:
         self._memory = BestResults(options.anchors)
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options, memory = self._options, self._memory
         if memory.told < options.initial or not memory.best:
@@ -50,5 +50,5 @@ class LocalSearchSampler:
         return self._counter.proposal(self._mutator.child(anchor.u, step, random))
 
     def tell(self, feedback: Feedback) -> None:
-        """Take in a result; also of a point that somebody else proposed."""
+        """Take in a result, also of a point that another sampler proposed."""
         self._memory.add(feedback)

@@ -1,4 +1,4 @@
-"""MAP-Elites and CMA-ME of pyribs: one elite per kind of trouble."""
+"""MAP-Elites and CMA-ME of pyribs: one elite per kind of behaviour."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class MapElitesSampler:
         self._batch: list[tuple[Array, float, list[float]]] = []
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         dimensions = self._options.cube.dimensions
         if self._told < self._options.initial or not dimensions or self._archive.empty:

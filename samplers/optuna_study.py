@@ -79,7 +79,7 @@ class Study:
         return FloatDistribution(0.0, 1.0)
 
     def ask(self, sampler: optuna.samplers.BaseSampler, u: Array, number: int) -> Array:
-        """``u`` ``(k,)`` with the chosen coordinates replaced by what ``sampler`` suggests.
+        """Replace the chosen coordinates of ``u`` ``(k,)`` by what ``sampler`` suggests.
 
         ``number`` is the proposal's; what the sampler notes about it (its generation) is kept
         for its result.

@@ -56,12 +56,12 @@ class LevelStage:
         return all(chain.left == 0 for chain in self.chains)
 
     def idle(self) -> TrialChain | None:
-        """A chain that can go on, the one with most to do first; None: all are waiting."""
+        """Find the chain that has most to do; None: all are waiting."""
         free = [chain for chain in self.chains if chain.left and not chain.is_busy]
         return max(free, key=lambda chain: chain.left) if free else None
 
     def take(self, chain: TrialChain, state: ChainState | None) -> None:
-        """The trial of ``chain`` has ended as ``state``; None: it is outside the distribution."""
+        """Take in how the trial of ``chain`` ended; None: outside the distribution."""
         chain.is_busy = False
         if chain.state is None or self.level is None:
             if state is None:
@@ -100,11 +100,11 @@ class SplittingSampler:
     The distribution is that of the campaign: u uniform among accepted scenes, and everything
     else by the trial's own seed, which each move draws anew. A scene that was not accepted at
     the proposed point is outside the distribution, and the chain stays where it is. A uniform
-    number drawn with each trial breaks ties, so that plateaus of the score do no harm but to
-    efficiency.
+    number drawn with each trial breaks ties, so plateaus of the score cost efficiency only.
 
-    All runs of a batch have equally many trials: one that finds no trial below a level is
-    0, and spends the rest on uniform draws. What is found so never decides how many there are.
+    All runs of a batch have equally many trials. A run that finds no trial below a level counts
+    as 0 and spends its remaining trials on uniform draws. So what is found never decides how many
+    trials there are.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +133,7 @@ class SplittingSampler:
         self._plain_trials = self._plain_failures = 0
 
     def ask(self) -> Proposal:
-        """The next proposal; uniform and to no purpose if all chains wait for results."""
+        """Make the next proposal; uniform and unused if all chains wait for results."""
         random = self._counter.stream()
         number, tie = self._counter.next, float(random.random())
         u = random.random(self._options.cube.dimensions)
@@ -166,7 +166,7 @@ class SplittingSampler:
             self._descend(run)
 
     def _state(self, feedback: Feedback, asked: ChainState, *, is_draw: bool) -> ChainState | None:
-        """The trial as a state; None if it is outside the distribution of the campaign."""
+        """Turn the trial into a state; None if it is outside the distribution of the campaign."""
         if feedback.fate != "judged":
             return None
         if not is_draw and not np.array_equal(feedback.u, asked.u):
@@ -177,7 +177,7 @@ class SplittingSampler:
     # --- levels ------------------------------------------------------------------------------
 
     def _descend(self, run: SplittingRun) -> None:
-        """From a finished stage to the next one, or to the end of the run."""
+        """Move a run from a finished stage to the next one, or to its end."""
         population = run.stage.population
         if run.passed == 0:
             self._plain_trials += len(population)
@@ -199,7 +199,7 @@ class SplittingSampler:
         run.stage = LevelStage(level, [TrialChain(state, options.steps) for state in seeds])
 
     def _level_below(self, run: SplittingRun) -> Rank | None:
-        """Level that ends the stage of ``run``; None: violations end it."""
+        """Find the level that ends the stage of ``run``; None: violations end it."""
         if self._levels is not None:
             return self._levels[run.passed] if run.passed < len(self._levels) else None
         ranks = sorted(state.rank for state in run.stage.population)
@@ -231,7 +231,7 @@ class SplittingSampler:
     # --- what comes of it --------------------------------------------------------------------
 
     def estimates(self) -> Estimates:
-        """What the finished batches say about the probability of a violation."""
+        """Give the estimates of the finished batches."""
         return Estimates(
             repeats=tuple(self._estimates),
             uniform_trials=self._plain_trials,
@@ -257,7 +257,7 @@ def _uniform_stage(count: int) -> LevelStage:
 def resample(
     states: Sequence[ChainState], count: int, random: np.random.Generator
 ) -> list[ChainState]:
-    """``count`` of ``states``, each equally often up to one; whose turn it is is random."""
+    """Draw ``count`` of ``states``, each equally often up to one; the surplus ones at random."""
     whole, rest = divmod(count, len(states))
     extra = random.choice(len(states), size=rest, replace=False)
     return [*list(states) * whole, *(states[i] for i in sorted(extra))]

@@ -48,7 +48,7 @@ class TpeSampler:
         self._reviewed = 0
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options = self._options
         if self._memory.told < options.initial or not options.cube.dimensions:
@@ -95,7 +95,7 @@ class TpeSampler:
 
 
 def rank_correlation(points: Array, scores: Array) -> Array:
-    """Spearman's rho ``(k,)`` of each coordinate of ``points`` ``(n, k)`` with ``scores`` ``(n,)``.
+    """Correlate the ranks of coordinates ``(n, k)`` and ``scores`` ``(n,)``: Spearman, ``(k,)``.
 
     0 where either does not vary.
     """

@@ -80,7 +80,7 @@ class VerifaiSampler:
         return Struct(parts)
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         u = np.empty(self._options.cube.dimensions)
         if self._sampler is not None:
             seed = candidate_seed(self._options.seed, self._counter.next) % 2**32

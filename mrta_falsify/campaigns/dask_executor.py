@@ -1,8 +1,8 @@
-"""Trials on a Dask cluster, for those who outgrow one machine (extra ``dask``).
+"""Trials on a Dask cluster, for campaigns that outgrow one machine (extra ``dask``).
 
 Dask carries jobs to its workers and results back. On a worker, a job runs in a child process
-of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as it would at home: compiled once,
-killed when its time is up, and a crash costs one trial and not the worker.
+of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as on one machine: compiled once and
+killed when its time is up; a crash costs one trial and not the worker.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class DaskExecutor:
         if future.status == "error":  # the machine is gone, not the trial: Dask tried elsewhere
             return Finished(number=number, fate="crashed", error=f"dask: {future.exception()!r}")
         raise HarnessError(
-            f"executor dask: trial {number} is {future.status}: no scheduler any more"
+            f"executor dask: trial {number} is {future.status}: the scheduler is gone"
         )
 
     def close(self) -> None:
@@ -146,7 +146,7 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
         job: to run.
 
     Returns:
-        Fields of a :class:`Finished` but its number; or ``refused``, or ``broken``, with words.
+        Fields of a :class:`Finished` but its number; or ``refused`` or ``broken`` with a message.
     """
     key = (digest, threading.get_ident())
     try:

@@ -45,7 +45,7 @@ class Finished:
 
 
 def open_target(settings: CampaignSettings) -> Trial:
-    """The function that runs trials, opened for a campaign: compiles what can be compiled once.
+    """Open the function that runs trials; what can be compiled once is compiled here.
 
     Raises:
         InputError: the scenario does not compile or has changed.
@@ -115,7 +115,7 @@ class _Worker:
     served: int = 0  #: jobs done
 
     def send(self, message: Any) -> None:
-        """One line to the worker; a worker that has died is noticed when it is read."""
+        """Send a line to the worker; a worker that has died is noticed when it is read."""
         if self.process.stdin is None:
             raise HarnessError("a worker has no stdin")
         with contextlib.suppress(BrokenPipeError):

@@ -1,7 +1,7 @@
 """How long searches take to their first failure, with the searches that found none counted.
 
-A search that ran its budget out without a failure is a right-censored observation: leaving it
-out would flatter a sampler that mostly fails. Hence the restricted mean (area under the
+A search that ran its budget out without a failure is a right-censored observation; leaving it
+out would flatter a sampler that rarely finds one. Hence the restricted mean (area under the
 Kaplan-Meier curve up to the budget) and the log-rank test, both on scipy.
 """
 
@@ -37,7 +37,7 @@ class IntervalEstimate:
 
 
 def survival_curve(searches: Sequence[SearchCost]) -> tuple[Array, Array]:
-    """Kaplan-Meier share of searches without a failure.
+    """Estimate the share of searches without a failure (Kaplan and Meier).
 
     Args:
         searches: at least one.
@@ -51,7 +51,7 @@ def survival_curve(searches: Sequence[SearchCost]) -> tuple[Array, Array]:
 
 
 def restricted_mean(searches: Sequence[SearchCost], limit: float) -> float:
-    """Mean spent until the first failure, each search cut at ``limit``."""
+    """Average what is spent until the first failure, each search cut at ``limit``."""
     times, share = survival_curve(searches)
     inside = times < limit
     edges = np.concatenate([times[inside], [limit]])
@@ -61,15 +61,15 @@ def restricted_mean(searches: Sequence[SearchCost], limit: float) -> float:
 def restricted_mean_interval(
     searches: Sequence[SearchCost], limit: float, *, seed: int = 0
 ) -> IntervalEstimate:
-    """Restricted mean with a percentile bootstrap interval over searches."""
+    """Compute the restricted mean with a percentile bootstrap interval over searches."""
     return _bootstrapped(lambda some: restricted_mean(some, limit), searches, seed)
 
 
 def spent_per_failure(searches: Sequence[SearchCost]) -> float:
-    """All that was spent, by searches that found nothing as well, per failure found.
+    """Divide all that was spent, also by searches that found nothing, by the failures found.
 
     The maximum-likelihood mean if a failure is equally likely at any time. Unlike the restricted
-    mean it is not bounded by the budget: where most searches find nothing, that one says little.
+    mean it is not bounded by the budget, so it is of use where most searches find nothing.
     """
     found = sum(search.found for search in searches)
     return sum(search.spent for search in searches) / found if found else float("inf")
@@ -78,7 +78,7 @@ def spent_per_failure(searches: Sequence[SearchCost]) -> float:
 def spent_per_failure_interval(
     searches: Sequence[SearchCost], *, seed: int = 0
 ) -> IntervalEstimate:
-    """:func:`spent_per_failure` with a percentile bootstrap interval over searches."""
+    """Compute :func:`spent_per_failure` with a percentile bootstrap interval over searches."""
     return _bootstrapped(spent_per_failure, searches, seed)
 
 
@@ -93,14 +93,14 @@ def _bootstrapped(
 
 
 def median(searches: Sequence[SearchCost]) -> float:
-    """Spent until half of the searches have found a failure; inf if fewer ever do."""
+    """Find what is spent until half of the searches have found a failure; inf if fewer do."""
     times, share = survival_curve(searches)
     reached = np.flatnonzero(share <= 0.5)
     return float(times[reached[0]]) if len(reached) else float("inf")
 
 
 def found_share(searches: Sequence[SearchCost]) -> IntervalEstimate:
-    """Falsification rate: share of searches that found a failure, Clopper-Pearson interval."""
+    """Estimate the falsification rate: share of searches that found a failure, Clopper-Pearson."""
     count = sum(search.found for search in searches)
     interval = stats.binomtest(count, len(searches)).proportion_ci(method="exact")
     return IntervalEstimate(
@@ -109,7 +109,7 @@ def found_share(searches: Sequence[SearchCost]) -> IntervalEstimate:
 
 
 def log_rank(one: Sequence[SearchCost], other: Sequence[SearchCost]) -> float:
-    """p-value of the log-rank test that both need equally long; 1 if nobody found anything."""
+    """Compute the p-value of the log-rank test that both need equally long; 1 without failures."""
     if not any(search.found for search in (*one, *other)):
         return 1.0
     return float(stats.logrank(_censored(one), _censored(other)).pvalue)

@@ -85,7 +85,7 @@ class StackEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intent:
-    """What the stack says of itself each tick; the oracle uses goals and paths, no claims."""
+    """What the stack says of itself each tick; the oracle uses goals and paths, not claims."""
 
     phase: IntArray  #: (N,) values of :class:`Phase`
     goal: Array  #: (N, 2) room point or spot the robot finally heads for [m], nan: none
@@ -103,7 +103,7 @@ class Intent:
 
 @dataclass(frozen=True, slots=True)
 class BlockedBy:
-    """One blocked-by edge: ``robot`` cannot go on because of ``other``."""
+    """One blocked-by edge: ``robot`` cannot move on because of ``other``."""
 
     robot: int
     cause: str  #: queue, cluster, barrier, human, wall, no-path, task

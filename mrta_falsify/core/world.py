@@ -58,7 +58,7 @@ class Furniture:
         return np.asarray(0.5 * (self.polygon.min(axis=0) + self.polygon.max(axis=0)))
 
     def outline_at(self, pose: Array) -> Array:
-        """Footprint ``(V, 2)`` [m] at ``pose`` ``(3,)``: centre, and turn since the start."""
+        """Move the footprint ``(V, 2)`` [m] to ``pose`` ``(3,)``: centre, turn since the start."""
         return transform(self.polygon - self.center, pose)
 
 
@@ -216,16 +216,16 @@ class World:
     scripted: str = later("")  #: what of its Scenic program it cannot do without, empty: nothing
 
     def digest(self) -> str:
-        """sha256 of the canonical JSON; computed once for each of the last few worlds."""
+        """Compute the sha256 of the canonical JSON; kept for the last few worlds."""
         return _digest_of(self)
 
     def solid_polygons(self) -> tuple[Array, ...]:
-        """Outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
+        """List the outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
         walls = tuple(wall.polygon for wall in self.walls)
         return walls + tuple(item.polygon for item in self.furniture if not item.movable)
 
     def movable_furniture(self) -> tuple[Furniture, ...]:
-        """Furniture that can be pushed, in the order of ``furniture``."""
+        """List the furniture that can be pushed, in the order of ``furniture``."""
         return tuple(item for item in self.furniture if item.movable)
 
     def __post_init__(self) -> None:
@@ -240,7 +240,7 @@ def _digest_of(world: World) -> str:
 
 
 def read_world(path: Path) -> World:
-    """World from a JSON file.
+    """Read a world from a JSON file.
 
     Raises:
         InputError: the file cannot be read, is not JSON, or breaks the schema.
@@ -257,5 +257,5 @@ def write_world(world: World, path: Path) -> None:
 
 
 def without_actors(world: World) -> World:
-    """The layout of ``world``: no robots, humans, tasks or events."""
+    """Strip ``world`` to its layout: no robots, humans, tasks or events."""
     return dataclasses.replace(world, robots=(), humans=(), tasks=(), events=())

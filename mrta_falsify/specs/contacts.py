@@ -105,7 +105,7 @@ class ContactCounter:
             self._last[key] = frame.sensed.time
 
     def totals(self) -> dict[str, int]:
-        """Episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
+        """Count the episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
 
         ``robot_human`` are those of a moving robot only.
         """
@@ -148,7 +148,7 @@ class _NarrowestGap:
         self._narrowest.note(gap, sensed.time, who, {"nearest": nearest, "between": list(who)})
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._narrowest.verdict(**self._more())
 
     def _gaps(self, frame: Frame) -> Array:
@@ -162,7 +162,7 @@ class _NarrowestGap:
 
 
 def _with_contacts(gap: Array, contact: BoolArray) -> Array:
-    """Gaps ``(N,)`` [m] in which a contact is never positive."""
+    """Correct gaps ``(N,)`` [m] by contacts: a contact is never positive, a gap never negative."""
     if True not in contact.tolist():
         # an engine that reports no contact saw none: rounding must not make one
         return np.maximum(gap, 0.0)

@@ -73,7 +73,7 @@ class AllTasksDone:
             self._deliveries.update(frame)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         horizon = self._world.horizon
         dropped = self._deliveries.dropped
         left = sorted(self._due - set(dropped))
@@ -127,7 +127,7 @@ class Deadlines:
             self._deliveries.update(frame)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         dropped = self._deliveries.dropped
         margins = {
             i: task.deadline - dropped.get(i, self._time)

@@ -68,7 +68,7 @@ class Descriptors:
         self._place = frame.sensed.pose[longest, :2]
 
     def values(self) -> dict[str, float]:
-        """Descriptors to date, by ``NAMES``."""
+        """Give the descriptors to date, by ``NAMES``."""
         low, high = self._bounds[:2], self._bounds[2:]
         x, y = np.clip((self._place - low) / (high - low), 0.0, 1.0)
         known = self._cause if self._cause in CAUSES else "none"

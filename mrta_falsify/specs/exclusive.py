@@ -73,12 +73,12 @@ class ExclusiveUse:
         self._closest.note(margin, time, tuple(sorted(near)), evidence)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._closest.verdict()
 
 
 def _inner_area(world: World, resource: Resource, rim: float) -> Array:
-    """Outline ``(V, 2)`` [m] of a resource's own space."""
+    """Find the outline ``(V, 2)`` [m] of a resource's own space."""
     if resource.room is not None and len(world.rooms[resource.room].area) >= 3:
         return np.asarray(world.rooms[resource.room].area)
     outline = Polygon(resource.release_area)
@@ -91,7 +91,7 @@ def _inner_area(world: World, resource: Resource, rim: float) -> Array:
 
 @numba.njit(cache=True)
 def signed_distances(polygon: Array, points: Array) -> Array:
-    """Distances ``(N,)`` [m] of ``points`` ``(N, 2)`` to a polygon ``(V, 2)``, inside negative."""
+    """Measure how far ``points`` ``(N, 2)`` are from a polygon ``(V, 2)`` [m]; inside negative."""
     count = len(polygon)
     result = np.empty(len(points))
     for i in range(len(points)):

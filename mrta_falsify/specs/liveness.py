@@ -127,15 +127,15 @@ class _ApproachMargin:
         self._worst.note(float(margin[i]), sensed.time, who, evidence)
 
     def _margins(self, time: float) -> Array:
-        """Patience left ``(N,)`` [s]."""
+        """Compute the patience left of each robot, ``(N,)`` [s]."""
         return self._patience - (time - self._approach.since)
 
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
-        """What the evidence says about robot ``i`` besides since when."""
+        """Describe robot ``i`` for the evidence, beyond since when it has been without progress."""
         raise NotImplementedError
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._worst.verdict()
 
 
@@ -270,5 +270,5 @@ class NoStarvation:
         self._worst.note(margin, time, who, evidence)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._worst.verdict()

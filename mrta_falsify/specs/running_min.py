@@ -36,7 +36,7 @@ class RunningMin:
                 self.violated_at = time
 
     def verdict(self, **more: Any) -> Verdict:
-        """Verdict to date.
+        """Give the verdict to date.
 
         Args:
             **more: further evidence, of the whole run.

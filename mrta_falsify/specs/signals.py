@@ -108,7 +108,7 @@ class SignalReader:
     _still: Standstill | None = None
 
     def read(self, frame: Frame) -> list[float]:
-        """Values of the wanted signals: fleet, then robot, then extra ones.
+        """Read the wanted signals: fleet, then robot, then extra ones.
 
         Raises:
             KeyError: an extra signal is missing from the frame.

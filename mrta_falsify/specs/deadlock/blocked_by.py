@@ -135,7 +135,7 @@ class BlockedByTracker:
         )
 
     def _own_edges(self, fleet: FleetSnapshot, i: int) -> list[BlockedBy]:
-        """Edges for causes that a robot has by itself."""
+        """Derive the edges for causes that a robot has by itself."""
         goal = fleet.goal[i]
         assert goal is not None
         if fleet.at_goal[i] and goal.kind == "spot":
@@ -152,7 +152,7 @@ class BlockedByTracker:
     def _cluster_edges(
         self, fleet: FleetSnapshot, i: int, found: dict[int, list[BlockedBy]], explained: set[int]
     ) -> list[BlockedBy]:
-        """Edges to a neighbour that makes progress, else to one with a cause of its own."""
+        """Derive an edge to a neighbour that makes progress, else to one that is blocked itself."""
         neighbours = [j for j in _component(fleet, i) if fleet.goal[j] is not None]
         away = {j: float(np.hypot(*(fleet.position[j] - fleet.position[i]))) for j in neighbours}
         moving = [j for j in neighbours if j not in found and not fleet.is_idle(j)]
@@ -172,7 +172,7 @@ class BlockedByTracker:
 
 
 def _component(fleet: FleetSnapshot, i: int) -> list[int]:
-    """Other robots joined to ``i`` by hops of at most 4 m."""
+    """Find the other robots joined to ``i`` by hops of at most 4 m."""
     reached, border = {i}, [i]
     while border:
         near = np.hypot(*(fleet.position - fleet.position[border.pop()]).T) < CLUSTER_RANGE

@@ -134,7 +134,7 @@ class CounterfactualTest:
     def _standing(
         self, last: Mapping[int, float], freed_by: Mapping[int, set[int]], time: float
     ) -> list[StuckGroup]:
-        """Deadlocks that are complete at ``time`` [s]; the others are asked about later."""
+        """Find the deadlocks complete at ``time`` [s]; the others are asked about later."""
         here = {i for i in last if last[i] <= time}
         # A robot that gets stuck later counts if one that is stuck now depends on it.
         party = here | {i for i in last if freed_by[i] & here}
@@ -150,7 +150,7 @@ class CounterfactualTest:
     def _freed_by(
         self, forecast: Forecast, stuck: set[int], time: float, settled: float
     ) -> dict[int, set[int]]:
-        """Who of the others goes free without each of ``stuck``; all, if that cannot be tried."""
+        """Find who goes free without each of ``stuck``; all others, if that cannot be tried."""
         freed: dict[int, set[int]] = {i: stuck - {i} for i in stuck}
         for i in sorted(stuck) if len(stuck) > 1 else ():
             watch = CounterfactualWatch(stuck - {i}, settled=settled, until=settled + FREE_WITHIN)
@@ -161,7 +161,7 @@ class CounterfactualTest:
         return freed
 
     def _clock_at(self, time: float) -> ProgressClock:
-        """The progress clock at ``time`` [s]; it knows all since each robot's last stop."""
+        """Advance the progress clock to ``time`` [s]; it knows all since each robot's last stop."""
         now = self._past[-1]
         for i in range(len(self.free_until)):
             begin = len(self._past)
@@ -175,7 +175,7 @@ class CounterfactualTest:
         return self._progress
 
     def _settled(self, time: float) -> float:
-        """When blockages and outages in force, and people who leave, will have gone [s]."""
+        """Find when blockages and outages in force, and people who leave, will have gone [s]."""
         ends = [event.end for event in self._world.events if event.start <= time]
         ends += [human.leaves_at for human in self._world.humans]
         return max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])

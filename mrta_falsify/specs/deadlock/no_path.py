@@ -31,7 +31,7 @@ class NoPathReasons:
         self._known: dict[tuple[int, ...], tuple[BlockedBy, ...]] = {}
 
     def edges(self, fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
-        """Edges of robot ``i``, which heads for ``goal`` and has no path."""
+        """Derive the edges of robot ``i``, which heads for ``goal`` and has no path."""
         resting = [int(j) for j in np.flatnonzero(fleet.still) if j != i]
         key = self._key(fleet, i, resting)
         if key not in self._known:
@@ -44,7 +44,7 @@ class NoPathReasons:
         return found
 
     def _key(self, fleet: FleetSnapshot, i: int, resting: list[int]) -> tuple[int, ...]:
-        """Places and events that the answer depends on, rounded."""
+        """Round the places and events that the answer depends on."""
         sensed = fleet.sensed
         places = np.concatenate(
             [
@@ -84,7 +84,7 @@ class NoPathReasons:
         return tuple(BlockedBy(i, "no-path", j) for j in alone or resting)
 
     def _blockage_at(self, time: float) -> str:
-        """Name of the first blockage in force that will end before the horizon."""
+        """Name the first blockage in force that will end before the horizon."""
         for event in self._world.events:
             if event.start <= time < event.end and is_temporary(self._world, event.name):
                 return event.name

@@ -38,7 +38,7 @@ class Obstruction:
         self._human_radius = np.array([human.radius for human in world.humans])
 
     def edges(self, fleet: FleetSnapshot, i: int) -> list[BlockedBy]:
-        """Edges to the first obstacles on the path of robot ``i``, else to people beside it."""
+        """Derive edges to the first obstacles on robot ``i``'s path, else to people beside it."""
         x, y = fleet.position[i]
         ahead = points_ahead(fleet.way(i), x, y, HUMAN_REACH, PATH_STEP)
         others = [j for j in range(len(fleet.position)) if j != i]
@@ -61,7 +61,7 @@ class Obstruction:
         return found
 
     def _body_arcs(self, fleet: FleetSnapshot, i: int, others: list[int], ahead: Array) -> Array:
-        """Arc length [m] to each of ``others``, then to each person; inf: not in the way."""
+        """Measure the path [m] to each of ``others``, then to each person; inf: not in the way."""
         x, y = fleet.position[i]
         count = len(others)
         chosen = np.array(others, dtype=np.int64)

@@ -58,7 +58,7 @@ class FreeSpace:
             self._furniture_pose = poses
 
     def solid_at(self, points: Array, time: float) -> tuple[int, str]:
-        """The first of ``points`` ``(L, 2)`` [m] inside a solid: its index and the solid's name.
+        """Find the first of ``points`` ``(L, 2)`` [m] in a solid: its index and the solid's name.
 
         Returns:
             ``(-1, "")`` if all are free.
@@ -109,7 +109,7 @@ class FreeSpace:
         return Disc(x, y, radius)
 
     def lasting_free(self) -> BoolArray:
-        """``(rows, cols)`` cells free of all that is fixed; cell (0, 0) at the map's corner."""
+        """Mark the cells ``(rows, cols)`` free of fixed solids; (0, 0) is at the map's corner."""
         self._grid(-np.inf)
         assert self._owner is not None
         return np.asarray(self._owner == 0)

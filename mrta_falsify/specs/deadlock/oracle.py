@@ -128,7 +128,7 @@ class NoDeadlock:
         self._judge_by_patience(graph, frame, since)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         patience = self._options.patience
         wait = self._longest_wait
         share = max(self._used_up, 0.5 * wait / (wait + self._options.soft_patience))

@@ -7,7 +7,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 
-NEARER_BY = 0.03  # m; a body in the way comes nearer by more than this if the robot goes on
+NEARER_BY = 0.03  # m; a body in the way comes nearer by more than this if the robot moves on
 
 
 @numba.njit(cache=True)

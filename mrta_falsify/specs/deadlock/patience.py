@@ -32,7 +32,7 @@ class Patience(NamedTuple):
     def of_knot(
         self, edges: Collection[BlockedBy], permanent: Collection[BlockedBy], *, hard: bool
     ) -> float:
-        """How long a knot with these ``edges`` must last [s].
+        """Choose how long a knot with these ``edges`` must last [s].
 
         No way round does not mean no way back: robots that stand before each other may still
         back off, and an idle one may be sent out of the way. Only what no robot can mend by

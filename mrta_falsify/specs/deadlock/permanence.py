@@ -92,7 +92,7 @@ class Permanence:
         )
 
     def _in_outage(self, time: float) -> set[int]:
-        """Robots whose links are down and will come up again before the horizon."""
+        """Find the robots whose links are down and will come up again before the horizon."""
         names = tuple(robot.name for robot in self._world.robots)
         cut: set[str] = set()
         for event in self._world.events:

@@ -81,7 +81,7 @@ class ProgressClock:
         return float(self.last[i])
 
     def _distance(self, position: Array, goal: Array) -> float:
-        """Distance along free space if there is a way, else the straight one [m]."""
+        """Measure the distance along free space if there is a way, else the straight one [m]."""
         straight = float(np.hypot(*(position - goal)))
         cell = self._cell(goal)
         if cell not in self._maps:
@@ -98,7 +98,7 @@ class ProgressClock:
 
 @numba.njit(cache=True)
 def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
-    """Length of the shortest way to the goal's cell from every cell [m]; inf: none."""
+    """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
     rows, cols = free.shape
     found = np.full(free.shape, np.inf)
     found[goal_row, goal_col] = 0.0

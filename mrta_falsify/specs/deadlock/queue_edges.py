@@ -17,7 +17,7 @@ Claim = Literal["inside", "entering", "coming", "leaving", "none"]
 
 
 def queue_edges(fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
-    """Edges of robot ``i`` at its waiting spot: to the next robot ahead, else to the occupants."""
+    """Derive edges of robot ``i`` at its waiting spot: to the next one ahead, else occupants."""
     resource = fleet.world.resources[goal.resource]
     ahead = [
         (other.spot, j)
@@ -34,7 +34,7 @@ def queue_edges(fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
 
 
 def queue_edges_from_afar(fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
-    """Edges of a robot that waits outside the queue, because it is full or has no spots."""
+    """Derive the edges of a robot that waits outside a queue that is full or has no spots."""
     resource = fleet.world.resources[goal.resource]
     position = fleet.position
     near = contains(resource.request_area, position[i]) or contains(
@@ -57,7 +57,7 @@ def queue_edges_from_afar(fleet: FleetSnapshot, i: int, goal: Goal) -> list[Bloc
 
 
 def _occupants(fleet: FleetSnapshot, i: int, goal: Goal) -> list[int]:
-    """Robots that keep ``i`` out: inside first, then heading in, then still leaving."""
+    """Find who keeps robot ``i`` out: who is inside or enters, else who leaves, else who comes."""
     resource = fleet.world.resources[goal.resource]
     by_claim: dict[Claim, list[int]] = {
         "inside": [],
@@ -73,7 +73,7 @@ def _occupants(fleet: FleetSnapshot, i: int, goal: Goal) -> list[int]:
 
 
 def _claim(fleet: FleetSnapshot, j: int, position: Array, number: int, resource: Resource) -> Claim:
-    """How robot ``j`` uses the resource ``number``; waiting for it is no use."""
+    """Tell how robot ``j`` uses the resource ``number``; to wait for it is not to use it."""
     goal = fleet.goal[j]
     if goal is not None and goal.kind == "spot" and goal.resource == number:
         return "none"

@@ -22,7 +22,7 @@ class ReducedGraph:
 
 
 def idle_robots(edges: EdgesByRobot) -> set[int]:
-    """Robots that wait for a task."""
+    """Find the robots that wait for a task."""
     return {i for i, own in edges.items() if own[0].cause == "task"}
 
 

@@ -92,7 +92,7 @@ class ServiceClock:
         return bool(self._serving[robot])
 
     def _allowed(self, goal: Goal, time: float) -> float:
-        """How long a service at ``goal`` may take [s]."""
+        """Find how long a service at ``goal`` may take [s]."""
         longest = 0.0
         for task in self.world.tasks:
             if task.arrival <= time:

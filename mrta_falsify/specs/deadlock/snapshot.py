@@ -33,7 +33,7 @@ class FleetSnapshot:
         return bool(self.at_goal[i]) and goal.kind in ("parking", "elsewhere")
 
     def way(self, i: int) -> Array:
-        """Path of robot ``i`` ``(L, 2)`` [m]; without one, the straight line to its goal."""
+        """Give robot ``i``'s path ``(L, 2)`` [m]; without one, the straight line to its goal."""
         path = self.intent.path[i]
         if len(path):
             return np.ascontiguousarray(path, dtype=np.float64)

@@ -40,15 +40,15 @@ class StuckClock:
             self._last[i] = time
 
     def stuck_for(self, time: float) -> Array:
-        """Time ``(N,)`` for which each robot has been stuck [s]; -inf: never was."""
+        """Tell for how long each robot has been stuck, ``(N,)`` [s]; -inf: never was."""
         return np.asarray(time - self._since + STANDS_AFTER)
 
     def shuffled_for(self, members: Collection[int], time: float) -> float:
-        """Time for which all of ``members`` have been stuck on the spot, shuffling or not [s]."""
+        """Tell for how long all ``members`` have been stuck on the spot, shuffling or not [s]."""
         return time - float(self._shuffles_since[list(members)].max())
 
     def onset(self, members: Collection[int], stands_since: Array) -> float:
-        """When the last of ``members`` stopped and began to wait for the others [s].
+        """Find when the last of ``members`` stopped and began to wait for the others [s].
 
         Args:
             members: robots.
