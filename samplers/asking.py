@@ -62,8 +62,8 @@ class Mutator:
     """Changes a few objects of a scene, not a little of everything.
 
     A realised point is a valid scene. Moving one object keeps the others valid, so that repair
-    has little to do and the child stays near its parent; moving all of 300 coordinates a little
-    would be rejected almost surely, and repaired into something unrelated.
+    has little to do and the child stays near its parent. Moving all of 300 coordinates a
+    little would almost surely be rejected, and repaired into something unrelated.
     """
 
     cube: Cube

@@ -26,9 +26,9 @@ class AutoSampler:
     """A bandit over samplers that share all results.
 
     Each arm is told every result, also of other arms' proposals. An arm is rewarded for a new best
-    score (in ranks, so that the scale of the score does not matter) and for a failure of a
-    signature not seen before. Rewards fade, and every arm keeps a share. The first proposals come
-    from an even spread.
+    score, and for a failure of a signature not seen before. Scores count by rank, so that their
+    scale does not matter. Rewards fade, and every arm keeps a share. The first proposals come from
+    an even spread.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)

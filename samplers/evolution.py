@@ -21,7 +21,7 @@ class EvolutionSampler:
     The first proposals are uniform. Then each child has one or two of the best parents so far,
     takes whole objects from either, and has a few objects moved or drawn anew (see
     :class:`~samplers.asking.Mutator`). The step grows when children improve on the best and
-    shrinks when they do not (Rechenberg's 1/5 rule); after ``patience`` results without a new
+    shrinks when they do not (Rechenberg's 1/5 rule). After ``patience`` results without a new
     best the population is forgotten, so that a search with a large budget finds other failures.
     """
 

@@ -24,7 +24,7 @@ class MapElitesSampler:
 
     Kinds are cells of a grid over where on the floor the trouble was, how many robots were in
     it, and what blocked them. ``emitter`` ``objects`` changes whole objects of an elite drawn
-    from all cells alike (MAP-Elites, Mouret and Clune 2015, with repair-aware mutation);
+    from all cells alike (MAP-Elites, Mouret and Clune 2015, with repair-aware mutation).
     ``cma`` follows the archive's improvement with separable CMA-ES (CMA-ME, Fontaine et al. 2020).
     """
 

@@ -88,14 +88,14 @@ class SplittingRun:
 class SplittingSampler:
     """Estimates the probability of a violation by fixed-level splitting, repeated.
 
-    A violation of probability 1e-5 is a chain of likely events: the score falls below a level
-    that a fifth of all trials reach, then, among those, below the next, and so on. Levels are
+    A violation of probability 1e-5 is a chain of likely events. The score falls below a level that
+    a fifth of all trials reach, then, among those, below the next, and so on. Levels are
     chosen by a pilot run (subset simulation, Au and Beck 2001). Then ``repeats`` independent
     runs go down these fixed levels: uniform draws first; from those below a level, Metropolis
     chains that stay below it. The product of the shares that get below the next level is an
-    unbiased estimate of the probability, whatever the chains' mixing, because levels are fixed
-    and a chain's moves keep its distribution (Del Moral, Feynman-Kac Formulae, 2004; Cerou, Del
-    Moral, Furon and Guyader 2012). The spread between runs gives the interval.
+    unbiased estimate of the probability, whatever the chains' mixing. The reason is that levels
+    are fixed and a chain's moves keep its distribution (Del Moral, Feynman-Kac Formulae, 2004;
+    Cerou, Del Moral, Furon and Guyader 2012). The spread between runs gives the interval.
 
     The distribution is that of the campaign: u uniform among accepted scenes, and everything
     else by the trial's own seed, which each move draws anew. A scene that was not accepted at

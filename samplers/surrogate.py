@@ -32,16 +32,18 @@ SPARE = 1e-6  # margins that vary less than this say nothing
 class SurrogateSampler:
     """Gaussian processes, one per specification, choose among many children of good scenes.
 
-    The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
-    additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
-    from dozens of results, and a rough part that only about the same scenes share. Its few weights
-    are those of largest marginal likelihood on a small grid. Of some hundred candidates, mostly
-    children of the best scenes as :class:`~samplers.evolution.EvolutionSampler` makes them, the one
-    is proposed that is most likely to violate some specification, less so beside failures that are
-    known (local penalisation, Gonzalez et al. 2016), and the less the more often that specification
-    was violated already; of failures with one signature only the first has children, so that other
-    ones are looked for. Where robust failures are wanted the rough part is noise: what only it
-    violates is a knife edge.
+    The kernel is a sum of three parts: a linear one over all coordinates, a smooth one of each
+    object, and a rough one that only about the same scenes share (an additive Gaussian process,
+    Duvenaud et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few weights
+    are those of largest marginal likelihood on a small grid.
+
+    Some hundred candidates are drawn, mostly children of the best scenes as
+    :class:`~samplers.evolution.EvolutionSampler` makes them. The one most likely to violate some
+    specification is proposed. A chance counts less beside known failures (local penalisation,
+    Gonzalez et al. 2016), and the less the more often that specification was violated already. Of
+    failures with one signature only the first has children, so that other ones are looked for.
+    Where robust failures are wanted the rough part is noise: what only it violates is a knife
+    edge.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)

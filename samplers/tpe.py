@@ -22,9 +22,9 @@ class TpeSampler:
     """TPE (Bergstra et al. 2011) over the coordinates that correlate most with the score.
 
     TPE's cost grows with coordinates times results, and with 300 coordinates most of its
-    suggestions are noise. So coordinates are screened every ``review`` results, the study holds
-    at most ``window`` results (the best half and the latest half), and the other coordinates
-    come from a good scene with a few objects changed.
+    suggestions are noise. So coordinates are screened every ``review`` results, and the study holds
+    at most ``window`` results (the best half and the latest half). The other coordinates come
+    from a good scene with a few objects changed.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)

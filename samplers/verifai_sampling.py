@@ -1,8 +1,8 @@
 """Samplers of VerifAI, to be compared with (see docs/campaigns.md for how to install them).
 
 VerifAI draws from the global generators of ``random`` and ``numpy``. Here each draw gets them
-seeded by the proposal's number and finds them as they were afterwards, so that nothing else
-is disturbed and the n-th proposal depends on the told results alone.
+seeded by the proposal's number and restores them afterwards. So nothing else is disturbed, and
+the n-th proposal depends on the told results alone.
 """
 
 from __future__ import annotations

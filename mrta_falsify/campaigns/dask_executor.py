@@ -1,8 +1,8 @@
 """Trials on a Dask cluster, for campaigns that outgrow one machine (extra ``dask``).
 
 Dask carries jobs to its workers and results back. On a worker, a job runs in a child process
-of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as on one machine: compiled once and
-killed when its time is up; a crash costs one trial and not the worker.
+of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as on one machine. It is compiled
+once and killed when its time is up, and a crash costs one trial and not the worker.
 """
 
 from __future__ import annotations

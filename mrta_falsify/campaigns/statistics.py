@@ -1,7 +1,7 @@
 """How likely is a violation? Intervals that cover as often as they say.
 
-Only draws from the scenario's own distribution say anything about a probability: scenes must be
-accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
+Only draws from the scenario's own distribution say anything about a probability. So scenes must
+be accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
 estimates the probability itself (:mod:`~mrta_falsify.campaigns.rare_events`). A search that looks
 for failures finds more of them than there are, and gets no interval.
 """

@@ -1,8 +1,7 @@
 """Named random streams.
 
-Every random number of a trial comes from ``stream(seed, name)``, so a layer that draws
-more numbers never shifts another layer's numbers, and nothing depends on call order or on
-``hash()``.
+Every random number of a trial comes from ``stream(seed, name)``. So a layer that draws more
+numbers never shifts another layer's numbers, and nothing depends on call order or ``hash()``.
 """
 
 from __future__ import annotations

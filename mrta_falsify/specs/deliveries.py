@@ -49,8 +49,8 @@ class Deliveries:
 class AllTasksDone:
     """Every task is delivered before the horizon.
 
-    Robustness, a share: if all is delivered, the share of the horizon that was left; before
-    the horizon, the share still left; at the horizon, minus the share of open tasks.
+    Robustness is a share. If all is delivered, it is the share of the horizon that was left.
+    Before the horizon it is the share still left; at the horizon, minus the share of open tasks.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)

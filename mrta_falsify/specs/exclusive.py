@@ -21,9 +21,9 @@ from mrta_falsify.specs.running_min import RunningMin
 class ExclusiveUse:
     """At most ``capacity`` robots are inside each resource at once.
 
-    Inside means that the robot's centre lies in the resource's own space: a room's outline
-    where the world has one, otherwise the release area without a rim (robots on the rim are
-    coming or going). Robustness [m]: signed distance, positive outside, of the robot that
+    Inside means that the robot's centre lies in the resource's own space. That is a room's outline
+    where the world has one, otherwise the release area without a rim: robots on the rim are
+    coming or going. Robustness [m]: signed distance, positive outside, of the robot that
     would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. A
     resource that is overfull at the start is judged from when it first was not.
 

@@ -29,9 +29,9 @@ TRAVEL_SCALE = 0.05  # m; driving less by this counts as safer by 1 s
 class _Approach:
     """Best remaining distance of each robot to its goal, and when it last got better.
 
-    Distances compare only along ways that lead to one goal by one next waypoint: the rest of
-    the way behind that waypoint is not known, and a straight line through walls would be too
-    short to be ever beaten. A new waypoint is progress; goals and waypoints that come back while
+    Distances compare only along ways that lead to one goal by one next waypoint. The rest of the
+    way behind that waypoint is not known, and a straight line through walls would be too short
+    ever to be beaten. A new waypoint is progress; goals and waypoints that come back while
     no stop was served keep their best distance, so that alternating between them is none. A
     robot without a goal, or at its goal, has nothing to improve.
     """
@@ -197,9 +197,9 @@ class SteadyProgress(_ApproachMargin):
 class NoStarvation:
     """No robot and no task waits without end while others are served.
 
-    A robot with a goal that has not left its place for ``robot_patience`` while another one
-    served a stop, or a task not picked up for ``task_patience`` although one that arrived
-    later was, starves. Robustness [s]: the smaller margin of the two, scaled to
+    A robot with a goal starves if it has not left its place for ``robot_patience`` while another
+    one served a stop. A task starves if it was not picked up for ``task_patience`` although one
+    that arrived later was. Robustness [s]: the smaller margin of the two, scaled to
     ``robot_patience``.
     """
 

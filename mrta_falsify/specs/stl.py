@@ -34,8 +34,9 @@ class StlSpecification:
     """A formula of the user's own.
 
     Syntax: ``always``, ``eventually``, ``until``, ``historically``, ``once``, ``since`` with
-    optional windows ``[a, b]`` in seconds; ``and``, ``or``, ``not``, ``->``; comparisons of
-    arithmetic over signals, for example ``always (d_human > 0.5 or speed(robot1) < 0.2)``.
+    optional windows ``[a, b]`` in seconds. They combine by ``and``, ``or``, ``not``, ``->`` over
+    comparisons of arithmetic over signals, for example
+    ``always (d_human > 0.5 or speed(robot1) < 0.2)``.
     The formula is judged at time 0. Windows are cut where the episode ends. Robustness is in
     the unit of the comparison that decides.
     """

@@ -19,9 +19,9 @@ from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.watches import (
-    Continuation,
+    ContinuationAnswer,
     ContinuationWatch,
-    Counterfactual,
+    CounterfactualAnswer,
     CounterfactualWatch,
 )
 
@@ -114,13 +114,13 @@ class CounterfactualTest:
         )
         answer = forecast(watch)
         assert answer is not None
-        last = self._learn(codec.decode(Continuation, answer, where="forecast"), asked, time)
+        last = self._learn(codec.decode(ContinuationAnswer, answer, where="forecast"), asked, time)
         if not any(last[i] <= time for i in asked & set(last)):
             return []
         freed_by = self._freed_by(forecast, set(last), time, settled)
         return self._standing(last, freed_by, time)
 
-    def _learn(self, seen: Continuation, asked: set[int], time: float) -> dict[int, float]:
+    def _learn(self, seen: ContinuationAnswer, asked: set[int], time: float) -> dict[int, float]:
         """Note until when robots are free; last progress of the stuck ones [s]."""
         for robot, freed in seen.freed.items():
             self.free_until[int(robot)] = max(freed, time + ASK_SOONEST)
@@ -157,7 +157,7 @@ class CounterfactualTest:
             answer = forecast(watch, without=i)
             if answer is None:
                 break
-            freed[i] = set(codec.decode(Counterfactual, answer, where="forecast").freed)
+            freed[i] = set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
         return freed
 
     def _clock_at(self, time: float) -> ProgressClock:

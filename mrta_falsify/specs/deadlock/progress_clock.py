@@ -53,8 +53,8 @@ class ProgressClock:
     def advance(self, i: int, time: float, position: Array, goal: Array, left: int) -> float:
         """Take in where robot ``i`` is; time of its last progress [s].
 
-        Progress is a stop done, a goal that the robot never had at its present number of stops
-        left, or being nearer to such a goal by ``step`` than ever before.
+        Progress is a stop done, or a goal that the robot never had at its present number of stops
+        left. To be nearer to such a goal by ``step`` than ever before is progress, too.
 
         Args:
             i: robot.

@@ -26,7 +26,7 @@ FREE_BEYOND = 1.0  # m from its place: a robot has gone free
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Continuation:
+class ContinuationAnswer:
     """What a continuation showed; robots by number, as text."""
 
     stuck: dict[str, float]  #: last progress of each robot that stands for good [s]
@@ -35,7 +35,7 @@ class Continuation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counterfactual:
+class CounterfactualAnswer:
     """What a counterfactual showed."""
 
     freed: tuple[int, ...]  #: robots that went free
@@ -83,14 +83,14 @@ class ContinuationWatch:
         return self._at_rest or time >= self._until or len(self._freed) == len(self._asked)
 
     def answer(self) -> dict[str, Any]:
-        """Give the :class:`Continuation`, encoded."""
+        """Give the :class:`ContinuationAnswer`, encoded."""
         last = self._progress.last
         late = np.array([position for _, position in self._positions])
         stands = (np.hypot(*(late - late[-1]).transpose(2, 0, 1)) <= STAYS_WITHIN).all(axis=0)
         stands |= self._at_rest
         quiet = self._time - last >= ALL_REST_FOR
         stuck = np.flatnonzero(self._with_goal & quiet & stands)
-        seen = Continuation(
+        seen = ContinuationAnswer(
             stuck={str(i): float(last[i]) for i in stuck},
             freed={str(i): time for i, time in self._freed.items()},
             looked=self._time,
@@ -130,6 +130,8 @@ class CounterfactualWatch:
         return self._freed == self._others or at_rest or time >= self._until
 
     def answer(self) -> dict[str, Any]:
-        """Give the :class:`Counterfactual`, encoded."""
-        encoded: dict[str, Any] = codec.encode(Counterfactual(freed=tuple(sorted(self._freed))))
+        """Give the :class:`CounterfactualAnswer`, encoded."""
+        encoded: dict[str, Any] = codec.encode(
+            CounterfactualAnswer(freed=tuple(sorted(self._freed)))
+        )
         return encoded
