@@ -34,8 +34,8 @@ class SurrogateSampler:
 
     The kernel is a sum of three parts: a linear one over all coordinates, a smooth one of each
     object, and a rough one that only about the same scenes share (an additive Gaussian process,
-    Duvenaud et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few weights
-    are those of largest marginal likelihood on a small grid.
+    Duvenaud et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few
+    weights are those of largest marginal likelihood on a small grid.
 
     Some hundred candidates are drawn, mostly children of the best scenes as
     :class:`~samplers.evolution.EvolutionSampler` makes them. The one most likely to violate some
