@@ -105,8 +105,10 @@ def mean_interval(estimates: Sequence[float], level: float = 0.95) -> tuple[floa
     interval is too low then. This is the smallest interval that holds two others. One is Cox's
     for the mean of a log-normal law (Land 1972; Zhou and Gao 1997, with Student's quantile), the
     other Student's on the logarithm by the delta method. `benchmarks/campaign/rare.py` measures
-    its coverage. Estimates that are 0 have no logarithm; then means of pairs, triples, ... are taken, as
-    small groups as leave none that is 0.
+    its coverage.
+
+    Estimates that are 0 have no logarithm. Then means of pairs, triples, ... are taken, in groups
+    as small as leave no mean that is 0.
 
     Args:
         estimates: independent, of equal law, each >= 0.
