@@ -15,7 +15,7 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.descriptors import Situation
+from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from mrta_falsify.specs.objectives import objectives
 from simulator_interface.simulate import Outcome, simulate
@@ -106,7 +106,7 @@ def judge(job: Job, *, keep_trace: bool = True) -> Judged:
         outcome=outcome,
         verdicts=verdicts,
         margins=margins,
-        descriptors=watch.situation.descriptors(),
+        descriptors=watch.descriptors.values(),
     )
 
 
@@ -115,13 +115,13 @@ class _Watch:
 
     def __init__(self, job: Job, specifications: tuple[Specification, ...]) -> None:
         dt = 1.0 / job.config.control_rate
-        self.situation = Situation(job.world, dt)
+        self.descriptors = Descriptors(job.world, dt)
         self._specifications = specifications if job.early_stop else ()
         self._stride = max(1, round(LOOK_EVERY / dt))
         self._decided = np.inf
 
     def stop(self, frame: Frame) -> str:
-        self.situation.update(frame)
+        self.descriptors.update(frame)
         sensed = frame.sensed
         if sensed.tick % self._stride == 0 and self._decided == np.inf:
             for specification in self._specifications:

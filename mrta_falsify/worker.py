@@ -26,7 +26,7 @@ from mrta_falsify.core.record import Jittered, Screening, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.specs.objectives import score
+from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from scenic_worlds.variation import jittered_worlds
 from simulator_interface.simulate import Outcome
@@ -155,7 +155,7 @@ class Trials:
             verdicts=judged.verdicts,
             objectives=judged.margins,
             descriptors=judged.descriptors,
-            score=-record.jittered.share if record.jittered else score(judged.margins),
+            score=-record.jittered.share if record.jittered else search_score(judged.margins),
             signature=signature(judged.verdicts),
             layer=suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
             trace_file=trace_file,

@@ -40,7 +40,7 @@ class AnnealingSampler:
         self._scores: list[float] = []
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         if self._state is None:
             return self._counter.proposal(random.random(self._options.cube.dimensions))

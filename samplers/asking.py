@@ -21,11 +21,11 @@ class Counter:
     next: int = 0
 
     def stream(self) -> np.random.Generator:
-        """Random stream of the next proposal."""
+        """Make the random stream of the next proposal."""
         return stream(self.seed, f"sampler/{self.name}/{self.next}")
 
     def proposal(self, u: Array) -> Proposal:
-        """``u`` ``(k,)``, cut to [0, 1], as the next proposal."""
+        """Propose ``u`` ``(k,)``, cut to [0, 1], next."""
         point = np.clip(u, 0.0, 1.0)
         point.setflags(write=False)
         number = self.next
@@ -34,7 +34,7 @@ class Counter:
 
 
 @dataclass(slots=True)
-class Memory:
+class BestResults:
     """The best results so far, smallest score first; ties in the order they were told."""
 
     size: int  #: how many are kept
@@ -62,8 +62,8 @@ class Mutator:
     """Changes a few objects of a scene, not a little of everything.
 
     A realised point is a valid scene. Moving one object keeps the others valid, so that repair
-    has little to do and the child stays near its parent; moving all of 300 coordinates a little
-    would be rejected almost surely, and repaired into something unrelated.
+    has little to do and the child stays near its parent. Moving all of 300 coordinates a
+    little would almost surely be rejected, and repaired into something unrelated.
     """
 
     cube: Cube
@@ -79,7 +79,7 @@ class Mutator:
             self._block_of[list(block)] = number
 
     def child(self, parent: Array, step: float, random: np.random.Generator) -> Array:
-        """A changed copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
+        """Change a copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
         u = np.array(parent, dtype=np.float64)
         blocks = self.blocks
         if not blocks:
@@ -100,12 +100,12 @@ class Mutator:
         return reflect(value + float(random.normal(0.0, step)))
 
     def crossed(self, one: Array, other: Array, random: np.random.Generator) -> Array:
-        """Objects of two parents, each from either with equal chance."""
+        """Take the objects of two parents, each from either with equal chance."""
         is_others = random.random(len(self.blocks)) < 0.5
         return np.where(is_others[self._block_of], other, one)
 
 
 def reflect(value: float) -> float:
-    """``value`` folded into [0, 1] at the walls, so that mass does not gather there."""
+    """Fold ``value`` into [0, 1] at the walls, so that mass does not gather there."""
     folded = value % 2.0
     return 2.0 - folded if folded > 1.0 else folded

@@ -25,10 +25,10 @@ CERTAIN = {"surrogate": 0.65}
 class AutoSampler:
     """A bandit over samplers that share all results.
 
-    Each arm is told every result, whoever proposed it. An arm is rewarded for a new best score
-    (in ranks, so that the scale of the score does not matter) and for a failure of a signature
-    not seen before, not for one that was; rewards fade, and every arm keeps a share. The first
-    proposals come from an even spread.
+    Each arm is told every result, also of other arms' proposals. An arm is rewarded for a new best
+    score, and for a failure of a signature not seen before. Scores count by rank, so that their
+    scale does not matter. Rewards fade, and every arm keeps a share. The first proposals come from
+    an even spread.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class AutoSampler:
         self._signatures: set[str] = set()
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         return self._counter.proposal(np.array(self._next_arm().ask().u))
 
     def skip(self) -> None:
@@ -77,7 +77,7 @@ class AutoSampler:
         self._counter.next += 1
 
     def _next_arm(self) -> Sampler:
-        """The arm that the next proposal is of; noted as such."""
+        """Choose the arm of the next proposal, and remember it."""
         name = self._choose()
         self._by[self._counter.next] = name
         return self._arms[name]

@@ -53,7 +53,7 @@ class CmaEsSampler:
         )
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         if self._search is None:
             u = self._counter.stream().random(self._options.cube.dimensions)
             return self._counter.proposal(u)

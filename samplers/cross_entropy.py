@@ -46,7 +46,7 @@ class CrossEntropySampler:
         self._batch: list[Feedback] = []
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         dimensions = self._options.cube.dimensions
         uniform = random.random(dimensions)

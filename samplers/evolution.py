@@ -1,4 +1,4 @@
-"""Evolution that moves whole objects: the workhorse for scenes with hundreds of coordinates."""
+"""Evolution that moves whole objects: for scenes with hundreds of coordinates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 
 SMALLEST_STEP, LARGEST_STEP = 0.02, 0.4
 
@@ -21,7 +21,7 @@ class EvolutionSampler:
     The first proposals are uniform. Then each child has one or two of the best parents so far,
     takes whole objects from either, and has a few objects moved or drawn anew (see
     :class:`~samplers.asking.Mutator`). The step grows when children improve on the best and
-    shrinks when they do not (Rechenberg's 1/5 rule); after ``patience`` results without a new
+    shrinks when they do not (Rechenberg's 1/5 rule). After ``patience`` results without a new
     best the population is forgotten, so that a search with a large budget finds other failures.
     """
 
@@ -42,11 +42,11 @@ class EvolutionSampler:
         self._options = options
         self._counter = Counter("evolution", options.seed)
         self._mutator = Mutator(options.cube)
-        self._memory = Memory(options.parents)
+        self._memory = BestResults(options.parents)
         self._step = options.step
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options, parents = self._options, self._memory.best
         dimensions = options.cube.dimensions
@@ -59,12 +59,12 @@ class EvolutionSampler:
         return self._counter.proposal(self._mutator.child(u, self._step, random))
 
     def _parent(self, random: np.random.Generator) -> Array:
-        # The better of two: the best are chosen more often, the others not never.
+        # The better of two: the best are chosen more often, but the others, too.
         first, second = random.integers(len(self._memory.best), size=2)
         return self._memory.best[int(min(first, second))].u
 
     def tell(self, feedback: Feedback) -> None:
-        """Take in a result; also of a point that somebody else proposed."""
+        """Take in a result, also of a point that another sampler proposed."""
         if feedback.fate != "judged":
             return
         better = self._memory.add(feedback)
@@ -73,5 +73,5 @@ class EvolutionSampler:
         factor = 1.5 if better else 1.5**-0.25
         self._step = float(np.clip(self._step * factor, SMALLEST_STEP, LARGEST_STEP))
         if self._memory.since_best >= self._options.patience:
-            self._memory = Memory(self._options.parents)
+            self._memory = BestResults(self._options.parents)
             self._step = self._options.step

@@ -1,4 +1,4 @@
-"""Scrambled Halton points: spread more evenly than independent ones, for as long as you like."""
+"""Scrambled Halton points: spread more evenly than independent ones, for any budget."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class HaltonSampler:
         self._sequence = qmc.Halton(dimensions, scramble=True, rng=random) if dimensions else None
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         u = np.empty(0) if self._sequence is None else self._sequence.random(1)[0]
         return self._counter.proposal(u)
 

@@ -9,7 +9,7 @@ import numpy as np
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 
 
 class LocalSearchSampler:
@@ -36,10 +36,10 @@ class LocalSearchSampler:
         self._options = options
         self._counter = Counter("local_search", options.seed)
         self._mutator = Mutator(options.cube, redraw=0.1, mean_blocks=1.2)
-        self._memory = Memory(options.anchors)
+        self._memory = BestResults(options.anchors)
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options, memory = self._options, self._memory
         if memory.told < options.initial or not memory.best:
@@ -50,5 +50,5 @@ class LocalSearchSampler:
         return self._counter.proposal(self._mutator.child(anchor.u, step, random))
 
     def tell(self, feedback: Feedback) -> None:
-        """Take in a result; also of a point that somebody else proposed."""
+        """Take in a result, also of a point that another sampler proposed."""
         self._memory.add(feedback)

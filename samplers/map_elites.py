@@ -1,4 +1,4 @@
-"""MAP-Elites and CMA-ME of pyribs: one elite per kind of trouble."""
+"""MAP-Elites and CMA-ME of pyribs: one elite per kind of behaviour."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MapElitesSampler:
 
     Kinds are cells of a grid over where on the floor the trouble was, how many robots were in
     it, and what blocked them. ``emitter`` ``objects`` changes whole objects of an elite drawn
-    from all cells alike (MAP-Elites, Mouret and Clune 2015, with repair-aware mutation);
+    from all cells alike (MAP-Elites, Mouret and Clune 2015, with repair-aware mutation).
     ``cma`` follows the archive's improvement with separable CMA-ES (CMA-ME, Fontaine et al. 2020).
     """
 
@@ -66,7 +66,7 @@ class MapElitesSampler:
         self._batch: list[tuple[Array, float, list[float]]] = []
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         dimensions = self._options.cube.dimensions
         if self._told < self._options.initial or not dimensions or self._archive.empty:

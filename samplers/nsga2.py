@@ -39,7 +39,7 @@ class Nsga2Sampler:
         self._study: Study | None = None
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         options = self._options
         u = self._counter.stream().random(options.cube.dimensions)
         if self._study is None or not len(u):

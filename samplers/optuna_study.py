@@ -1,8 +1,8 @@
 """What TPE and NSGA-II share: an in-memory Optuna study rebuilt by asking and telling.
 
-Optuna's samplers carry random state, which a resumed study does not get back; here each ask
-gets a sampler of its own, seeded by the proposal's number, so that the n-th proposal depends
-on the told results alone.
+Optuna's samplers carry random state, which a resumed study does not get back. So each ask gets a
+sampler of its own, seeded by the proposal's number, and the n-th proposal depends on the told
+results alone.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ optuna.logging.set_verbosity(optuna.logging.WARNING)
 class _AllAtOnce(optuna.samplers.BaseSampler):
     """A sampler asked for all coordinates in one go.
 
-    ``Trial.suggest_float`` copies what was suggested before at each coordinate, and the search
-    space is found anew from all trials at each ask: nine tenths of the time, for what we know.
+    ``Trial.suggest_float`` copies what was suggested before at each coordinate, and each ask finds
+    the search space anew from all trials. That takes nine tenths of the time, for what we know.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Study:
         return FloatDistribution(0.0, 1.0)
 
     def ask(self, sampler: optuna.samplers.BaseSampler, u: Array, number: int) -> Array:
-        """``u`` ``(k,)`` with the chosen coordinates replaced by what ``sampler`` suggests.
+        """Replace the chosen coordinates of ``u`` ``(k,)`` by what ``sampler`` suggests.
 
         ``number`` is the proposal's; what the sampler notes about it (its generation) is kept
         for its result.

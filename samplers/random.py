@@ -1,4 +1,4 @@
-"""Independent uniform sampling: the yardstick for every other sampler."""
+"""Independent uniform sampling: the baseline of every other sampler."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RandomSampler:
         self._next = 0
 
     def ask(self) -> Proposal:
-        """The next proposal, ``u`` of shape ``(k,)``, uniform in [0, 1)."""
+        """Make the next proposal, ``u`` of shape ``(k,)``, uniform in [0, 1)."""
         number = self._next
         self._next += 1
         random = stream(self._options.seed, f"sampler/random/{number}")

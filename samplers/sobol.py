@@ -35,7 +35,7 @@ class SobolSampler:
         self._block: Array = np.empty((0, dimensions))
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         place = self._counter.next % BLOCK
         if place == 0:
             self._block = (

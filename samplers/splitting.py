@@ -21,7 +21,7 @@ NARROWEST, WIDEST = 0.02, 0.5  # spread of small moves, drawn anew for each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class ChainState:
     """A trial as a chain remembers it."""
 
     u: Array  #: (k,)
@@ -34,34 +34,34 @@ class State:
 
 
 @dataclass(slots=True, eq=False)
-class Chain:
+class TrialChain:
     """A Metropolis chain over trials below a level; without a state, a uniform draw."""
 
-    state: State | None
+    state: ChainState | None
     left: int  #: trials to go
     is_busy: bool = False  #: one of its trials is being run
 
 
 @dataclass(slots=True, eq=False)
-class Stage:
+class LevelStage:
     """Chains that stay below one level, side by side."""
 
     level: Rank | None  #: None: everywhere, by uniform draws
-    chains: list[Chain]
-    population: list[State] = field(default_factory=list)  #: state after each trial
+    chains: list[TrialChain]
+    population: list[ChainState] = field(default_factory=list)  #: state after each trial
 
     @property
     def is_done(self) -> bool:
         """Whether all trials are told."""
         return all(chain.left == 0 for chain in self.chains)
 
-    def idle(self) -> Chain | None:
-        """A chain that can go on, the one with most to do first; None: all are waiting."""
+    def idle(self) -> TrialChain | None:
+        """Find the chain that has most to do; None: all are waiting."""
         free = [chain for chain in self.chains if chain.left and not chain.is_busy]
         return max(free, key=lambda chain: chain.left) if free else None
 
-    def take(self, chain: Chain, state: State | None) -> None:
-        """The trial of ``chain`` has ended as ``state``; None: it is outside the distribution."""
+    def take(self, chain: TrialChain, state: ChainState | None) -> None:
+        """Take in how the trial of ``chain`` ended; None: outside the distribution."""
         chain.is_busy = False
         if chain.state is None or self.level is None:
             if state is None:
@@ -74,11 +74,11 @@ class Stage:
 
 
 @dataclass(slots=True, eq=False)
-class Run:
+class SplittingRun:
     """One pass from uniform draws down to violations."""
 
     name: str  #: of its random numbers
-    stage: Stage
+    stage: LevelStage
     passed: int = 0  #: levels
     asked: int = 0  #: trials
     probability: float = 1.0  #: product of the shares so far
@@ -88,23 +88,23 @@ class Run:
 class SplittingSampler:
     """Estimates the probability of a violation by fixed-level splitting, repeated.
 
-    A violation of probability 1e-5 is a chain of likely events: the score falls below a level
-    that a fifth of all trials reach, then, among those, below the next, and so on. Levels are
+    A violation of probability 1e-5 is a chain of likely events. The score falls below a level that
+    a fifth of all trials reach, then, among those, below the next, and so on. Levels are
     chosen by a pilot run (subset simulation, Au and Beck 2001). Then ``repeats`` independent
     runs go down these fixed levels: uniform draws first; from those below a level, Metropolis
     chains that stay below it. The product of the shares that get below the next level is an
-    unbiased estimate of the probability, whatever the chains' mixing, because levels are fixed
-    and a chain's moves keep its distribution (Del Moral, Feynman-Kac Formulae, 2004; Cerou, Del
-    Moral, Furon and Guyader 2012). The spread between runs gives the interval.
+    unbiased estimate of the probability, whatever the chains' mixing. The reason is that levels
+    are fixed and a chain's moves keep its distribution (Del Moral, Feynman-Kac Formulae, 2004;
+    Cerou, Del Moral, Furon and Guyader 2012). The spread between runs gives the interval.
 
     The distribution is that of the campaign: u uniform among accepted scenes, and everything
     else by the trial's own seed, which each move draws anew. A scene that was not accepted at
     the proposed point is outside the distribution, and the chain stays where it is. A uniform
-    number drawn with each trial breaks ties, so that plateaus of the score do no harm but to
-    efficiency.
+    number drawn with each trial breaks ties, so plateaus of the score cost efficiency only.
 
-    All runs of a batch have equally many trials: one that finds no trial below a level is
-    0, and spends the rest on uniform draws. What is found so never decides how many there are.
+    All runs of a batch have equally many trials. A run that finds no trial below a level counts
+    as 0 and spends its remaining trials on uniform draws. So what is found never decides how many
+    trials there are.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,14 +126,14 @@ class SplittingSampler:
         self._blocks = max(1, len(options.cube.blocks()))
         self._levels: tuple[Rank, ...] | None = None  # None: the pilot is looking for them
         self._pilot_levels: list[Rank] = []
-        self._runs = [Run("pilot", _uniform_stage(options.pilot * options.steps))]
+        self._runs = [SplittingRun("pilot", _uniform_stage(options.pilot * options.steps))]
         self._batch = 0
-        self._flying: dict[int, tuple[Run, Chain, State]] = {}
+        self._flying: dict[int, tuple[SplittingRun, TrialChain, ChainState]] = {}
         self._estimates: list[float] = []
         self._plain_trials = self._plain_failures = 0
 
     def ask(self) -> Proposal:
-        """The next proposal; uniform and to no purpose if all chains wait for results."""
+        """Make the next proposal; uniform and unused if all chains wait for results."""
         random = self._counter.stream()
         number, tie = self._counter.next, float(random.random())
         u = random.random(self._options.cube.dimensions)
@@ -145,7 +145,7 @@ class SplittingSampler:
             run.asked += 1
             if chain.state is not None:
                 u = self._moved(chain.state.u, random)
-            self._flying[number] = (run, chain, State(u, (0.0, tie)))
+            self._flying[number] = (run, chain, ChainState(u, (0.0, tie)))
             break
         return self._counter.proposal(u)
 
@@ -165,19 +165,19 @@ class SplittingSampler:
         if run.stage.is_done:
             self._descend(run)
 
-    def _state(self, feedback: Feedback, asked: State, *, is_draw: bool) -> State | None:
-        """The trial as a state; None if it is outside the distribution of the campaign."""
+    def _state(self, feedback: Feedback, asked: ChainState, *, is_draw: bool) -> ChainState | None:
+        """Turn the trial into a state; None if it is outside the distribution of the campaign."""
         if feedback.fate != "judged":
             return None
         if not is_draw and not np.array_equal(feedback.u, asked.u):
             return None  # the scene asked for was not accepted, another one was run
         score = VIOLATED if feedback.failed else feedback.score
-        return State(np.array(feedback.u), (score, asked.rank[1]))
+        return ChainState(np.array(feedback.u), (score, asked.rank[1]))
 
     # --- levels ------------------------------------------------------------------------------
 
-    def _descend(self, run: Run) -> None:
-        """From a finished stage to the next one, or to the end of the run."""
+    def _descend(self, run: SplittingRun) -> None:
+        """Move a run from a finished stage to the next one, or to its end."""
         population = run.stage.population
         if run.passed == 0:
             self._plain_trials += len(population)
@@ -196,10 +196,10 @@ class SplittingSampler:
             return
         name = f"sampler/splitting/{run.name}/{run.passed}"
         seeds = resample(below, count, stream(options.seed, name))
-        run.stage = Stage(level, [Chain(state, options.steps) for state in seeds])
+        run.stage = LevelStage(level, [TrialChain(state, options.steps) for state in seeds])
 
-    def _level_below(self, run: Run) -> Rank | None:
-        """Level that ends the stage of ``run``; None: violations end it."""
+    def _level_below(self, run: SplittingRun) -> Rank | None:
+        """Find the level that ends the stage of ``run``; None: violations end it."""
         if self._levels is not None:
             return self._levels[run.passed] if run.passed < len(self._levels) else None
         ranks = sorted(state.rank for state in run.stage.population)
@@ -213,7 +213,7 @@ class SplittingSampler:
         self._pilot_levels.append(above[0])
         return above[0]
 
-    def _end(self, run: Run) -> None:
+    def _end(self, run: SplittingRun) -> None:
         run.is_done = True
         if self._levels is None:
             self._levels = tuple(self._pilot_levels)
@@ -224,13 +224,14 @@ class SplittingSampler:
             self._batch += 1
         size = self._options.chains * self._options.steps
         self._runs = [
-            Run(f"{self._batch}/{i}", _uniform_stage(size)) for i in range(self._options.repeats)
+            SplittingRun(f"{self._batch}/{i}", _uniform_stage(size))
+            for i in range(self._options.repeats)
         ]
 
     # --- what comes of it --------------------------------------------------------------------
 
     def estimates(self) -> Estimates:
-        """What the finished batches say about the probability of a violation."""
+        """Give the estimates of the finished batches."""
         return Estimates(
             repeats=tuple(self._estimates),
             uniform_trials=self._plain_trials,
@@ -249,12 +250,14 @@ class SplittingSampler:
         return f"about {max(trials - done, 1)} more trials are needed to finish the first batch"
 
 
-def _uniform_stage(count: int) -> Stage:
-    return Stage(None, [Chain(None, 1) for _ in range(count)])
+def _uniform_stage(count: int) -> LevelStage:
+    return LevelStage(None, [TrialChain(None, 1) for _ in range(count)])
 
 
-def resample(states: Sequence[State], count: int, random: np.random.Generator) -> list[State]:
-    """``count`` of ``states``, each equally often up to one; whose turn it is is random."""
+def resample(
+    states: Sequence[ChainState], count: int, random: np.random.Generator
+) -> list[ChainState]:
+    """Draw ``count`` of ``states``, each equally often up to one; the surplus ones at random."""
     whole, rest = divmod(count, len(states))
     extra = random.choice(len(states), size=rest, replace=False)
     return [*list(states) * whole, *(states[i] for i in sorted(extra))]

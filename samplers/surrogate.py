@@ -15,7 +15,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 
 PARENTS = 8
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
@@ -32,16 +32,18 @@ SPARE = 1e-6  # margins that vary less than this say nothing
 class SurrogateSampler:
     """Gaussian processes, one per specification, choose among many children of good scenes.
 
-    The kernel is a sum: a linear part over all coordinates and a smooth part of each object (an
-    additive Gaussian process, Duvenaud et al. 2011), so that dozens of coordinates can be learnt
-    from dozens of results, and a rough part that only about the same scenes share. Its few weights
-    are those of largest marginal likelihood on a small grid. Of some hundred candidates, mostly
-    children of the best scenes as :class:`~samplers.evolution.EvolutionSampler` makes them, the one
-    is proposed that is most likely to violate some specification, less so beside failures that are
-    known (local penalisation, Gonzalez et al. 2016), and the less the more often that specification
-    was violated already; of failures with one signature only the first has children, so that other
-    ones are looked for. Where robust failures are wanted the rough part is noise: what only it
-    violates is a knife edge.
+    The kernel is a sum of three parts: a linear one over all coordinates, a smooth one of each
+    object, and a rough one that only about the same scenes share (an additive Gaussian process,
+    Duvenaud et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few
+    weights are those of largest marginal likelihood on a small grid.
+
+    Some hundred candidates are drawn, mostly children of the best scenes as
+    :class:`~samplers.evolution.EvolutionSampler` makes them. The one most likely to violate some
+    specification is proposed. A chance counts less beside known failures (local penalisation,
+    Gonzalez et al. 2016), and the less the more often that specification was violated already. Of
+    failures with one signature only the first has children, so that other ones are looked for.
+    Where robust failures are wanted the rough part is noise: what only it violates is a knife
+    edge.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +63,8 @@ class SurrogateSampler:
         self._counter = Counter("surrogate", options.seed)
         self._mutator = Mutator(options.cube)
         self._features = _Features(options.cube)
-        self._best = Memory(PARENTS)
-        self._kept = Memory(options.memory // 2)
+        self._best = BestResults(PARENTS)
+        self._kept = BestResults(options.memory // 2)
         self._recent: list[Feedback] = []
         self._signatures: set[str] = set()
         self._violations: Counts[str] = Counts()  # by specification
@@ -70,7 +72,7 @@ class SurrogateSampler:
         self._refit_at = 0
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options = self._options
         young = self._kept.told < options.initial or not options.cube.dimensions
@@ -84,7 +86,7 @@ class SurrogateSampler:
         self._counter.next += 1
 
     def tell(self, feedback: Feedback) -> None:
-        """Take in a result; also of a point that somebody else proposed."""
+        """Take in a result, also of a point that another sampler proposed."""
         if feedback.fate != "judged":
             return
         if not feedback.failed or feedback.signature not in self._signatures:
@@ -95,7 +97,7 @@ class SurrogateSampler:
         self._kept.add(feedback)
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
-        # Here and not when asked, so that a resumed campaign may skip what it need not ask again.
+        # Here and not in ``ask``, so that a resumed campaign may skip proposals.
         if self._options.cube.dimensions and self._kept.told >= max(
             self._options.initial, self._refit_at
         ):
@@ -103,12 +105,12 @@ class SurrogateSampler:
             self._refit()
 
     def results(self) -> list[Feedback]:
-        """What the models are made from: the best results and the last ones."""
+        """List what the models are made from: the best results and the last ones."""
         known = {feedback.number: feedback for feedback in (*self._kept.best, *self._recent)}
         return [known[number] for number in sorted(known)]
 
     def _candidates(self, random: np.random.Generator) -> Array:
-        """Children of the best scenes, and one in five a uniform draw, ``(n, k)``."""
+        """Draw children of the best scenes, and one in five uniformly, ``(n, k)``."""
         parents, rows = self._best.best, []
         for i in range(self._options.candidates):
             if i % 5 == 0:
@@ -134,7 +136,7 @@ class SurrogateSampler:
             self._models = dict(zip(varying, _likeliest(inside, values), strict=True))
 
     def _promise(self, candidates: Array) -> Array:
-        """Logarithm of about the chance of a new violation, ``(n,)``."""
+        """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
         results = self.results()
         points = np.array([feedback.u for feedback in results])
         seen, asked = self._features.of(points), self._features.of(candidates)
@@ -197,7 +199,7 @@ class _Features:
         self._gains, self._shifts = np.array(gains), np.array(shifts)
 
     def of(self, points: Array) -> _Points:
-        """``points`` ``(n, k)``."""
+        """Convert ``points`` ``(n, k)``."""
         columns = np.empty((len(points), len(self._gains)))
         if self._smooth:
             coordinates, places = map(list, zip(*self._smooth, strict=True))
@@ -219,7 +221,7 @@ class _Parts:
 
     @classmethod
     def between(cls, some: _Points, others: _Points, lengths: Iterable[float] = LENGTHS) -> _Parts:
-        """Parts between all pairs, the smooth one for some length scales."""
+        """Compute the parts between all pairs, the smooth one for some length scales."""
         width = max(some.linear.shape[1], 1)
         smooth = {length: np.zeros((len(some.linear), len(others.linear))) for length in lengths}
         apart = np.zeros((len(some.linear), len(others.linear)))
@@ -235,7 +237,7 @@ class _Parts:
 
     @classmethod
     def of_points(cls, points: _Points) -> _Parts:
-        """Parts of each point with itself, ``(n,)``."""
+        """Compute the parts of each point with itself, ``(n,)``."""
         ones = np.ones(len(points.linear))
         linear = (points.linear**2).sum(axis=1) / max(points.linear.shape[1], 1)
         return cls(linear, dict.fromkeys(LENGTHS, ones), np.zeros(len(points.linear)))
@@ -250,7 +252,7 @@ class _Model:
     rough: float  #: share of the part that only points close by explain
 
     def kernel(self, parts: _Parts, *, robust: bool = False) -> Array:
-        """Covariances of results, with ``robust`` of what they would be without the rough part."""
+        """Compute covariances of results; with ``robust``, of results without the rough part."""
         smooth = (1.0 - self.linear) * parts.smooth[self.length]
         far = (1.0 - self.rough) * (self.linear * parts.linear + smooth)
         if robust:
@@ -258,12 +260,12 @@ class _Model:
         return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
 
     def factor(self, inside: _Parts) -> Array:
-        """Lower Cholesky factor ``(n, n)`` of the covariance of results."""
+        """Factor the covariance of results: lower Cholesky factor ``(n, n)``."""
         covariance = self.kernel(inside)
         return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
     def log_likelihood(self, inside: _Parts, values: Array) -> Array:
-        """Log marginal likelihood ``(v,)`` of columns of ``values`` ``(n, v)``, but a constant."""
+        """Compute the log marginal likelihood ``(v,)`` of columns ``(n, v)``, up to a constant."""
         lower = self.factor(inside)
         solved = solve_triangular(lower, values, lower=True)
         likelihood: Array = -0.5 * (solved**2).sum(axis=0) - np.log(np.diag(lower)).sum()
@@ -272,7 +274,7 @@ class _Model:
     def predict(
         self, inside: _Parts, across: _Parts, prior: _Parts, values: Array, *, robust: bool
     ) -> tuple[Array, Array]:
-        """Means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
+        """Predict means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
 
         Args:
             inside: parts between the results.
@@ -296,7 +298,7 @@ DEFAULT = _Model(LINEAR[1], LENGTHS[0], ROUGHS[1])  # of a margin that has only 
 
 
 def _varying(results: Sequence[Feedback]) -> dict[str, Array]:
-    """Margins ``(n,)`` of the specifications that tell results apart, by name."""
+    """Collect the margins ``(n,)`` of the specifications that tell results apart, by name."""
     names = sorted({name for feedback in results for name in feedback.objectives})
     margins = {
         name: np.array([feedback.objectives.get(name, 1.0) for feedback in results])
@@ -306,7 +308,7 @@ def _varying(results: Sequence[Feedback]) -> dict[str, Array]:
 
 
 def _likeliest(inside: _Parts, values: Array) -> list[_Model]:
-    """For each column of ``values`` ``(n, v)`` the model of largest marginal likelihood."""
+    """Choose the model of largest marginal likelihood for each column of ``values`` ``(n, v)``."""
     models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS)]
     likelihoods = np.array([model.log_likelihood(inside, values) for model in models])
     return [models[i] for i in likelihoods.argmax(axis=0)]

@@ -14,7 +14,7 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import candidate_seed
-from samplers.asking import Counter, Memory, Mutator
+from samplers.asking import BestResults, Counter, Mutator
 from samplers.optuna_study import Study
 
 
@@ -22,9 +22,9 @@ class TpeSampler:
     """TPE (Bergstra et al. 2011) over the coordinates that correlate most with the score.
 
     TPE's cost grows with coordinates times results, and with 300 coordinates most of its
-    suggestions are noise. So coordinates are screened every ``review`` results, the study holds
-    at most ``window`` results (the best half and the latest half), and the other coordinates
-    come from a good scene with a few objects changed.
+    suggestions are noise. So coordinates are screened every ``review`` results, and the study holds
+    at most ``window`` results (the best half and the latest half). The other coordinates come
+    from a good scene with a few objects changed.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,13 +42,13 @@ class TpeSampler:
         self._options = options
         self._counter = Counter("tpe", options.seed)
         self._mutator = Mutator(options.cube)
-        self._memory = Memory(8)
+        self._memory = BestResults(8)
         self._history: list[Feedback] = []
         self._study: Study | None = None
         self._reviewed = 0
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         random = self._counter.stream()
         options = self._options
         if self._memory.told < options.initial or not options.cube.dimensions:
@@ -95,7 +95,7 @@ class TpeSampler:
 
 
 def rank_correlation(points: Array, scores: Array) -> Array:
-    """Spearman's rho ``(k,)`` of each coordinate of ``points`` ``(n, k)`` with ``scores`` ``(n,)``.
+    """Correlate the ranks of coordinates ``(n, k)`` and ``scores`` ``(n,)``: Spearman, ``(k,)``.
 
     0 where either does not vary.
     """

@@ -1,8 +1,8 @@
 """Samplers of VerifAI, to be compared with (see docs/campaigns.md for how to install them).
 
 VerifAI draws from the global generators of ``random`` and ``numpy``. Here each draw gets them
-seeded by the proposal's number and finds them as they were afterwards, so that nothing else
-is disturbed and the n-th proposal depends on the told results alone.
+seeded by the proposal's number and restores them afterwards. So nothing else is disturbed, and
+the n-th proposal depends on the told results alone.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ STRIDE = 409  # points of Halton's sequence between the starts of two seeds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VerifaiOptions:
+class VerifaiSamplerOptions:
     """Options of the samplers of VerifAI; theirs are at their defaults."""
 
     cube: Cube = Cube()
@@ -50,10 +50,10 @@ class VerifaiOptions:
 class VerifaiSampler:
     """What VerifAI's samplers share; discrete coordinates are discrete for them, too."""
 
-    Options = VerifaiOptions
+    Options = VerifaiSamplerOptions
     name = ""  #: in VerifAI
 
-    def __init__(self, options: VerifaiOptions) -> None:
+    def __init__(self, options: VerifaiSamplerOptions) -> None:
         if not HAS_VERIFAI:
             raise ConfigError(
                 f"sampler verifai_{self.name} needs VerifAI: pip install --no-deps verifai==2.2.0, "
@@ -80,7 +80,7 @@ class VerifaiSampler:
         return Struct(parts)
 
     def ask(self) -> Proposal:
-        """The next proposal."""
+        """Make the next proposal."""
         u = np.empty(self._options.cube.dimensions)
         if self._sampler is not None:
             seed = candidate_seed(self._options.seed, self._counter.next) % 2**32

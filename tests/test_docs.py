@@ -51,3 +51,13 @@ def test_every_kind_of_event_that_the_stack_writes_is_documented():
     assert {"granted", "no-path"} <= kinds
     page = (ROOT / "docs" / "trace.md").read_text()
     assert {kind for kind in kinds if f"`{kind}`" not in page} == set()
+
+
+def test_every_module_that_the_glossary_names_exists():
+    text = (ROOT / "docs" / "glossary.md").read_text()
+    terms = re.findall(r"^- \*\*(.+?)\*\*", text, re.MULTILINE)
+    modules = re.findall(r"`([a-z_]+(?:\.[a-z_]+)+)`", text)
+    assert len(terms) == len(set(terms)) == len(modules) > 40
+    files = [ROOT.joinpath(*module.split(".")) for module in modules]
+    missing = [str(f) for f in files if not (f.is_dir() or f.with_suffix(".py").is_file())]
+    assert missing == []

@@ -22,9 +22,9 @@ import sentil
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import World
-from mrta_falsify.specs import stl_reference
 from mrta_falsify.specs.stl import StlSpecification
-from mrta_falsify.specs.stl_reference import Junction, Node, Not, Predicate, Temporal, Until
+from tests.specs import stl_reference
+from tests.specs.stl_reference import Junction, Node, Not, Predicate, Temporal, Until
 
 DT = 0.05  # s
 SECONDS = 600.0

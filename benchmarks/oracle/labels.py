@@ -1,11 +1,11 @@
 """Labels by continuation: what never resolves is a deadlock, whoever may claim what.
 
-Nothing here uses blocked-by edges or the oracle's claims; what counts as progress and who is a
-member (``specs.progress``, ``specs.standoff.groups_of``) are definitions that both share. From the
-moment under question no outside event happens any more (no new task, blockage or outage; those in
-force run their course, people walk on) and the same run goes on for 600 s. Robots that then still
-have a goal and made no progress in all that time are stuck. One of them is a *member* if the others
-it is stuck with go free once it is gone; the rest are victims.
+Nothing here uses blocked-by edges or the oracle's claims. Both share two definitions: what
+counts as progress (``progress_clock``) and who is a member (``counterfactual.stuck_groups``).
+From the moment under question on, no outside event happens any more (no new task, blockage or
+outage; those in force run their course, people walk on), and the same run continues for 600 s.
+Robots that then still have a goal and made no progress in all that time are stuck. One of them
+is a *member* if the others it is stuck with go free once it is gone; the rest are victims.
 
 The *onset* of a deadlock is the earliest time from which none of its members ever makes
 progress again or goes anywhere: the last time at which a member got nearer to its goal, or
@@ -27,8 +27,8 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.counterfactual import groups_of
-from mrta_falsify.specs.deadlock.progress_clock import Progress
+from mrta_falsify.specs.deadlock.counterfactual import stuck_groups
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from simulator_interface.episode import Episode
 from simulator_interface.forking import run_in_copy
 
@@ -76,7 +76,7 @@ class _Fate:
     ended: float  #: [s]
 
 
-class _Rest:
+class _RestClock:
     """Since when has nobody moved at all?"""
 
     def __init__(self) -> None:
@@ -113,7 +113,7 @@ def label(
     still = stopped(world, moment)
     episode = Episode(still, dataclasses.replace(config, engine=Choice("kinematic")))
     frames = episode.frames()
-    progress, coarse = Progress(still), Progress(still, step=BODY)
+    progress, coarse = ProgressClock(still), ProgressClock(still, step=BODY)
     history: list[Array] = []
     for frame in frames:
         if frame.sensed.tick % EVERY == 0:
@@ -130,7 +130,7 @@ def label(
     freed = {i: parts.without(i, standing) if len(stuck) > 1 else set() for i in sorted(stuck)}
     frames.close()
     found = []
-    for members, group in groups_of(stuck, freed):
+    for members, group in stuck_groups(stuck, freed):
         arrived = max(fate.arrived[i] for i in members)
         stands = arrived <= moment + SETTLED
         onset = max(fate.progress[i] for i in members)
@@ -166,7 +166,7 @@ class _Forks:
 
     def main(
         self,
-        clocks: tuple[Progress, Progress],
+        clocks: tuple[ProgressClock, ProgressClock],
         history: list[Array],
         standing_only: bool,
         thorough: bool,
@@ -175,7 +175,7 @@ class _Forks:
         progress, coarse = clocks
 
         def run() -> dict[str, object]:
-            rest, place = _Rest(), None
+            rest, place = _RestClock(), None
             left = np.zeros(len(progress.last), dtype=np.bool_)
             horizon = self._episode.world.horizon
             for frame in self._frames:
@@ -222,7 +222,7 @@ class _Forks:
             self._episode.remove(gone)
             freed: set[int] = set()
             place: Array | None = None
-            resting = _Rest()
+            resting = _RestClock()
             for frame in self._frames:
                 time = frame.sensed.time
                 if place is None:

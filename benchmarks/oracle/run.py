@@ -25,9 +25,9 @@ import numpy as np
 from benchmarks.oracle.labels import EVERY, PLACE, Deadlock, label
 from benchmarks.oracle.worlds import KINDS, SAMPLED, Case, cases
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.specs.deadlock.motion import Standstill
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
-from mrta_falsify.specs.deadlock.progress_clock import Progress
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.standstill import Standstill
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
 
@@ -79,7 +79,7 @@ def _run(case: Case) -> tuple[dict[str, Any] | None, float | None, str]:
     episode = Episode(case.world, case.config)
     oracle = NoDeadlock(NoDeadlock.Options())
     oracle.start(case.world, episode.dt)
-    progress = Progress(case.world)
+    progress = ProgressClock(case.world)
     still = Standstill(len(case.world.robots), radius=PLACE)
     ended, frame, since = "horizon", None, np.zeros(0)
     frames = episode.frames()

@@ -1,8 +1,8 @@
-"""Trials on a Dask cluster, for those who outgrow one machine (extra ``dask``).
+"""Trials on a Dask cluster, for campaigns that outgrow one machine (extra ``dask``).
 
 Dask carries jobs to its workers and results back. On a worker, a job runs in a child process
-of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as it would at home: compiled once,
-killed when its time is up, and a crash costs one trial and not the worker.
+of :class:`~mrta_falsify.campaigns.executors.ProcessExecutor`, as on one machine. It is compiled
+once and killed when its time is up, and a crash costs one trial and not the worker.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
 
 LOOPBACK = "127.0.0.1"
-PATIENCE = 1.0  # s between two looks at the child process
-FIND_LIMIT = 30.0  # s to find a scheduler
+CHILD_TIMEOUT = 1.0  # s between two looks at the child process
+SCHEDULER_TIMEOUT = 30.0  # s to find a scheduler
 
 
 class DaskExecutor:
@@ -73,7 +73,7 @@ class DaskExecutor:
             address = self._cluster.scheduler_address
         try:
             connect: Any = distributed.Client
-            self._client = connect(address, timeout=FIND_LIMIT, set_as_default=False)
+            self._client = connect(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ConfigError(
                 f"executor dask: no scheduler answers at {address!r} ({error}); start one by "
@@ -116,7 +116,7 @@ class DaskExecutor:
         if future.status == "error":  # the machine is gone, not the trial: Dask tried elsewhere
             return Finished(number=number, fate="crashed", error=f"dask: {future.exception()!r}")
         raise HarnessError(
-            f"executor dask: trial {number} is {future.status}: no scheduler any more"
+            f"executor dask: trial {number} is {future.status}: the scheduler is gone"
         )
 
     def close(self) -> None:
@@ -146,7 +146,7 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
         job: to run.
 
     Returns:
-        Fields of a :class:`Finished` but its number; or ``refused``, or ``broken``, with words.
+        Fields of a :class:`Finished` but its number; or ``refused`` or ``broken`` with a message.
     """
     key = (digest, threading.get_ident())
     try:
@@ -158,7 +158,7 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
                 _children[key] = child
         child.submit(job)
         while True:
-            for finished in child.collect(PATIENCE):
+            for finished in child.collect(CHILD_TIMEOUT):
                 return {
                     "fate": finished.fate,
                     "record": finished.record,

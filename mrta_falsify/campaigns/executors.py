@@ -45,7 +45,7 @@ class Finished:
 
 
 def open_target(settings: CampaignSettings) -> Trial:
-    """The function that runs trials, opened for a campaign: compiles what can be compiled once.
+    """Open the function that runs trials; what can be compiled once is compiled here.
 
     Raises:
         InputError: the scenario does not compile or has changed.
@@ -115,7 +115,7 @@ class _Worker:
     served: int = 0  #: jobs done
 
     def send(self, message: Any) -> None:
-        """One line to the worker; a worker that has died is noticed when it is read."""
+        """Send a line to the worker; a worker that has died is noticed when it is read."""
         if self.process.stdin is None:
             raise HarnessError("a worker has no stdin")
         with contextlib.suppress(BrokenPipeError):
@@ -252,7 +252,9 @@ class ProcessExecutor:
             return []
         job, worker.job = worker.job, None
         if job is None or job["number"] != message["number"]:
-            raise HarnessError(f"a worker answered for trial {message['number']}, which it had not")
+            raise HarnessError(
+                f"a worker answered for trial {message['number']}, which was not assigned to it"
+            )
         worker.served += 1
         if worker.served >= self._options.recycle:
             self._replace(worker)

@@ -1,4 +1,4 @@
-"""How likely is a violation too rare for independent trials: intervals over repeated runs.
+"""How likely is a violation that is too rare for independent trials? Intervals over repeated runs.
 
 A sampler with a method ``estimates`` (see :class:`~mrta_falsify.core.feedback.Estimates`) gives
 independent estimates of equal law, each without bias, and a few plain uniform trials beside
@@ -31,11 +31,11 @@ class EstimatingSampler(Sampler, Protocol):
     """A sampler that estimates the probability of a violation."""
 
     def estimates(self) -> Estimates:
-        """What was found so far."""
+        """Give what was found so far."""
 
 
 def estimated_probability(campaign: Campaign) -> Probability:
-    """Probability of a violation from a campaign whose sampler estimates it.
+    """Estimate the probability of a violation from a campaign whose sampler estimates it.
 
     Args:
         campaign: its trials; the sampler is asked and told again.
@@ -54,7 +54,7 @@ def estimated_probability(campaign: Campaign) -> Probability:
 
 
 def rare_probability(found: Estimates) -> Probability:
-    """Probability of a violation from estimates.
+    """Combine estimates to the probability of a violation.
 
     With too few estimates, or too many that are 0, it comes from the plain uniform trials
     alone: valid all the same, but wide; the note says so.
@@ -71,16 +71,14 @@ def rare_probability(found: Estimates) -> Probability:
         )
     plain = failure_probability(found.uniform_failures, found.uniform_trials)
     stuck = sum(estimate == 0.0 for estimate in found.repeats)
-    why = found.waiting_for or (
-        f"{stuck} of {len(found.repeats)} runs found no way down to a violation"
-    )
+    why = found.waiting_for or (f"{stuck} of {len(found.repeats)} runs did not reach a violation")
     return replace(
         plain, method=f"Blaker, {plain.trials} uniform trials", note=f"no estimate yet: {why}"
     )
 
 
 def estimates_of(campaign: Campaign) -> Estimates:
-    """Estimates of a campaign's sampler, once it is told all that it would be told again."""
+    """Replay a campaign to its sampler, and collect the sampler's estimates."""
     settings = campaign.settings
     sampler = build_sampler(settings)
     if not isinstance(sampler, EstimatingSampler):
@@ -95,20 +93,22 @@ def estimates_of(campaign: Campaign) -> Estimates:
 
 
 def _told(campaign: Campaign) -> int:
-    """Records before the first gap: the others were not told to the sampler."""
+    """Count the records before the first gap: the others were not told to the sampler."""
     numbers = [record.number for record in campaign.records]
     return next((i for i, number in enumerate(numbers) if i != number), len(numbers))
 
 
 def mean_interval(estimates: Sequence[float], level: float = 0.95) -> tuple[float, float] | None:
-    """Interval of the mean of a skewed, positive distribution.
+    """Estimate the interval of the mean of a skewed, positive distribution.
 
     Estimates of splitting are products of shares, hence nearly log-normal, and few: Student's
-    interval is too low then. This is the smallest interval that holds both Cox's for the mean
-    of a log-normal law (Land 1972; Zhou and Gao 1997, with Student's quantile) and Student's
-    on the logarithm by the delta method. `benchmarks/campaign/rare.py` measures its coverage.
-    Estimates that are 0 have no logarithm; then means of pairs, triples, ... are taken, as
-    small groups as leave none that is 0.
+    interval is too low then. This is the smallest interval that holds two others. One is Cox's
+    for the mean of a log-normal law (Land 1972; Zhou and Gao 1997, with Student's quantile), the
+    other Student's on the logarithm by the delta method. `benchmarks/campaign/rare.py` measures
+    its coverage.
+
+    Estimates that are 0 have no logarithm. Then means of pairs, triples, ... are taken, in groups
+    as small as leave no mean that is 0.
 
     Args:
         estimates: independent, of equal law, each >= 0.
@@ -134,7 +134,7 @@ def mean_interval(estimates: Sequence[float], level: float = 0.95) -> tuple[floa
 
 
 def _without_zeros(estimates: Array) -> Array | None:
-    """Means of groups of neighbours, the smallest groups of which none is 0."""
+    """Average groups of neighbours, the smallest groups of which none is 0."""
     for size in range(1, len(estimates) // FEWEST + 1):
         count = len(estimates) // size
         groups = np.array([part.mean() for part in np.array_split(estimates, count)])

@@ -2,7 +2,7 @@
 
 Proposal n is asked for once results 0 to n - window are told, whatever the budget, the number
 of workers or the order in which trials end. A campaign is therefore a function of its
-settings: resuming asks and tells again what is stored, and goes on where nothing is.
+settings. To resume one, what is stored is asked and told again, and the rest is run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
-PATIENCE = 1.0  # s between two looks at overdue workers
+COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
 Ended = Literal["budget", "stop-after", "interrupted"]
 
 
@@ -40,12 +40,12 @@ class Executor(Protocol):
         """Take a job."""
 
     def collect(self, timeout: float) -> tuple[Finished, ...]:
-        """Jobs that have ended, after at most about ``timeout`` [s]."""
+        """Collect the jobs that have ended, after at most about ``timeout`` [s]."""
 
 
 @dataclass(slots=True)
 class Progress:
-    """How far a campaign is; told results only, so it is the same for any worker count."""
+    """Counts over the told results of a campaign, hence the same for any worker count."""
 
     limits: Limits
     told: int = 0  #: proposals
@@ -62,7 +62,7 @@ class Progress:
 
     @property
     def has_enough(self) -> bool:
-        """Whether the failures that were asked for are found."""
+        """Whether ``stop_after`` is reached."""
         return 0 < self.limits.stop_after <= self.wanted
 
     def take(self, record: TrialRecord) -> None:
@@ -91,13 +91,13 @@ class Progress:
 
 
 def point_digest(u: Array) -> str:
-    """Short digest of a point of the cube, equal only for bit-equal points."""
+    """Compute a short digest of a point of the cube, equal only for bit-equal points."""
     data = np.ascontiguousarray(u, dtype=np.float64) + 0.0
     return hashlib.sha256(data.tobytes()).hexdigest()[:16]
 
 
 def build_sampler(settings: CampaignSettings) -> Sampler:
-    """The campaign's sampler, before its first proposal.
+    """Build the campaign's sampler, before its first proposal.
 
     Raises:
         InputError: unknown name or option.
@@ -108,7 +108,7 @@ def build_sampler(settings: CampaignSettings) -> Sampler:
 
 
 def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
-    """Options of the campaign's sampler: the user's, and what the campaign knows.
+    """Complete the options of the campaign's sampler: the user's, and what the campaign knows.
 
     Raises:
         InputError: unknown sampler.
@@ -125,11 +125,11 @@ def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
 
 
 def feedback_of(record: TrialRecord) -> Feedback:
-    """What the sampler is told about a record; errors look like rejected scenes to it.
+    """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
-    Of a failure with copies it is told the mean margins, so that a knife edge looks like the
-    passing worlds around it, and a knife edge is another kind of failure than a robust one, so
-    that a sampler which looks for other kinds leaves it.
+    Of a failure with copies it is told the mean margins, so a knife edge looks like the passing
+    worlds around it. The signature of a knife edge differs from that of a robust failure, so a
+    sampler that looks for other kinds of failure leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -173,7 +173,7 @@ def run_campaign(
 
     Raises:
         StoreError: what is stored does not belong to these settings; the disc is full.
-        InputError: nothing is accepted any more.
+        InputError: no proposal is accepted any more.
     """
     loop = _Loop(store, limits, executor, on_record, on_told)
     try:
@@ -216,7 +216,7 @@ class _Loop:
                 return "budget"
             record = self._store.finished.get(progress.told)
             if record is None:
-                for finished in self._executor.collect(PATIENCE):
+                for finished in self._executor.collect(COLLECT_TIMEOUT):
                     self._take(finished)
                 continue
             self._tell(record)
@@ -258,7 +258,7 @@ class _Loop:
             if asked is not None and stored.proposal_digest != point_digest(asked):
                 raise StoreError(
                     f"{self._store.directory}: trial {stored.id} was asked for at another point "
-                    "than these settings and this version ask for; it cannot be gone on with"
+                    "than these settings and this version ask for; it cannot be resumed"
                 )
             self._on_record(stored, False)
 

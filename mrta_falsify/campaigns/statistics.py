@@ -1,7 +1,7 @@
-"""How likely is a violation: intervals that hold what they promise.
+"""How likely is a violation? Intervals that cover as often as they say.
 
-Only draws from the scenario's own distribution say anything about a probability: scenes must be
-accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
+Only draws from the scenario's own distribution say anything about a probability. So scenes must
+be accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
 estimates the probability itself (:mod:`~mrta_falsify.campaigns.rare_events`). A search that looks
 for failures finds more of them than there are, and gets no interval.
 """
@@ -31,13 +31,13 @@ class Probability:
     level: float = 0.95
     method: str = "Blaker"
     undecided: int = 0  #: trials that ended in an error: they may have failed, or not
-    note: str = ""  #: what else there is to know
+    note: str = ""  #: further remarks
 
 
 def why_no_probability(
     settings: CampaignSettings, *, stopped_early: bool, is_estimating: bool = False
 ) -> str:
-    """Why the trials of a campaign allow no interval, empty if they do.
+    """Say why the trials of a campaign allow no interval; empty if they do.
 
     Args:
         settings: of the campaign.
@@ -59,7 +59,7 @@ def why_no_probability(
 def failure_probability(
     failures: int, trials: int, *, undecided: int = 0, level: float = 0.95
 ) -> Probability:
-    """Probability of a violation from independent trials, with a valid and short interval.
+    """Estimate the probability of a violation from independent trials, with an exact interval.
 
     Blaker's interval (Canadian Journal of Statistics 28, 2000): exact, that is covering with
     at least ``level`` for every probability, and never wider than Clopper and Pearson's.
@@ -89,7 +89,7 @@ def failure_probability(
 
 
 def blaker_interval(successes: int, trials: int, level: float = 0.95) -> tuple[float, float]:
-    """Blaker's exact interval of a binomial proportion.
+    """Compute Blaker's exact interval of a binomial proportion.
 
     Args:
         successes: 0 to ``trials``.
@@ -120,7 +120,7 @@ def _lower_end(successes: int, trials: int, alpha: float) -> float:
 
 
 def _acceptability(successes: int, trials: int, p: Array) -> Array:
-    """Blaker's acceptability function at ``p`` ``(n,)``."""
+    """Evaluate Blaker's acceptability function at ``p`` ``(n,)``."""
     upper = stats.binom.sf(successes - 1, trials, p)
     lower = stats.binom.cdf(successes, trials, p)
     # The opposite tail of at most the same probability joins the smaller one.

@@ -7,9 +7,9 @@
     lock                 held (flock) by the one owner; says who
     trials/0042/         world.json and trace.zip of trials worth keeping
 
-A record counts once its line is on disc (fsync). A torn last line, which only a crash during
-the write leaves behind, is cut off by the next owner; any other damage is an error that names
-the line, and nothing is changed.
+A record counts once its line is on disc (fsync). The next owner cuts off a torn last line, which
+only a crash during the write leaves behind. Any other damage is an error that names the line, and
+nothing is changed.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ class StoreError(InputError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Campaign:
-    """What the store yields and the report reads."""
+    """A campaign as stored: what a report reads."""
 
     directory: Path
     settings: CampaignSettings
     records: tuple[TrialRecord, ...]  #: by number
 
     def record(self, name: str) -> TrialRecord:
-        """Record by id, as ``0042`` or ``42``.
+        """Find a record by its id, as ``0042`` or ``42``.
 
         Raises:
             StoreError: no such trial.
@@ -65,11 +65,11 @@ class Campaign:
         raise StoreError(f"{self.directory}: has no trial {name!r}; it has {known}")
 
     def folder(self, record: TrialRecord) -> Path:
-        """Directory of the files of a trial; need not exist."""
+        """Name the directory of the files of a trial; it need not exist."""
         return trial_folder(self.directory, record.number)
 
     def frame(self) -> pd.DataFrame:
-        """One row per trial, with one column per specification's robustness."""
+        """Tabulate the trials, with one column per specification's robustness."""
         import pandas as pd  # noqa: PLC0415 - loads slowly
 
         rows = []
@@ -96,7 +96,7 @@ class Campaign:
 
 
 def trial_folder(directory: Path, number: int) -> Path:
-    """Where the files of trial ``number`` are."""
+    """Name the directory of the files of trial ``number``."""
     return directory / TRIALS / f"{number:04d}"
 
 
@@ -133,7 +133,7 @@ def _checksum(text: str) -> str:
 
 
 def _records(path: Path) -> tuple[list[TrialRecord], int]:
-    """Records of a log and the length [bytes] of its sound part.
+    """Read the records of a log, and the length [bytes] of its sound part.
 
     Raises:
         StoreError: damage anywhere but in a torn last line.
@@ -174,8 +174,8 @@ def _lines(path: Path) -> Iterator[bytes]:
 # --- reading -----------------------------------------------------------------------------
 
 
-def read_settings(directory: Path) -> CampaignSettings:
-    """Settings of a campaign directory.
+def read_campaign_settings(directory: Path) -> CampaignSettings:
+    """Read the settings of a campaign directory.
 
     Raises:
         StoreError: not a campaign, or of another version.
@@ -193,26 +193,26 @@ def read_settings(directory: Path) -> CampaignSettings:
 
 
 def _from_version_1(data: dict[str, Any]) -> dict[str, Any]:
-    """Settings of version 1 as version 2 names them: workers open another module."""
+    """Rename settings of version 1 as version 2 has them: workers open another module."""
     renamed = {"mrta_falsify.trial:open_trials": "mrta_falsify.worker:open_trials"}
     target = str(data.get("target"))
     return {**data, "version": FORMAT_VERSION, "target": renamed.get(target, target)}
 
 
 def read_campaign(directory: Path) -> Campaign:
-    """A campaign as it is on disc; works while another process owns it.
+    """Read a campaign as it is on disc; works while another process owns it.
 
     Raises:
         StoreError: not a campaign, of another version, or damaged.
     """
-    settings = read_settings(directory)
+    settings = read_campaign_settings(directory)
     records, _ = _records(directory / RECORDS)
     records.sort(key=lambda record: record.number)
     return Campaign(directory=directory, settings=settings, records=tuple(records))
 
 
 def owner_of(directory: Path) -> str:
-    """Who is writing to a campaign directory at this moment, empty if nobody is."""
+    """Name the process that owns a campaign directory at this moment; empty if none does."""
     path = directory / LOCK
     try:
         handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -248,7 +248,7 @@ class Store:
 
     @classmethod
     def create(cls, directory: Path, settings: CampaignSettings) -> Store:
-        """A new campaign in an empty or missing directory.
+        """Create a campaign in an empty or missing directory.
 
         Raises:
             StoreError: the directory holds something already, or cannot be written.
@@ -257,7 +257,7 @@ class Store:
             directory.mkdir(parents=True, exist_ok=True)
             if (directory / SETTINGS).exists():
                 raise StoreError(
-                    f"{directory}: holds a campaign already; go on with it by --resume {directory}"
+                    f"{directory}: holds a campaign already; resume it by --resume {directory}"
                 )
             others = sorted(p.name for p in directory.iterdir() if p.name != LOCK)
             if others and not all(name.endswith(".part") for name in others):
@@ -273,13 +273,13 @@ class Store:
 
     @classmethod
     def resume(cls, directory: Path) -> Store:
-        """An existing campaign, to go on with.
+        """Open an existing campaign to resume it.
 
         Raises:
-            StoreError: not a campaign, of another version, damaged, or owned by a process
-                that lives.
+            StoreError: not a campaign, of another version, damaged, or owned by a living
+                process.
         """
-        store = cls(directory, read_settings(directory))
+        store = cls(directory, read_campaign_settings(directory))
         store._take_lock()
         try:
             store._open_log()
@@ -289,7 +289,7 @@ class Store:
         return store
 
     def add(self, record: TrialRecord) -> None:
-        """Append a record; it is on disc when this returns.
+        """Append a record; it is durable on return.
 
         Raises:
             StoreError: the disc is full or broken; the log is as before.
@@ -312,7 +312,7 @@ class Store:
         self.finished[record.number] = record
 
     def campaign(self) -> Campaign:
-        """What is stored so far."""
+        """Give what is stored so far."""
         records = tuple(self.finished[number] for number in sorted(self.finished))
         return Campaign(directory=self.directory, settings=self.settings, records=records)
 
@@ -361,7 +361,7 @@ class Store:
 
 
 def decode_record(data: Any, *, where: str) -> TrialRecord:
-    """Record from JSON-shaped data of a worker.
+    """Decode a record from JSON-shaped data of a worker.
 
     Raises:
         FormatError: it is not one.

@@ -1,7 +1,7 @@
 """How long searches take to their first failure, with the searches that found none counted.
 
-A search that ran its budget out without a failure is a right-censored observation: leaving it
-out would flatter a sampler that mostly fails. Hence the restricted mean (area under the
+A search that ran its budget out without a failure is a right-censored observation; leaving it
+out would flatter a sampler that rarely finds one. Hence the restricted mean (area under the
 Kaplan-Meier curve up to the budget) and the log-rank test, both on scipy.
 """
 
@@ -20,7 +20,7 @@ RESAMPLES = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class SearchCost:
     """One search: what it spent, and whether it ended with a failure."""
 
     spent: float  #: simulations, or seconds of computing
@@ -28,7 +28,7 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class IntervalEstimate:
     """A number with its 95 % interval."""
 
     value: float
@@ -36,8 +36,8 @@ class Estimate:
     high: float
 
 
-def survival_curve(searches: Sequence[Search]) -> tuple[Array, Array]:
-    """Kaplan-Meier share of searches without a failure.
+def survival_curve(searches: Sequence[SearchCost]) -> tuple[Array, Array]:
+    """Estimate the share of searches without a failure (Kaplan and Meier).
 
     Args:
         searches: at least one.
@@ -50,8 +50,8 @@ def survival_curve(searches: Sequence[Search]) -> tuple[Array, Array]:
     return times, np.concatenate([[1.0], curve.probabilities])
 
 
-def restricted_mean(searches: Sequence[Search], limit: float) -> float:
-    """Mean spent until the first failure, each search cut at ``limit``."""
+def restricted_mean(searches: Sequence[SearchCost], limit: float) -> float:
+    """Average what is spent until the first failure, each search cut at ``limit``."""
     times, share = survival_curve(searches)
     inside = times < limit
     edges = np.concatenate([times[inside], [limit]])
@@ -59,59 +59,63 @@ def restricted_mean(searches: Sequence[Search], limit: float) -> float:
 
 
 def restricted_mean_interval(
-    searches: Sequence[Search], limit: float, *, seed: int = 0
-) -> Estimate:
-    """Restricted mean with a percentile bootstrap interval over searches."""
+    searches: Sequence[SearchCost], limit: float, *, seed: int = 0
+) -> IntervalEstimate:
+    """Compute the restricted mean with a percentile bootstrap interval over searches."""
     return _bootstrapped(lambda some: restricted_mean(some, limit), searches, seed)
 
 
-def spent_per_failure(searches: Sequence[Search]) -> float:
-    """All that was spent, by searches that found nothing as well, per failure found.
+def spent_per_failure(searches: Sequence[SearchCost]) -> float:
+    """Divide all that was spent, also by searches that found nothing, by the failures found.
 
     The maximum-likelihood mean if a failure is equally likely at any time. Unlike the restricted
-    mean it is not bounded by the budget: where most searches find nothing, that one says little.
+    mean it is not bounded by the budget, so it is of use where most searches find nothing.
     """
     found = sum(search.found for search in searches)
     return sum(search.spent for search in searches) / found if found else float("inf")
 
 
-def spent_per_failure_interval(searches: Sequence[Search], *, seed: int = 0) -> Estimate:
-    """:func:`spent_per_failure` with a percentile bootstrap interval over searches."""
+def spent_per_failure_interval(
+    searches: Sequence[SearchCost], *, seed: int = 0
+) -> IntervalEstimate:
+    """Compute :func:`spent_per_failure` with a percentile bootstrap interval over searches."""
     return _bootstrapped(spent_per_failure, searches, seed)
 
 
 def _bootstrapped(
-    statistic: Callable[[Sequence[Search]], float], searches: Sequence[Search], seed: int
-) -> Estimate:
+    statistic: Callable[[Sequence[SearchCost]], float], searches: Sequence[SearchCost], seed: int
+) -> IntervalEstimate:
     random = stream(seed, "bootstrap")
     picks = random.integers(len(searches), size=(RESAMPLES, len(searches)))
     values = np.sort([statistic([searches[i] for i in row]) for row in picks])
     low, high = values[round(0.025 * RESAMPLES)], values[round(0.975 * RESAMPLES) - 1]
-    return Estimate(value=statistic(searches), low=float(low), high=float(high))
+    return IntervalEstimate(value=statistic(searches), low=float(low), high=float(high))
 
 
-def median(searches: Sequence[Search]) -> float:
-    """Spent until half of the searches have found a failure; inf if fewer ever do."""
+def median(searches: Sequence[SearchCost]) -> float:
+    """Find what is spent until half of the searches have found a failure; inf if fewer do."""
     times, share = survival_curve(searches)
     reached = np.flatnonzero(share <= 0.5)
     return float(times[reached[0]]) if len(reached) else float("inf")
 
 
-def found_share(searches: Sequence[Search]) -> Estimate:
-    """Falsification rate: share of searches that found a failure, Clopper-Pearson interval."""
+def found_share(searches: Sequence[SearchCost]) -> IntervalEstimate:
+    """Estimate the falsification rate: share of searches that found a failure, Clopper-Pearson."""
     count = sum(search.found for search in searches)
     interval = stats.binomtest(count, len(searches)).proportion_ci(method="exact")
-    return Estimate(value=count / len(searches), low=float(interval.low), high=float(interval.high))
+    return IntervalEstimate(
+        value=count / len(searches), low=float(interval.low), high=float(interval.high)
+    )
 
 
-def log_rank(one: Sequence[Search], other: Sequence[Search]) -> float:
-    """p-value of the log-rank test that both need equally long; 1 if nobody found anything."""
+def log_rank(one: Sequence[SearchCost], other: Sequence[SearchCost]) -> float:
+    """Compute the p-value of the log-rank test that both need equally long; 1 without failures."""
     if not any(search.found for search in (*one, *other)):
         return 1.0
     return float(stats.logrank(_censored(one), _censored(other)).pvalue)
 
 
-def _censored(searches: Sequence[Search]) -> stats.CensoredData:
+def _censored(searches: Sequence[SearchCost]) -> stats.CensoredData:
     found = [search.spent for search in searches if search.found]
     missed = [search.spent for search in searches if not search.found]
     return stats.CensoredData(uncensored=found, right=missed)

@@ -23,7 +23,7 @@ ORPHAN_CHECK = 0.5  # s between two looks at who the parent is
 
 
 def _end_with(parent: int) -> None:
-    """A daemon thread that ends this process when its parent has ended, also in mid-trial."""
+    """Start a daemon thread that ends this process when its parent has ended, even in mid-trial."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -12,7 +12,7 @@ ByteArray = NDArray[np.uint8]
 
 
 def frozen_array(values: ArrayLike) -> Array:
-    """Copy of ``values`` as a read-only float64 array of any shape."""
+    """Copy ``values`` to a read-only float64 array of any shape."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

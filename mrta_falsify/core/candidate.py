@@ -54,7 +54,7 @@ class Candidate:
 
 
 def uniform_point(campaign_seed: int, number: int, k: int) -> Array:
-    """Uniform point ``(k,)`` of the unit cube that belongs to a candidate, read-only.
+    """Draw the uniform point ``(k,)`` of the unit cube that belongs to a candidate, read-only.
 
     Args:
         campaign_seed: >= 0.
@@ -67,7 +67,7 @@ def uniform_point(campaign_seed: int, number: int, k: int) -> Array:
 
 
 def candidate_of(campaign_seed: int, number: int, k: int) -> Candidate:
-    """Candidate ``number`` of a campaign of independent uniform points.
+    """Draw candidate ``number`` of a campaign of independent uniform points.
 
     ``run --seed S`` is candidate 0 of the campaign with seed S.
 

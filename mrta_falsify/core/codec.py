@@ -7,6 +7,7 @@ a field; ``decode`` checks them and reports the first violation as
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
 import difflib
 import enum
@@ -17,7 +18,7 @@ import math
 import types
 import typing
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union
+from typing import Any, TypeVar
 
 import numpy as np
 import yaml
@@ -42,7 +43,7 @@ class Rule:
     allow_infinite: bool = False
 
     def violation(self, value: Array | float) -> str:
-        """Reason why ``value`` is not allowed, empty if it is."""
+        """Say why ``value`` is not allowed; empty if it is."""
         numbers = np.asarray(value, dtype=np.float64)
         if np.isnan(numbers).any() or (not self.allow_infinite and np.isinf(numbers).any()):
             return "it must be finite"
@@ -65,7 +66,7 @@ def quantity(
     allow_infinite: bool = False,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen."""
+    """Declare a dataclass field with limits (see :class:`Rule`); array defaults are frozen."""
     rule = Rule(shape, low, above, high, unit, allow_infinite)
     metadata = {"rule": rule}
     if default is dataclasses.MISSING:
@@ -78,7 +79,7 @@ def quantity(
 
 
 def later(default: Any) -> Any:
-    """Field that joined a schema later: while it has its default it is not written.
+    """Declare a field that joined a schema later: while it has its default it is not written.
 
     Files and digests of values that do not use it stay as they were.
     """
@@ -89,7 +90,7 @@ def later(default: Any) -> Any:
 
 
 def encode(value: Any) -> Any:
-    """JSON-shaped data (dicts, lists, str, numbers, bool, None) for a value of this project."""
+    """Encode a value of this project as dicts, lists, str, numbers, bool and None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         pairs = ((f, getattr(value, f.name)) for f in dataclasses.fields(value))
         return {f.name: encode(item) for f, item in pairs if not _is_left_out(f, item)}
@@ -111,7 +112,7 @@ def _is_left_out(field: dataclasses.Field[Any], item: Any) -> bool:
 
 
 def canonical_json(value: Any) -> str:
-    """One text per value: sorted keys, shortest round-trip floats, -0.0 written as 0.0."""
+    """Write one text per value: sorted keys, shortest round-trip floats, -0.0 as 0.0."""
     return json.dumps(_without_negative_zero(encode(value)), sort_keys=True, separators=(",", ":"))
 
 
@@ -126,7 +127,7 @@ def _without_negative_zero(data: Any) -> Any:
 
 
 def digest(value: Any) -> str:
-    """sha256 (hex) of the canonical JSON of ``value``."""
+    """Compute the sha256 (hex) of the canonical JSON of ``value``."""
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()
 
 
@@ -162,32 +163,31 @@ def _show(data: Any) -> str:
 def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if rule is None and type(data) is hint and _is_plain(data):
         return data  # most of what is stored, at a fifth of the time
-    origin = typing.get_origin(hint)
     if hint is Any:
-        return data
-    if origin in (Union, types.UnionType):
-        return _decode_union(hint, data, where, path, rule)
-    if origin is Literal:
-        allowed = typing.get_args(hint)
-        if data not in allowed:
-            names = ", ".join(map(repr, allowed))
-            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
         return data
     if dataclasses.is_dataclass(hint):
         return _decode_dataclass(typing.cast(type, hint), data, where, path)
-    if origin is tuple:
-        return _decode_tuple(hint, data, where, path, rule)
-    if origin is dict:
-        return _decode_dict(hint, data, where, path, rule)
-    if origin is np.ndarray or hint is np.ndarray:
-        return _decode_array(data, where, path, rule or Rule())
+    match typing.get_origin(hint) or hint:
+        case typing.Union | types.UnionType:
+            return _decode_union(hint, data, where, path, rule)
+        case typing.Literal:
+            return _decode_choice(typing.get_args(hint), data, where, path)
+        case builtins.tuple:
+            return _decode_tuple(hint, data, where, path, rule)
+        case builtins.dict:
+            return _decode_dict(hint, data, where, path, rule)
+        case np.ndarray:
+            return _decode_array(data, where, path, rule or Rule())
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        try:
-            return hint(data)
-        except ValueError:
-            names = ", ".join(repr(item.value) for item in hint)
-            _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+        return hint(_decode_choice(tuple(item.value for item in hint), data, where, path))
     return _decode_scalar(hint, data, where, path, rule)
+
+
+def _decode_choice(allowed: tuple[Any, ...], data: Any, where: str, path: str) -> Any:
+    if data not in allowed:
+        names = ", ".join(map(repr, allowed))
+        _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+    return data
 
 
 def _is_plain(data: Any) -> bool:
@@ -312,7 +312,7 @@ def _join(path: str, name: str) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Text of a file the user named; every failure is a :class:`FormatError`."""
+    """Read a text file that the user named; every failure is a :class:`FormatError`."""
     try:
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
@@ -325,7 +325,7 @@ def read_text(path: Path) -> str:
 
 
 def read_json(path: Path) -> Any:
-    """JSON of a file; NaN and infinity are refused by :func:`decode`, not here."""
+    """Read a JSON file; NaN and infinity are refused by :func:`decode`, not here."""
     try:
         return json.loads(read_text(path))
     except json.JSONDecodeError as error:
@@ -338,7 +338,7 @@ def read_json(path: Path) -> Any:
 
 
 def read_yaml(path: Path) -> Any:
-    """YAML of a file, by the safe loader only."""
+    """Read a YAML file, by the safe loader only."""
     try:
         return yaml.safe_load(read_text(path))
     except (yaml.YAMLError, RecursionError, ValueError) as error:

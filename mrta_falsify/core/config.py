@@ -45,7 +45,7 @@ class StackConfig:
                 raise UnknownNameError("defect", name, DEFECTS, where="defects")
 
     def digest(self) -> str:
-        """sha256 of the canonical JSON."""
+        """Compute the sha256 of the canonical JSON."""
         return codec.digest(self)
 
     def has(self, defect: str) -> bool:
@@ -59,7 +59,7 @@ LAYERS: tuple[str, ...] = tuple(
 
 
 def decode_config(data: Any, *, where: str) -> StackConfig:
-    """Stack configuration from YAML-shaped data.
+    """Read a stack configuration from YAML-shaped data.
 
     A layer is written as a name (``planner: astar``) or as a name with options
     (``planner: {name: astar, resolution: 0.1}``).
@@ -93,12 +93,12 @@ def decode_config(data: Any, *, where: str) -> StackConfig:
 
 
 def read_config(path: Path) -> StackConfig:
-    """Stack configuration from a YAML file."""
+    """Read a stack configuration from a YAML file."""
     return decode_config(codec.read_yaml(path), where=str(path))
 
 
 def apply_setting(config: StackConfig, setting: str) -> StackConfig:
-    """``config`` with one ``layer=name``, ``layer.option=value`` or ``defects=[a,b]`` applied.
+    """Apply one ``layer=name``, ``layer.option=value`` or ``defects=[a,b]`` to a copy.
 
     Raises:
         ConfigError: the text is not of that form.

@@ -27,16 +27,16 @@ class Costmap:
     origin: Array  #: (2,) south-west corner [m], map frame
 
     def cells(self, points: Array) -> IntArray:
-        """Cells ``(..., 2)`` as (row, col) of map points ``(..., 2)`` [m]; may lie outside."""
+        """Find the cells (row, col) of map points, both ``(..., 2)`` [m]; may lie outside."""
         col_row = np.floor((np.asarray(points) - self.origin) / self.resolution)
         return col_row[..., ::-1].astype(np.int64)
 
     def centers(self, cells: IntArray) -> Array:
-        """Map points ``(..., 2)`` [m] at the centres of cells ``(..., 2)`` (row, col)."""
+        """Find the centres ``(..., 2)`` [m] of cells ``(..., 2)`` (row, col)."""
         return self.origin + (np.asarray(cells)[..., ::-1] + 0.5) * self.resolution
 
     def cost_at(self, points: Array) -> IntArray:
-        """Cost of map points ``(..., 2)`` [m]; outside the grid it is ``LETHAL``."""
+        """Look up the cost of map points ``(..., 2)`` [m]; outside the grid it is ``LETHAL``."""
         cells = self.cells(points)
         rows, cols = self.cost.shape
         row, col = cells[..., 0], cells[..., 1]

@@ -20,7 +20,7 @@ _ORDER = (*SENSED_COLUMNS, *INTENT_COLUMNS, "command")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """The first that is not the same in two traces."""
+    """First difference between two traces."""
 
     tick: int
     time: float  #: [s]
@@ -29,22 +29,22 @@ class Difference:
     size: float | None = None  #: largest absolute difference, in the column's unit
 
     def __str__(self) -> str:
-        """As a sentence's end."""
+        """Write it as the end of a sentence."""
         who = f" of {self.who}" if self.who else ""
         by = f" by {self.size:.3g}" if self.size is not None else ""
         return f"at tick {self.tick} ({self.time:.2f} s): {self.what}{who}{by}"
 
 
 def first_difference(one: Trace, other: Trace) -> Difference | None:
-    """The first tick at which two traces of the same world differ, and in what.
+    """Find the first tick at which two traces of the same world differ, and in what.
 
     Args:
         one: a trace.
         other: of the same robots and people.
 
     Returns:
-        None if all that traces keep is equal; distances to obstacles are kept in single
-        precision, so that two such traces may still have different digests.
+        None if all that traces keep is equal. Distances to obstacles are kept in single
+        precision, so two such traces may still have different digests.
 
     Raises:
         ValueError: other robots or people.
@@ -108,7 +108,7 @@ def _in_events(one: Trace, other: Trace) -> Difference | None:
 
 
 def _where_they_part(one: Sequence[T], other: Sequence[T]) -> T | None:
-    """The first element that the other does not have at its place; None if they are equal."""
+    """Find the first element that the other lacks at its place; None if they are equal."""
     for a, b in itertools.zip_longest(one, other):
         if a != b:
             return a if a is not None else b

@@ -1,4 +1,4 @@
-"""What a person is told to do, as plain data: one step of a script after the other.
+"""Directives: the steps of the script that a person follows, as plain data.
 
 The behaviours of ``scenic_worlds.behaviors`` become these, so that a world replays without
 its Scenic program. Points are in the map frame; a speed of 0 means the person's own.
@@ -15,12 +15,12 @@ from mrta_falsify.core.codec import quantity
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FollowRoute:
-    """Walk from point to point; with ``repeat`` for ever."""
+    """Walk from point to point; with ``repeat``, again and again."""
 
     KIND: ClassVar[str] = "follow_route"
     kind: Literal["follow_route"] = "follow_route"
     route: Array = quantity(shape=("K", 2), unit="m")  #: points visited in turn
-    repeat: bool = False  #: go on with the first point after the last
+    repeat: bool = False  #: start again at the first point after the last
     speed: float = quantity(low=0.0, unit="m/s", default=0.0)
 
 
@@ -36,7 +36,7 @@ class WalkTo:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Wait:
-    """Stand for a time; people who come near still make the person step aside."""
+    """Stand for a time; the person still steps aside for people who come near."""
 
     KIND: ClassVar[str] = "wait"
     kind: Literal["wait"] = "wait"
@@ -53,7 +53,7 @@ class WaitUntil:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stop:
+class StandStill:
     """Stand for good."""
 
     KIND: ClassVar[str] = "stop"
@@ -88,11 +88,11 @@ class Leave:
     kind: Literal["leave"] = "leave"
 
 
-Directive = FollowRoute | WalkTo | Wait | WaitUntil | Stop | Push | Appear | Leave
+Directive = FollowRoute | WalkTo | Wait | WaitUntil | StandStill | Push | Appear | Leave
 
 
 def begins_outside(directives: tuple[Directive, ...]) -> bool:
-    """Whether a person is not in the building at first: nothing but waiting before ``Appear``."""
+    """Whether a person begins outside the building: only waits come before ``Appear``."""
     for directive in directives:
         if isinstance(directive, Appear):
             return True

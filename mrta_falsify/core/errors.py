@@ -7,7 +7,7 @@
     |   +-- ConfigError        a stack or campaign option
     |   +-- WorldError           a world that cannot be run
     |   +-- FormatError          a file that is not what its name says
-    |   +-- UnknownNameError     a plug-in, layer, room or specification nobody registered
+    |   +-- UnknownNameError     a plug-in, layer, room or specification that is not registered
     +-- HarnessError           the toolkit itself failed: exit code 3
 """
 

@@ -22,11 +22,11 @@ class Cube:
     groups: tuple[int, ...] = ()  #: coordinates of one object share a number; (): none do
 
     def level(self, i: int) -> int:
-        """Number of values of coordinate ``i``, 0: continuous."""
+        """Count the values of coordinate ``i``, 0: continuous."""
         return self.levels[i] if self.levels else 0
 
     def blocks(self) -> tuple[tuple[int, ...], ...]:
-        """Coordinates by group, in order of their first coordinate."""
+        """Group the coordinates, in order of their first coordinate."""
         if not self.groups:
             return tuple((i,) for i in range(self.dimensions))
         found: dict[int, list[int]] = {}
@@ -36,7 +36,7 @@ class Cube:
 
 
 def cube_of(space: SearchSpace) -> Cube:
-    """Cube of a search space; the object of a dimension is its name up to the first dot."""
+    """Build the cube of a search space; a dimension's object is its name up to the first dot."""
     owners = [dimension.name.split(".", 1)[0] for dimension in space.dimensions]
     numbers = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
     return Cube(
@@ -70,9 +70,9 @@ class Feedback:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """What a sampler that estimates the probability of a violation has to say about it.
+    """Estimates of the probability of a violation, from a sampler that makes them.
 
-    Samplers with a method ``estimates() -> Estimates`` are such.
+    Such a sampler has a method ``estimates() -> Estimates``.
     """
 
     repeats: tuple[float, ...] = ()  #: independent, of equal law, each without bias

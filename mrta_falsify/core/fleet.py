@@ -28,10 +28,6 @@ class Phase(enum.IntEnum):
     MAKING_ROOM = 6  #: idle, on the way to a parking spot
 
 
-#: Phases in which a robot counts as active: it has a task and does not wait in a queue.
-ACTIVE_PHASES = (Phase.DRIVING, Phase.PLANNING, Phase.SERVING)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sensed:
     """The world after a step, as the engine measures it; ground truth, no noise."""
@@ -91,7 +87,7 @@ class StackEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intent:
-    """What the stack says of itself each tick; the oracle uses goals and paths, no claims."""
+    """What the stack says of itself each tick; the oracle uses goals and paths, not claims."""
 
     phase: IntArray  #: (N,) values of :class:`Phase`
     goal: Array  #: (N, 2) room point or spot the robot finally heads for [m], nan: none
@@ -109,7 +105,7 @@ class Intent:
 
 @dataclass(frozen=True, slots=True)
 class BlockedBy:
-    """One blocked-by edge: ``robot`` cannot go on because of ``other``."""
+    """One blocked-by edge: ``robot`` cannot move on because of ``other``."""
 
     robot: int
     cause: str  #: queue, cluster, barrier, human, wall, no-path, task

@@ -9,20 +9,20 @@ from mrta_falsify.core.arrays import Array, frozen_array
 
 
 def wrap_angle(angle: ArrayLike) -> Array:
-    """Angle [rad] of any shape mapped to (-pi, pi]."""
+    """Map angles [rad] of any shape to (-pi, pi]."""
     wrapped: Array = np.pi - (np.pi - np.asarray(angle, dtype=np.float64)) % (2.0 * np.pi)
     return wrapped
 
 
 def rectangle(size_x: float, size_y: float, center: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """Axis-aligned rectangle ``(4, 2)`` [m], counter-clockwise, around ``center``."""
+    """Build an axis-aligned rectangle ``(4, 2)`` [m], counter-clockwise, around ``center``."""
     half = np.array([size_x, size_y]) / 2.0
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     return frozen_array(corners + np.asarray(center))
 
 
 def transform(points: Array, pose: ArrayLike) -> Array:
-    """Points ``(..., 2)`` of a body frame, moved to ``pose`` (x [m], y [m], yaw [rad])."""
+    """Move points ``(..., 2)`` of a body frame to ``pose`` (x [m], y [m], yaw [rad])."""
     x, y, yaw = np.asarray(pose, dtype=np.float64)
     cos, sin = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[cos, -sin], [sin, cos]])
@@ -31,11 +31,11 @@ def transform(points: Array, pose: ArrayLike) -> Array:
 
 
 def signed_area(polygon: Array) -> float:
-    """Area [m^2] of a simple polygon ``(V, 2)``; positive if counter-clockwise."""
+    """Measure a simple polygon ``(V, 2)`` [m^2]; positive if counter-clockwise."""
     x, y = polygon[:, 0], polygon[:, 1]
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
 def path_length(points: Array) -> float:
-    """Length [m] of the polyline ``(K, 2)``."""
+    """Measure the polyline ``(K, 2)`` [m]."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -28,7 +28,7 @@ class Allocator(Protocol):
     """Decides which robot serves which task, and in which order."""
 
     def allocate(self, problem: AllocationProblem) -> Allocation:
-        """Itineraries for all robots; never raises for an overloaded fleet, never None."""
+        """Plan itineraries for all robots; never raises for an overloaded fleet, never None."""
 
 
 # --- queues ----------------------------------------------------------------------------
@@ -49,7 +49,7 @@ class QueuePolicy(Protocol):
     """Decides who gets a resource next."""
 
     def order(self, waiters: Sequence[Waiter]) -> tuple[int, ...]:
-        """Robot numbers, the next holder first; a permutation of the waiters' numbers."""
+        """Order the robot numbers of the waiters, the next holder first; a permutation."""
 
 
 # --- waypoints -------------------------------------------------------------------------
@@ -60,10 +60,10 @@ class WaypointGenerator(Protocol):
     """Turns "go from room i to room j" into waypoints."""
 
     def to_queue(self, lane: Lane, tail: Array) -> Array:
-        """Waypoints ``(K, 2)`` [m] from the lane's start room to the waiting spot ``tail``."""
+        """Give waypoints ``(K, 2)`` [m] from the lane's start room to the waiting spot ``tail``."""
 
     def to_room(self, lane: Lane) -> Array:
-        """Waypoints ``(K, 2)`` [m] from the lane's start room to the end room's point."""
+        """Give waypoints ``(K, 2)`` [m] from the lane's start room to the end room's point."""
 
 
 # --- planning --------------------------------------------------------------------------
@@ -91,14 +91,14 @@ class Planner(Protocol):
         """Plan on ``costmap`` from now on; may keep what it learned of an earlier one."""
 
     def plan(self, start: Array, goal: Array) -> Plan:
-        """Path from ``start`` to ``goal``, both ``(2,)`` [m]; a pure function of map and points."""
+        """Plan from ``start`` to ``goal``, both ``(2,)`` [m]; a pure function of map and points."""
 
 
 class CostmapSource(Protocol):
-    """Gives the costmap of the moment; the stack asks, the simulator interface builds."""
+    """Source of costmaps; the stack asks, the simulator interface builds."""
 
     def costmap(self, time: float, parked: Array) -> Costmap:
-        """Costmap at ``time`` [s] with robots at rest at ``parked`` ``(P, 2)`` [m] as obstacles.
+        """Build the costmap of ``time`` [s] with robots parked at ``parked`` ``(P, 2)`` [m].
 
         Returns the same object as long as nothing changed.
         """
@@ -148,7 +148,7 @@ class Controller(Protocol):
     """Computes every robot's command; what it remembers must survive ``copy.deepcopy``."""
 
     def control(self, view: ControlView) -> ControlResult:
-        """Commands for one tick."""
+        """Compute the commands for one tick."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,7 +167,7 @@ class PriorityRule(Protocol):
     """Orders the robots; the first active one of a cluster leads it."""
 
     def ranks(self, view: PriorityView) -> IntArray:
-        """Rank ``(N,)`` of each robot, 0 first; a permutation."""
+        """Rank the robots, ``(N,)``, 0 first; a permutation."""
 
 
 # --- people ----------------------------------------------------------------------------
@@ -196,7 +196,7 @@ class HumanModel(Protocol):
     """Moves people."""
 
     def velocities(self, view: CrowdView) -> Array:
-        """Velocities ``(H, 2)`` [m/s] for the next tick, map frame."""
+        """Compute velocities ``(H, 2)`` [m/s] for the next tick, map frame."""
 
 
 # --- the world's physics ---------------------------------------------------------------
@@ -232,18 +232,18 @@ class Sampler(Protocol):
     """
 
     def ask(self) -> Proposal:
-        """The next proposal, numbered from 0 without gaps."""
+        """Make the next proposal, numbered from 0 without gaps."""
 
     def tell(self, feedback: Feedback) -> None:
-        """Result of a proposal; called once per proposal, in number order."""
+        """Take in the result of a proposal; called once per proposal, in number order."""
 
 
 @runtime_checkable
 class SkippingSampler(Sampler, Protocol):
-    """A sampler whose proposals take long: a resumed campaign need not work all out again."""
+    """A sampler whose proposals take long; a resumed campaign need not compute all again."""
 
     def skip(self) -> None:
-        """As ``ask``, for a proposal whose result is known already: only its number is used."""
+        """Use up a proposal's number, as ``ask`` does, where its result is known already."""
 
 
 @runtime_checkable
@@ -257,32 +257,32 @@ class Specification(Protocol):
         """Take in one tick."""
 
     def verdict(self) -> Verdict:
-        """Verdict to date; may be asked at any time."""
+        """Give the verdict to date; may be asked at any time."""
 
 
 # --- looking ahead -----------------------------------------------------------------------
 
 
 class Watch(Protocol):
-    """Looks at the frames of a run that is tried out, until it has seen enough."""
+    """Watches the frames of a continuation until it has seen enough."""
 
     def update(self, frame: Frame) -> bool:
         """Take in a tick; True: seen enough."""
 
     def answer(self) -> dict[str, Any]:
-        """What was seen, JSON-shaped."""
+        """Give what was seen, JSON-shaped."""
 
 
 class Forecast(Protocol):
-    """Goes on with a copy of the run, as if nothing more happened from outside."""
+    """Runs a continuation: a copy of the run without further outside events."""
 
     def __call__(self, watch: Watch, *, without: int = -1) -> dict[str, Any] | None:
-        """The answer of ``watch``; without robot ``without``, if not -1. None: cannot be done."""
+        """Answer by ``watch``, without robot ``without`` if not -1; None: the engine cannot."""
 
 
 @runtime_checkable
 class Foreseeing(Protocol):
-    """A specification that may ask what will come of the present moment."""
+    """A specification that may ask for forecasts of the run."""
 
     def foresee(self, forecast: Forecast) -> None:
         """Offer forecasts for this episode; called after ``start``, and only if there are any."""

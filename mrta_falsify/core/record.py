@@ -37,7 +37,7 @@ class Jittered:
     """Mean margins of all runs, the world's own included; see specs.objectives."""
 
     def __str__(self) -> str:
-        """As in ``3 of 4 copies with small differences fail too``."""
+        """Write it as in ``3 of 4 copies with small differences fail too``."""
         return f"{self.failed} of {self.runs} copies with small differences fail too"
 
     @property
@@ -53,7 +53,7 @@ class Jittered:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialRecord:
-    """One trial, finished for good."""
+    """One trial, finished."""
 
     candidate: Candidate
     status: Status
@@ -64,12 +64,12 @@ class TrialRecord:
     descriptors: dict[str, float] = field(default_factory=dict)
     score: float = 0.0  #: what the search minimises
     signature: str = ""  #: of the failure mode, empty if nothing failed
-    layer: str = ""  #: suspected, empty if nobody asked
+    layer: str = ""  #: suspected, empty if not attributed
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
     engine: str = ""  #: that the verdicts come from
     screening: Screening | None = None
-    jittered: Jittered | None = None  #: of a failure, where the campaign asks for it
+    jittered: Jittered | None = None  #: of a failure, where the campaign asks for copies
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
     scene_s: float = 0.0  #: measured time to sample the world [s]
@@ -112,5 +112,5 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def versions() -> dict[str, str]:
-    """Versions and machine type that a trace digest depends on."""
+    """List the versions and the machine type that a trace digest depends on."""
     return dict(_versions())

@@ -45,16 +45,16 @@ def _entry_points(point: str) -> dict[str, str]:
 
 
 def names(point: str) -> tuple[str, ...]:
-    """Registered names of an extension point, sorted."""
+    """List the registered names of an extension point, sorted."""
     return tuple(_entry_points(point))
 
 
 def load(point: str, name: str, *, where: str = "") -> Any:
-    """Class (or function) registered as ``name``, or named as ``module:Class``.
+    """Load the class (or function) registered as ``name``, or named as ``module:Class``.
 
     Raises:
-        UnknownNameError: nobody registered the name.
-        ConfigError: ``module:Class`` cannot be imported, or is no component.
+        UnknownNameError: the name is not registered.
+        ConfigError: ``module:Class`` cannot be imported, or is not a component.
     """
     known = _entry_points(point)
     if name not in known and ":" not in name:
@@ -67,14 +67,14 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     except (ImportError, AttributeError) as error:
         raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from None
     if not hasattr(component, "Options"):
-        raise ConfigError(f"{prefix}{name!r} is no {point}: it has no `Options`")
+        raise ConfigError(f"{prefix}{name!r} cannot be used as {point}: it has no `Options`")
     return component
 
 
 def build(
     point: str, choice: Choice, *, where: str = "stack", defects: tuple[str, ...] = ()
 ) -> Any:
-    """Component of ``choice``, its options checked against ``Component.Options``.
+    """Build the component of ``choice``, its options checked against ``Component.Options``.
 
     Args:
         point: extension point.

@@ -1,8 +1,7 @@
 """Named random streams.
 
-Every random number of a trial comes from ``stream(seed, name)``, so a layer that draws
-more numbers never shifts another layer's numbers, and nothing depends on call order or on
-``hash()``.
+Every random number of a trial comes from ``stream(seed, name)``. So a layer that draws more
+numbers never shifts another layer's numbers, and nothing depends on call order or ``hash()``.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import numpy as np
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Independent generator for one purpose.
+    """Make an independent generator for one purpose.
 
     Args:
         seed: seed of the trial, >= 0.
@@ -28,6 +27,6 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 
 def candidate_seed(campaign_seed: int, number: int) -> int:
-    """Seed of one candidate of a campaign; 63 bits, stable across processes and machines."""
+    """Derive the seed of one candidate; 63 bits, stable across processes and machines."""
     words = np.random.SeedSequence([campaign_seed, number]).generate_state(2, np.uint32)
     return (int(words[0]) << 31) ^ int(words[1])

@@ -97,7 +97,7 @@ class Trace:
         return float(times[-1]) if len(times) else 0.0
 
     def edges_at(self, tick: int) -> tuple[BlockedBy, ...]:
-        """Blocked-by edges that held at ``tick``."""
+        """Find the blocked-by edges that held at ``tick``."""
         return tuple(span.edge for span in self.edges if span.first <= tick <= span.last)
 
 
@@ -167,7 +167,7 @@ class TraceRecorder:
         return columns
 
     def finish(self, ended: str) -> Trace:
-        """The trace; the recorder is of no use afterwards."""
+        """Build the trace; the recorder must not be used afterwards."""
         self._hash.update(ended.encode())
         self._close_edges()
         return Trace(
@@ -190,12 +190,12 @@ _intent_values = operator.attrgetter(*INTENT_COLUMNS)
 
 
 def _frame_values(frame: Frame) -> tuple[Any, ...]:
-    """The time, then arrays, in the order of ``_FRAME_COLUMNS``."""
+    """List the time, then arrays, in the order of ``_FRAME_COLUMNS``."""
     return (*_sensed_values(frame.sensed), frame.command.twist, *_intent_values(frame.intent))
 
 
 def _layout_of(frame: Frame) -> np.dtype[np.void]:
-    """How the bytes of a frame's columns follow each other."""
+    """Describe how the bytes of a frame's columns follow each other."""
     arrays = [np.asarray(value) for value in _frame_values(frame)]
     named = zip(_FRAME_COLUMNS, arrays, strict=True)
     return np.dtype([(name, array.dtype, array.shape) for name, array in named])

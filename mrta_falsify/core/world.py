@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import later, quantity
-from mrta_falsify.core.directives import Directive, Push
-from mrta_falsify.core.errors import FormatError, UnknownNameError, WorldError
+from mrta_falsify.core.directives import Directive
+from mrta_falsify.core.errors import FormatError, WorldError
 from mrta_falsify.core.geometry import transform
+from mrta_falsify.core.world_checks import check_world
 
 SCHEMA_VERSION = 1
 
@@ -58,7 +58,7 @@ class Furniture:
         return np.asarray(0.5 * (self.polygon.min(axis=0) + self.polygon.max(axis=0)))
 
     def outline_at(self, pose: Array) -> Array:
-        """Footprint ``(V, 2)`` [m] at ``pose`` ``(3,)``: centre, and turn since the start."""
+        """Move the footprint ``(V, 2)`` [m] to ``pose`` ``(3,)``: centre, turn since the start."""
         return transform(self.polygon - self.center, pose)
 
 
@@ -216,19 +216,21 @@ class World:
     scripted: str = later("")  #: what of its Scenic program it cannot do without, empty: nothing
 
     def digest(self) -> str:
-        """sha256 of the canonical JSON; computed once for each of the last few worlds."""
+        """Compute the sha256 of the canonical JSON; kept for the last few worlds."""
         return _digest_of(self)
 
     def solid_polygons(self) -> tuple[Array, ...]:
-        """Outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
+        """List the outlines ``(V, 2)`` [m] of walls, then of furniture that is not movable."""
         walls = tuple(wall.polygon for wall in self.walls)
         return walls + tuple(item.polygon for item in self.furniture if not item.movable)
 
     def movable_furniture(self) -> tuple[Furniture, ...]:
-        """Furniture that can be pushed, in the order of ``furniture``."""
+        """List the furniture that can be pushed, in the order of ``furniture``."""
         return tuple(item for item in self.furniture if item.movable)
 
     def __post_init__(self) -> None:
+        if self.schema != SCHEMA_VERSION:
+            raise WorldError(f"schema is {self.schema}; this version reads {SCHEMA_VERSION}")
         check_world(self)
 
 
@@ -237,138 +239,8 @@ def _digest_of(world: World) -> str:
     return codec.digest(world)
 
 
-def check_world(world: World) -> None:
-    """Refuse worlds whose parts contradict each other.
-
-    Raises:
-        WorldError: the first contradiction found, with the field and both values. Geometry
-            (a start inside a wall) is checked where the costmap is known.
-    """
-    if world.schema != SCHEMA_VERSION:
-        raise WorldError(f"schema is {world.schema}; this version reads {SCHEMA_VERSION}")
-    x_min, y_min, x_max, y_max = world.bounds
-    if not (x_min < x_max and y_min < y_max):
-        raise WorldError(
-            f"bounds is {world.bounds.tolist()}; it must be [x min, y min, x max, y max]"
-        )
-    _check_unique(world)
-    _check_polygons(world)
-    _check_directives(world)
-    rooms = len(world.rooms)
-    for i, task in enumerate(world.tasks):
-        for field in ("start", "end"):
-            number = getattr(task, field)
-            if number >= rooms:
-                raise WorldError(f"tasks[{i}].{field} is room {number}; rooms are 0 to {rooms - 1}")
-        if task.deadline < task.arrival:
-            raise WorldError(
-                f"tasks[{i}].deadline is {task.deadline} s, before its arrival at {task.arrival} s"
-            )
-    for i, lane in enumerate(world.lanes):
-        if max(lane.start, lane.end) >= rooms:
-            raise WorldError(
-                f"lanes[{i}] joins rooms {lane.start} and {lane.end}; rooms are 0 to {rooms - 1}"
-            )
-    for i, resource in enumerate(world.resources):
-        if resource.kind == "room" and (resource.room is None or not 0 <= resource.room < rooms):
-            raise WorldError(f"resources[{i}].room is {resource.room}; rooms are 0 to {rooms - 1}")
-    if world.tasks and world.travel_times.shape != (rooms, rooms):
-        raise WorldError(
-            f"travel_times has shape {world.travel_times.shape}; it must be ({rooms}, {rooms})"
-        )
-    names = {robot.name for robot in world.robots}
-    for i, event in enumerate(world.events):
-        if event.end < event.start:
-            raise WorldError(
-                f"events[{i}].end is {event.end} s, before its start at {event.start} s"
-            )
-        if isinstance(event, CommsOutage):
-            for name in event.robots:
-                if name not in names:
-                    raise UnknownNameError("robot", name, names, where=f"events[{i}].robots")
-
-
-def _check_unique(world: World) -> None:
-    groups: dict[str, tuple[Any, ...]] = {
-        "walls": world.walls,
-        "furniture": world.furniture,
-        "rooms": world.rooms,
-        "resources": world.resources,
-        "robots": world.robots,
-        "humans": world.humans,
-        "events": world.events,
-    }
-    for group, items in groups.items():
-        seen: dict[str, int] = {}
-        for i, item in enumerate(items):
-            if item.name in seen:
-                raise WorldError(
-                    f"{group}[{i}].name is {item.name!r}, the name of {group}[{seen[item.name]}]; "
-                    "names must differ"
-                )
-            seen[item.name] = i
-
-
-def _check_polygons(world: World) -> None:
-    solids: list[tuple[str, Array]] = [
-        *((f"walls[{i}]", wall.polygon) for i, wall in enumerate(world.walls)),
-        *((f"furniture[{i}]", item.polygon) for i, item in enumerate(world.furniture)),
-        *(
-            (f"events[{i}]", e.polygon)
-            for i, e in enumerate(world.events)
-            if isinstance(e, Blockage)
-        ),
-    ]
-    for where, polygon in solids:
-        if len(polygon) < 3:
-            raise WorldError(f"{where}.polygon has {len(polygon)} corners; it needs at least 3")
-    for i, item in enumerate(world.furniture):
-        if item.movable and not _is_convex(item.polygon):
-            raise WorldError(
-                f"furniture[{i}].polygon of {item.name!r} is not convex and counter-clockwise; "
-                "movable furniture must be"
-            )
-
-
-def _is_convex(polygon: Array) -> bool:
-    side = np.roll(polygon, -1, axis=0) - polygon
-    turned = np.roll(side, -1, axis=0)
-    return bool((side[:, 0] * turned[:, 1] - side[:, 1] * turned[:, 0] >= -1e-9).all())
-
-
-def _check_directives(world: World) -> None:
-    for i, human in enumerate(world.humans):
-        if human.directives and not len(human.route):
-            raise WorldError(f"humans[{i}].route is empty; its first point is where they begin")
-        check_pushes(world, human.directives, where=f"humans[{i}].directives")
-
-
-def check_pushes(
-    world: World, directives: Sequence[Directive], *, where: str = "directives"
-) -> None:
-    """Refuse to push what cannot be pushed.
-
-    Raises:
-        UnknownNameError: no such furniture.
-        WorldError: it is not movable.
-    """
-    names = {item.name: item.movable for item in world.furniture}
-    for i, directive in enumerate(directives):
-        if not isinstance(directive, Push):
-            continue
-        if directive.furniture not in names:
-            raise UnknownNameError(
-                "furniture", directive.furniture, names, where=f"{where}[{i}].furniture"
-            )
-        if not names[directive.furniture]:
-            raise WorldError(
-                f"{where}[{i}].furniture is {directive.furniture!r}; it must be furniture with "
-                "movable true"
-            )
-
-
 def read_world(path: Path) -> World:
-    """World from a JSON file.
+    """Read a world from a JSON file.
 
     Raises:
         InputError: the file cannot be read, is not JSON, or breaks the schema.
@@ -385,5 +257,5 @@ def write_world(world: World, path: Path) -> None:
 
 
 def without_actors(world: World) -> World:
-    """The layout of ``world``: no robots, humans, tasks or events."""
+    """Strip ``world`` to its layout: no robots, humans, tasks or events."""
     return dataclasses.replace(world, robots=(), humans=(), tasks=(), events=())

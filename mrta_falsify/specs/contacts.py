@@ -16,27 +16,27 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.running_min import Worst
+from mrta_falsify.specs.running_min import RunningMin
 
-FAR = 10.0  # m, cap of gaps
-TOUCH = -1e-3  # m, robustness of a contact whose measured gap is not negative
-SETTLE = 0.5  # s without contact that end a contact episode
-AT_REST = 0.05  # m/s, slower robots count as at rest
+GAP_CAP = 10.0  # m; wider gaps count as this wide
+TOUCH_GAP = -1e-3  # m, robustness of a contact whose measured gap is not negative
+CONTACT_PAUSE = 0.5  # s without contact that end a contact episode
+DRIVING_SPEED = 0.05  # m/s; slower robots count as at rest
 
 
 @dataclass(slots=True)
 class _MovingBeforeContact:
-    """Tells robots that drive from robots that stand, also while somebody pushes them.
+    """Tells robots that drive from robots that stand, even while a person pushes them.
 
     During a contact with a person the state from before holds, unless the robot is commanded
-    to drive and does: a robot that is shoved does not count as moving.
+    to drive and does. So a robot that is shoved does not count as moving.
     """
 
     _velocity: Array | None = None  #: (N, 3) of the last tick
-    _moving: BoolArray | None = None  #: (N,) of the last tick, None: nobody asked
+    _moving: BoolArray | None = None  #: (N,) of the last tick, None: not worked out
 
     def skip(self, frame: Frame) -> None:
-        """Take in a tick at which nobody needs to know."""
+        """Take in a tick whose answer is not needed."""
         self._velocity = frame.sensed.velocity
         self._moving = None
 
@@ -46,7 +46,7 @@ class _MovingBeforeContact:
         before = velocity if self._velocity is None else self._velocity
         held = self._moving
         if held is None:
-            held = np.sqrt(before[:, 0] ** 2 + before[:, 1] ** 2) > AT_REST
+            held = np.sqrt(before[:, 0] ** 2 + before[:, 1] ** 2) > DRIVING_SPEED
         self._velocity = velocity
         self._moving = _moving(velocity, before, frame.command.twist, contact, held)
         return self._moving
@@ -58,17 +58,17 @@ def _moving(
 ) -> BoolArray:
     moving = held.copy()
     for i in range(len(velocity)):
-        drives = np.hypot(velocity[i, 0], velocity[i, 1]) > AT_REST
+        drives = np.hypot(velocity[i, 0], velocity[i, 1]) > DRIVING_SPEED
         if contact[i, 1]:
-            commanded = np.hypot(twist[i, 0], twist[i, 1]) > AT_REST
+            commanded = np.hypot(twist[i, 0], twist[i, 1]) > DRIVING_SPEED
             moving[i] = held[i] or (drives and commanded)
         else:
-            moving[i] = drives or np.hypot(before[i, 0], before[i, 1]) > AT_REST
+            moving[i] = drives or np.hypot(before[i, 0], before[i, 1]) > DRIVING_SPEED
     return moving
 
 
 class ContactCounter:
-    """Counts contact episodes: onsets after at least 0.5 s without, each pair on its own."""
+    """Counts contact episodes of each pair: onsets after at least 0.5 s without contact."""
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode with control period ``dt`` [s]."""
@@ -80,7 +80,7 @@ class ContactCounter:
             "robot_static": 0,
             "robot_human_at_rest": 0,
         }
-        self._settle = max(SETTLE, 1.5 * dt)
+        self._settle = max(CONTACT_PAUSE, 1.5 * dt)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -105,7 +105,7 @@ class ContactCounter:
             self._last[key] = frame.sensed.time
 
     def totals(self) -> dict[str, int]:
-        """Episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
+        """Count the episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
 
         ``robot_human`` are those of a moving robot only.
         """
@@ -123,7 +123,7 @@ class _NarrowestGap:
         """Begin an episode."""
         del dt
         self._world = world
-        self._worst = Worst(self.name, FAR, {"nearest": {}, "between": []})
+        self._narrowest = RunningMin(self.name, GAP_CAP, {"nearest": {}, "between": []})
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -132,7 +132,7 @@ class _NarrowestGap:
             return
         i = int(gaps.argmin())
         gap = float(gaps[i]) - self.limit
-        if gap >= self._worst.margin:
+        if gap >= self._narrowest.margin:
             return
         sensed = frame.sensed
         who = self._names(frame, i)
@@ -145,11 +145,11 @@ class _NarrowestGap:
             "x": float(sensed.pose[i, 0]),
             "y": float(sensed.pose[i, 1]),
         }
-        self._worst.note(gap, sensed.time, who, {"nearest": nearest, "between": list(who)})
+        self._narrowest.note(gap, sensed.time, who, {"nearest": nearest, "between": list(who)})
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
-        return self._worst.verdict(**self._more())
+        """Give the verdict to date."""
+        return self._narrowest.verdict(**self._more())
 
     def _gaps(self, frame: Frame) -> Array:
         raise NotImplementedError
@@ -162,11 +162,11 @@ class _NarrowestGap:
 
 
 def _with_contacts(gap: Array, contact: BoolArray) -> Array:
-    """Gaps ``(N,)`` [m] in which a contact is never positive."""
+    """Correct gaps ``(N,)`` [m] by contacts: a contact is never positive, a gap never negative."""
     if True not in contact.tolist():
         # an engine that reports no contact saw none: rounding must not make one
         return np.maximum(gap, 0.0)
-    return np.where(contact, np.minimum(gap, TOUCH), np.maximum(gap, 0.0))
+    return np.where(contact, np.minimum(gap, TOUCH_GAP), np.maximum(gap, 0.0))
 
 
 class NoRobotRobotContact(_NarrowestGap):
@@ -207,13 +207,13 @@ class NoRobotStaticContact(_NarrowestGap):
 
 
 class _HumanGap(_NarrowestGap):
-    """Narrowest gap to people over moving robots; what happens at rest is told apart."""
+    """Narrowest gap to people over moving robots; robots at rest are counted apart."""
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
         """Which robots count."""
 
-        count_at_rest: bool = False  #: a person who walks into a robot at rest counts as well
+        count_at_rest: bool = False  #: people who walk into a robot at rest count as well
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -222,7 +222,7 @@ class _HumanGap(_NarrowestGap):
         """Begin an episode."""
         super().start(world, dt)
         self._moving = _MovingBeforeContact()
-        self._at_rest = FAR
+        self._at_rest = GAP_CAP
         self._counter = ContactCounter()
         self._counter.start(world, dt)
 
@@ -232,7 +232,7 @@ class _HumanGap(_NarrowestGap):
         sensed = frame.sensed
         gaps = _with_contacts(sensed.gap_human, sensed.contact[:, 1])
         self._counter.update(frame)
-        if gaps.min(initial=np.inf) >= max(self._worst.margin + self.limit, self._at_rest):
+        if gaps.min(initial=np.inf) >= max(self._narrowest.margin + self.limit, self._at_rest):
             self._moving.skip(frame)
             return np.zeros(0)  # nothing new
         moving = self._moving.update(frame)

@@ -49,8 +49,8 @@ class Deliveries:
 class AllTasksDone:
     """Every task is delivered before the horizon.
 
-    Robustness, a share: if all is delivered, the share of the horizon that was left; before
-    the horizon, the share still left; at the horizon, minus the share of open tasks.
+    Robustness is a share. If all is delivered, it is the share of the horizon that was left.
+    Before the horizon it is the share still left; at the horizon, minus the share of open tasks.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ class AllTasksDone:
             self._deliveries.update(frame)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         horizon = self._world.horizon
         dropped = self._deliveries.dropped
         left = sorted(self._due - set(dropped))
@@ -127,7 +127,7 @@ class Deadlines:
             self._deliveries.update(frame)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         dropped = self._deliveries.dropped
         margins = {
             i: task.deadline - dropped.get(i, self._time)

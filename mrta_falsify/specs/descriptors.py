@@ -1,10 +1,10 @@
-"""What kind of trouble a run came closest to: behaviour descriptors for the search.
+"""Behaviour descriptors for the search: what kind of trouble a run came closest to.
 
-A quality-diversity search keeps one elite per kind of behaviour; this fold says which kind a
-run was. All descriptors lie in [0, 1] and exist for every run, failing or not:
+A quality-diversity search keeps one elite per kind of behaviour. The descriptors say which kind a
+run showed. All of them lie in [0, 1] and exist for every run, failing or not:
 
-    ``x``, ``y``: where on the floor the worst wait (or, if nobody waited for anybody, the
-        narrowest passing of two robots) took place, as a share of the bounds;
+    ``x``, ``y``: where on the floor the worst wait took place (or the narrowest passing of
+        two robots, if no robot waited), as a share of the bounds;
     ``robots``: how many robots were blocked at the worst moment, as a share of the fleet;
     ``cause``: what blocked the robot that waited longest, by ``CAUSES``;
     ``wait``: how long it waited, 60 s or more being 1.
@@ -21,17 +21,17 @@ from mrta_falsify.core.world import World
 #: resources and obstacles told apart, in the order of the descriptor ``cause``
 CAUSES = ("none", "cluster", "barrier", "queue", "no-path", "wall", "human", "stalled")
 NAMES = ("x", "y", "robots", "cause", "wait")
-LONG_WAIT = 60.0  # s, longer waits are all alike
-LOOK_EVERY = 0.5  # s
+LONGEST_WAIT = 60.0  # s; longer waits have the same descriptor
+DESCRIBE_EVERY = 0.5  # s between two looks
 
 
-class Situation:
-    """A fold over frames; one object per episode."""
+class Descriptors:
+    """Folds frames into the descriptors of a run; one object per episode."""
 
     def __init__(self, world: World, dt: float) -> None:
         self._bounds = world.bounds
         self._robots = max(len(world.robots), 1)
-        self._stride = max(1, round(LOOK_EVERY / dt))
+        self._stride = max(1, round(DESCRIBE_EVERY / dt))
         self._since = np.full(len(world.robots), np.nan)  # blocked since [s], nan: is not
         self._wait = 0.0
         self._cause = "none"
@@ -67,8 +67,8 @@ class Situation:
         self._blocked = len(causes)
         self._place = frame.sensed.pose[longest, :2]
 
-    def descriptors(self) -> dict[str, float]:
-        """Descriptors to date, by ``NAMES``."""
+    def values(self) -> dict[str, float]:
+        """Give the descriptors to date, by ``NAMES``."""
         low, high = self._bounds[:2], self._bounds[2:]
         x, y = np.clip((self._place - low) / (high - low), 0.0, 1.0)
         known = self._cause if self._cause in CAUSES else "none"
@@ -77,5 +77,5 @@ class Situation:
             "y": float(y),
             "robots": self._blocked / self._robots,
             "cause": CAUSES.index(known) / (len(CAUSES) - 1),
-            "wait": min(self._wait / LONG_WAIT, 1.0),
+            "wait": min(self._wait / LONGEST_WAIT, 1.0),
         }

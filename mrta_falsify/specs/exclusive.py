@@ -14,21 +14,20 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
-from mrta_falsify.specs.running_min import Worst
-
-FAR = 10.0  # m, cap, as for gaps
+from mrta_falsify.specs.contacts import GAP_CAP
+from mrta_falsify.specs.running_min import RunningMin
 
 
 class ExclusiveUse:
     """At most ``capacity`` robots are inside each resource at once.
 
-    Inside means that the robot's centre lies in the resource's own space: a room's outline
-    where the world has one, otherwise the release area without a rim (robots on the rim are
-    coming or going). Robustness [m]: signed distance, positive outside, of the robot that
+    Inside means that the robot's centre lies in the resource's own space. That is a room's outline
+    where the world has one, otherwise the release area without a rim: robots on the rim are
+    coming or going. Robustness [m]: signed distance, positive outside, of the robot that
     would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. A
     resource that is overfull at the start is judged from when it first was not.
 
-    It looks at positions only, not at what the stack's queues say.
+    Only positions count, not what the stack's queues say.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +47,7 @@ class ExclusiveUse:
         self._resources = tuple(crowded)
         self._areas = tuple(_inner_area(world, r, self._options.rim) for r in crowded)
         self._judged = [False] * len(crowded)
-        self._worst = Worst("exclusive_use", FAR)
+        self._closest = RunningMin("exclusive_use", GAP_CAP)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -57,7 +56,7 @@ class ExclusiveUse:
             distance = signed_distances(self._areas[k], position)
             margin = float(np.partition(distance, resource.capacity)[resource.capacity])
             self._judged[k] = self._judged[k] or margin >= 0.0
-            if self._judged[k] and margin < self._worst.margin:
+            if self._judged[k] and margin < self._closest.margin:
                 self._note(frame, resource, distance, margin)
 
     def _note(self, frame: Frame, resource: Resource, distance: Array, margin: float) -> None:
@@ -71,15 +70,15 @@ class ExclusiveUse:
             "nearest": near,
             "distances": [float(distance[i]) for i in order],
         }
-        self._worst.note(margin, time, tuple(sorted(near)), evidence)
+        self._closest.note(margin, time, tuple(sorted(near)), evidence)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
-        return self._worst.verdict()
+        """Give the verdict to date."""
+        return self._closest.verdict()
 
 
 def _inner_area(world: World, resource: Resource, rim: float) -> Array:
-    """Outline ``(V, 2)`` [m] of a resource's own space."""
+    """Find the outline ``(V, 2)`` [m] of a resource's own space."""
     if resource.room is not None and len(world.rooms[resource.room].area) >= 3:
         return np.asarray(world.rooms[resource.room].area)
     outline = Polygon(resource.release_area)
@@ -92,7 +91,7 @@ def _inner_area(world: World, resource: Resource, rim: float) -> Array:
 
 @numba.njit(cache=True)
 def signed_distances(polygon: Array, points: Array) -> Array:
-    """Distances ``(N,)`` [m] of ``points`` ``(N, 2)`` to a polygon ``(V, 2)``, inside negative."""
+    """Measure how far ``points`` ``(N, 2)`` are from a polygon ``(V, 2)`` [m]; inside negative."""
     count = len(polygon)
     result = np.empty(len(points))
     for i in range(len(points)):

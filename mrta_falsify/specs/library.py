@@ -14,7 +14,7 @@ from mrta_falsify.core.protocols import Specification
 
 
 def default_specifications() -> tuple[str, ...]:
-    """Registered names of the specifications that score a run unless the user says otherwise."""
+    """List the specifications that score a run unless the user says otherwise."""
     return (
         "no_robot_robot_contact",
         "no_robot_human_contact",
@@ -30,7 +30,7 @@ def default_specifications() -> tuple[str, ...]:
 
 
 def specification_choice(text: str) -> Choice:
-    """What ``--spec TEXT`` means: a registered name, ``module:Class`` or ``stl:FORMULA``."""
+    """Read ``--spec TEXT``: a registered name, ``module:Class`` or ``stl:FORMULA``."""
     if text.startswith("stl:"):
         return Choice("stl", {"formula": text.removeprefix("stl:").strip()})
     return Choice(text)
@@ -39,7 +39,7 @@ def specification_choice(text: str) -> Choice:
 def build_specifications(
     names: Sequence[str] = (), *, where: str = "--spec"
 ) -> tuple[Specification, ...]:
-    """Specifications by name, the default ones if there are none.
+    """Build specifications by name; without names, the default ones.
 
     Raises:
         InputError: unknown name, or a formula that cannot be read.

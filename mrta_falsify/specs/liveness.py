@@ -1,4 +1,4 @@
-"""Getting on: nobody drives in vain, nobody stops getting nearer, nobody waits for ever.
+"""Liveness: no livelock, steady progress, no starvation.
 
 Robustness is a time [s]: patience minus the longest time without what is asked for.
 """
@@ -15,21 +15,23 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.motion import SAME_GOAL, Standstill, remaining_length
+from mrta_falsify.specs.deadlock.path_ahead import remaining_length
+from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
+from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER, Standstill
 from mrta_falsify.specs.deliveries import Deliveries
-from mrta_falsify.specs.running_min import Worst
+from mrta_falsify.specs.running_min import RunningMin
 
-AT_GOAL = 0.6  # m, as in ``blocked_by``
-LOOK_EVERY = 0.5  # s between two looks
+LIVENESS_EVERY = 0.5  # s between two looks
+TRAVEL_SCALE = 0.05  # m; driving less by this counts as safer by 1 s
 
 
 @dataclass(slots=True)
 class _Approach:
     """Best remaining distance of each robot to its goal, and when it last got better.
 
-    Distances compare only along ways that lead to one goal by one next waypoint: the rest of
-    the way behind that waypoint is not known, and a straight line through walls would be too
-    short to be ever beaten. A new waypoint is progress; goals and waypoints that come back while
+    Distances compare only along ways that lead to one goal by one next waypoint. The rest of the
+    way behind that waypoint is not known, and a straight line through walls would be too short
+    ever to be beaten. A new waypoint is progress; goals and waypoints that come back while
     no stop was served keep their best distance, so that alternating between them is none. A
     robot without a goal, or at its goal, has nothing to improve.
     """
@@ -79,7 +81,7 @@ class _Approach:
     def _improves(self, i: int, way: Array, distance: float) -> bool:
         known = self._best[i]
         for k, (seen, best) in enumerate(known):
-            if np.abs(seen - way).sum() <= SAME_GOAL:
+            if np.abs(seen - way).sum() <= GOAL_JITTER:
                 if distance > best - self.step:
                     return False
                 known[k] = (seen, distance)
@@ -88,7 +90,7 @@ class _Approach:
         return True
 
 
-class _GettingNearer:
+class _ApproachMargin:
     """The smallest margin of any robot over a run, by how it approaches its goal."""
 
     _spec: ClassVar[str]
@@ -99,9 +101,9 @@ class _GettingNearer:
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         self._names = tuple(robot.name for robot in world.robots)
-        self._stride = max(1, round(LOOK_EVERY / dt))
+        self._stride = max(1, round(LIVENESS_EVERY / dt))
         self._approach = _Approach(self._step, len(world.robots))
-        self._worst = Worst(self._spec, self._patience)
+        self._worst = RunningMin(self._spec, self._patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -125,20 +127,20 @@ class _GettingNearer:
         self._worst.note(float(margin[i]), sensed.time, who, evidence)
 
     def _margins(self, time: float) -> Array:
-        """Patience left ``(N,)`` [s]."""
+        """Compute the patience left of each robot, ``(N,)`` [s]."""
         return self._patience - (time - self._approach.since)
 
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
-        """What the evidence says about robot ``i`` besides since when."""
+        """Describe robot ``i`` for the evidence, beyond since when it has been without progress."""
         raise NotImplementedError
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._worst.verdict()
 
 
-class NoLivelock(_GettingNearer):
-    """No robot keeps driving without getting nearer to its goal.
+class NoLivelock(_ApproachMargin):
+    """No livelock: no robot keeps driving without getting nearer to its goal.
 
     Robustness [s]: patience minus the longest time in which a robot drove at least
     ``min_travel`` without net progress; driving less counts as safer by 1 s per 5 cm.
@@ -159,7 +161,7 @@ class NoLivelock(_GettingNearer):
         self._min_travel = options.min_travel
 
     def _margins(self, time: float) -> Array:
-        idle = (self._min_travel - self._approach.travelled) / 0.05
+        idle = (self._min_travel - self._approach.travelled) / TRAVEL_SCALE
         return np.maximum(super()._margins(time), idle)
 
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
@@ -168,7 +170,7 @@ class NoLivelock(_GettingNearer):
         return {"travelled": travelled, "x": float(x), "y": float(y)}
 
 
-class Progress(_GettingNearer):
+class SteadyProgress(_ApproachMargin):
     """Every robot with a goal gets nearer to it by ``step`` within each ``window``.
 
     Robots at their goal (served, or waiting at their spot) are exempt: queues are judged by
@@ -193,11 +195,11 @@ class Progress(_GettingNearer):
 
 
 class NoStarvation:
-    """Nobody waits for ever while others are served.
+    """No robot and no task waits without end while others are served.
 
-    A robot with a goal that has not left its place for ``robot_patience`` while another one
-    served a stop, or a task not picked up for ``task_patience`` although one that arrived
-    later was, starves. Robustness [s]: the smaller margin of the two, scaled to
+    A robot with a goal starves if it has not left its place for ``robot_patience`` while another
+    one served a stop. A task starves if it was not picked up for ``task_patience`` although one
+    that arrived later was. Robustness [s]: the smaller margin of the two, scaled to
     ``robot_patience``.
     """
 
@@ -217,12 +219,12 @@ class NoStarvation:
         robots = len(world.robots)
         self._world = world
         self._names = tuple(robot.name for robot in world.robots)
-        self._stride = max(1, round(LOOK_EVERY / dt))
-        self._still = Standstill(robots, radius=self._options.radius)
+        self._stride = max(1, round(LIVENESS_EVERY / dt))
+        self._standstill = Standstill(robots, radius=self._options.radius)
         self._waiting_since = np.zeros(robots)
         self._last_stop = np.full(robots, -np.inf)  # of each robot itself [s]
         self._deliveries = Deliveries(world)
-        self._worst = Worst("no_starvation", self._options.robot_patience)
+        self._worst = RunningMin("no_starvation", self._options.robot_patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -232,7 +234,7 @@ class NoStarvation:
                 self._last_stop[stop.robot] = sensed.time
         if sensed.tick % self._stride or not len(self._names):
             return
-        since = self._still.update(sensed.pose, sensed.time)
+        since = self._standstill.update(sensed.pose, sensed.time)
         no_goal = ~np.isfinite(frame.intent.goal[:, 0])
         self._waiting_since[no_goal] = sensed.time
         self._waiting_since = np.maximum(self._waiting_since, since)
@@ -268,5 +270,5 @@ class NoStarvation:
         self._worst.note(margin, time, who, evidence)
 
     def verdict(self) -> Verdict:
-        """Verdict to date."""
+        """Give the verdict to date."""
         return self._worst.verdict()

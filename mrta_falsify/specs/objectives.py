@@ -1,10 +1,10 @@
-"""From verdicts to what a search climbs: normalised margins and one score.
+"""From verdicts to what a search minimises: normalised margins and one score.
 
 Robustness comes in metres, seconds and shares. A margin divides it by the scale at which the
 specification counts as comfortably safe, and cuts it to [-1, 1], so that no specification
-drowns the others. The score is the smallest margin, with a small part of the mean of all:
-two runs whose worst margin is the same are told apart by the rest, which keeps the score from
-being flat where the worst specification cannot tell safe from safer.
+drowns the others. The score is the smallest margin with a small part of the mean of all. So two
+runs with the same worst margin differ by the rest, and the score is not flat where the worst
+specification cannot tell safe from safer.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MEAN_SHARE = 0.1  # of the mean margin in the score
 
 
 def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
-    """Margins in [-1, 1] by specification, larger is safer, below 0 violated."""
+    """Normalise verdicts to margins in [-1, 1] by specification; below 0 is a violation."""
     return {verdict.spec: _margin(verdict) for verdict in verdicts}
 
 
@@ -41,8 +41,8 @@ def _margin(verdict: Verdict) -> float:
     return min(max(share, 0.0), 1.0)
 
 
-def score(margins: dict[str, float]) -> float:
-    """One number to minimise; below 0 only if a specification is violated.
+def search_score(margins: dict[str, float]) -> float:
+    """Combine margins into one number to minimise; below 0 only if a specification is violated.
 
     Args:
         margins: by specification, as of :func:`objectives`.

@@ -1,4 +1,4 @@
-"""The worst moment of a run so far: what several specifications keep, and say in the same way."""
+"""Running minimum of a margin with its evidence: what several specifications keep."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from mrta_falsify.core.verdict import Verdict
 
 
 @dataclass(slots=True)
-class Worst:
+class RunningMin:
     """The smallest margin so far, where that was, and who has violated the specification."""
 
     spec: str  #: name
-    margin: float  #: in the specification's unit; at first the largest there can be
+    margin: float  #: in the specification's unit; at first the largest possible
     evidence: dict[str, Any] = field(default_factory=dict)  #: of the moment of ``margin``
-    who: tuple[str, ...] = ()  #: nobody as long as nothing is violated
+    who: tuple[str, ...] = ()  #: empty as long as nothing is violated
     violated_at: float | None = None  #: [s]
 
     def note(
@@ -26,7 +26,7 @@ class Worst:
         Args:
             margin: in the specification's unit, below 0: violated.
             time: now [s].
-            who: violates it, if it is violated.
+            who: robots, people or tasks that violate it, if it is violated.
             evidence: of the moment.
         """
         self.margin, self.evidence = margin, evidence
@@ -36,7 +36,7 @@ class Worst:
                 self.violated_at = time
 
     def verdict(self, **more: Any) -> Verdict:
-        """Verdict to date.
+        """Give the verdict to date.
 
         Args:
             **more: further evidence, of the whole run.

@@ -37,10 +37,8 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.motion import Standstill
-
-CAP = 10.0  # m, of gaps
-MOVING = 0.05  # m/s
+from mrta_falsify.specs.contacts import DRIVING_SPEED, GAP_CAP
+from mrta_falsify.specs.deadlock.standstill import Standstill
 
 
 @dataclass(slots=True, eq=False)
@@ -52,7 +50,7 @@ class Moment:
 
 
 def _gap(values: Array) -> float:
-    return float(min(values.min(initial=CAP), CAP))
+    return float(min(values.min(initial=GAP_CAP), GAP_CAP))
 
 
 def _speeds(frame: Frame) -> Array:
@@ -77,7 +75,7 @@ FLEET: dict[str, Callable[[Moment], float]] = {
     "d_static": lambda m: _gap(m.frame.sensed.gap_static),
     "tasks_left": lambda m: float(m.frame.intent.tasks_left.sum()),
     "longest_wait": lambda m: float(m.wait.max(initial=0.0)),
-    "moving": lambda m: float((_speeds(m.frame) > MOVING).sum()),
+    "moving": lambda m: float((_speeds(m.frame) > DRIVING_SPEED).sum()),
     "blocked": lambda m: float(len({e.robot for e in m.frame.blocked_by if e.cause != "task"})),
     "slack": lambda m: float(m.frame.intent.slack.max(initial=0.0)),
 }
@@ -110,7 +108,7 @@ class SignalReader:
     _still: Standstill | None = None
 
     def read(self, frame: Frame) -> list[float]:
-        """Values of the wanted signals: fleet, then robot, then extra ones.
+        """Read the wanted signals: fleet, then robot, then extra ones.
 
         Raises:
             KeyError: an extra signal is missing from the frame.

@@ -34,8 +34,9 @@ class StlSpecification:
     """A formula of the user's own.
 
     Syntax: ``always``, ``eventually``, ``until``, ``historically``, ``once``, ``since`` with
-    optional windows ``[a, b]`` in seconds; ``and``, ``or``, ``not``, ``->``; comparisons of
-    arithmetic over signals, for example ``always (d_human > 0.5 or speed(robot1) < 0.2)``.
+    optional windows ``[a, b]`` in seconds. They combine by ``and``, ``or``, ``not``, ``->`` over
+    comparisons of arithmetic over signals, for example
+    ``always (d_human > 0.5 or speed(robot1) < 0.2)``.
     The formula is judged at time 0. Windows are cut where the episode ends. Robustness is in
     the unit of the comparison that decides.
     """
@@ -117,7 +118,7 @@ class StlSpecification:
             self._monitor = None  # later answers are about later times, not about time 0
 
     def verdict(self) -> Verdict:
-        """Verdict to date, on the signals seen so far.
+        """Give the verdict to date, on the signals seen so far.
 
         A formula that the rest of the episode could still satisfy is violated by what was seen
         if its robustness is below 0, but at no time yet.
@@ -162,7 +163,7 @@ class StlSpecification:
 
 
 def _without_calls(text: str) -> tuple[str, dict[str, tuple[str, str]]]:
-    """``text`` with ``speed(robot1)`` written ``speed_robot1_``: the engine has no such calls.
+    """Write ``speed(robot1)`` in ``text`` as ``speed_robot1_``: the engine has no such calls.
 
     Both are equally long, so that columns in error messages stay true.
 
@@ -210,7 +211,7 @@ def _parse(plain: str, text: str) -> sentil.Formula:
 
 
 def _monitor(formula: sentil.Formula) -> sentil.OnlineMonitor | None:
-    """Online monitor; None for a future inside a past, which the engine judges at the end."""
+    """Build an online monitor; None for a future inside a past, which is judged at the end."""
     try:
         return sentil.OnlineMonitor(formula)
     except sentil.SemanticError:
@@ -218,7 +219,7 @@ def _monitor(formula: sentil.Formula) -> sentil.OnlineMonitor | None:
 
 
 def _in_ticks(formula: sentil.Formula, dt: float) -> sentil.Formula:
-    """``formula`` with its windows counted in ticks, so that no rounding of times matters."""
+    """Count the windows of ``formula`` in ticks, so that no rounding of times matters."""
     return sentil.Formula.from_json(json.dumps(_scaled(json.loads(formula.to_json()), dt)))
 
 

@@ -22,7 +22,7 @@ from mrta_falsify.campaigns.store import (
     Store,
     StoreError,
     read_campaign,
-    read_settings,
+    read_campaign_settings,
     write_atomically,
 )
 from mrta_falsify.core import codec, registry
@@ -136,7 +136,7 @@ def open_store(directory: Path, settings: CampaignSettings) -> Store:
     """
     if not (directory / SETTINGS).exists():
         return Store.create(directory, settings)
-    if codec.digest(read_settings(directory)) != codec.digest(settings):
+    if codec.digest(read_campaign_settings(directory)) != codec.digest(settings):
         raise StoreError(f"{directory}: holds a campaign with other settings; choose another one")
     return Store.resume(directory)
 

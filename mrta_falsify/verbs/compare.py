@@ -20,7 +20,7 @@ from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.runner import Progress
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, write_atomically
-from mrta_falsify.campaigns.survival import Search
+from mrta_falsify.campaigns.survival import SearchCost
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice
@@ -183,8 +183,8 @@ def _settings(plan: Plan, name: str, seed: int, folder: Path) -> CampaignSetting
 class Told:
     """What one search came to."""
 
-    simulations: Search
-    seconds: Search  #: of computing
+    simulations: SearchCost
+    seconds: SearchCost  #: of computing
     trials: int  #: simulated, those after the first failure included
     modes: frozenset[str]  #: signatures of its failures
 
@@ -196,7 +196,7 @@ def told(campaign: Campaign, plan: Plan, *, knife_edges: bool = False) -> Told:
     where copies were run to tell, but with ``knife_edges``.
     """
     simulations, seconds, signatures = 0, 0.0, set()
-    found: tuple[Search, Search] | None = None
+    found: tuple[SearchCost, SearchCost] | None = None
     for record in campaign.records:
         seconds += record.scene_s + record.wall_s
         if record.status == "rejected":
@@ -205,12 +205,12 @@ def told(campaign: Campaign, plan: Plan, *, knife_edges: bool = False) -> Told:
         if record.failed if knife_edges else record.wanted:
             signatures.add(record.signature)
             found = found or (
-                Search(spent=simulations, found=True),
-                Search(spent=seconds, found=True),
+                SearchCost(spent=simulations, found=True),
+                SearchCost(spent=seconds, found=True),
             )
         if simulations >= plan.budget:
             break
-    missed = (Search(spent=simulations, found=False), Search(spent=seconds, found=False))
+    missed = (SearchCost(spent=simulations, found=False), SearchCost(spent=seconds, found=False))
     by_simulations, by_seconds = found or missed
     return Told(
         simulations=by_simulations,

@@ -84,7 +84,7 @@ class ScriptPlayer:
             directives.WalkTo: self._walk,
             directives.Wait: self._wait,
             directives.WaitUntil: self._wait_until,
-            directives.Stop: self._stop,
+            directives.StandStill: self._stop,
             directives.Push: self._push,
             directives.Appear: self._appear,
             directives.Leave: self._leave,
@@ -153,7 +153,7 @@ class ScriptPlayer:
         return None if now.time >= directive.time - SOON else STANDS
 
     def _stop(
-        self, person: int, script: Script, directive: directives.Stop, now: Now
+        self, person: int, script: Script, directive: directives.StandStill, now: Now
     ) -> Step | None:
         return STANDS
 

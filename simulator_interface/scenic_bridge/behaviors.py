@@ -41,7 +41,7 @@ class BehaviorReader:
             "FollowRoute": self._follow_route,
             "WaitFor": self._wait_for,
             "WaitUntil": self._wait_until,
-            "StandStill": lambda: (directives.Stop(),),
+            "StandStill": lambda: (directives.StandStill(),),
             "Push": self._push,
             "Appear": lambda place: (directives.Appear(point=self._point(place, "place")),),
             "Leave": lambda: (directives.Leave(),),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.directives import Appear, Directive, FollowRoute, Push, Stop, WaitUntil
+from mrta_falsify.core.directives import Appear, Directive, FollowRoute, Push, StandStill, WaitUntil
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.world import HumanSpec, World
 from simulator_interface.scenic_bridge.behaviors import BehaviorReader
@@ -87,7 +87,7 @@ def late_person(item: Any, name: str, reader: BehaviorReader) -> HumanSpec:
         return scripted_person(item, name, reader)
     spec = read_human(item, name, reader.places)
     if len(spec.route) < 2:
-        return dataclasses.replace(spec, directives=(Stop(),))
+        return dataclasses.replace(spec, directives=(StandStill(),))
     follow = FollowRoute(route=spec.route, repeat=spec.repeat)
     return dataclasses.replace(spec, directives=(follow,))
 

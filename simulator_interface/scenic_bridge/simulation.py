@@ -20,7 +20,8 @@ from scenic.core.vectors import Vector
 from mrta_falsify.core.directives import begins_outside
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.world import World, check_pushes
+from mrta_falsify.core.world import World
+from mrta_falsify.core.world_checks import check_pushes
 from simulator_interface.people.scripts import Script
 from simulator_interface.scenic_bridge.tracked_objects import TrackedObjects
 from simulator_interface.scenic_bridge.world_from_scene import is_composed

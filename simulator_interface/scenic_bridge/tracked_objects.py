@@ -10,7 +10,7 @@ from scenic.core.scenarios import Scene
 from scenic.core.simulators import SimulationCreationError
 from scenic.core.vectors import Vector
 
-from mrta_falsify.core.directives import Appear, Stop, WaitUntil
+from mrta_falsify.core.directives import Appear, StandStill, WaitUntil
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.fleet import Frame, Sensed
 from simulator_interface.episode import Episode
@@ -170,7 +170,7 @@ class TrackedObjects:
         place = self._episode.world.humans[number]
         spec = late_person(obj, name, self.reader)
         entry = (WaitUntil(time=time), Appear(point=spec.route[0]))
-        directives = spec.directives if _is_told_by_world(obj) else (Stop(),)
+        directives = spec.directives if _is_told_by_world(obj) else (StandStill(),)
         spec = replace(spec, name=place.name, directives=(*entry, *directives))
         self._episode.replace_person(number, spec)
         return _body_of_person(obj, number)

@@ -9,7 +9,7 @@ from typing import Any
 from scenic.core.scenarios import Scene
 from shapely.geometry import Point, Polygon
 
-from mrta_falsify.core.directives import Stop
+from mrta_falsify.core.directives import StandStill
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Blockage, Event, Furniture, HumanSpec, RobotSpec, World
 from simulator_interface.scenic_bridge.behaviors import BehaviorReader
@@ -140,7 +140,7 @@ def _read_objects(scene: Scene) -> _Contents:
 def _add_scripted_person(contents: _Contents, person: HumanSpec) -> None:
     if not person.directives:  # Scenic directs it, tick by tick
         contents.own_behaviors.append(person.name)
-        person = dataclasses.replace(person, directives=(Stop(),))
+        person = dataclasses.replace(person, directives=(StandStill(),))
     contents.humans.append(person)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from mrta_falsify.campaigns import survival
-from mrta_falsify.campaigns.survival import Search
+from mrta_falsify.campaigns.survival import SearchCost
 from mrta_falsify.core.seeding import stream
 
 
 def _searches(found, missed=()):
-    return [Search(spent=s, found=True) for s in found] + [
-        Search(spent=s, found=False) for s in missed
+    return [SearchCost(spent=s, found=True) for s in found] + [
+        SearchCost(spent=s, found=False) for s in missed
     ]
 
 
@@ -46,7 +46,7 @@ def test_the_bootstrap_interval_holds_the_true_mean_about_as_often_as_it_says():
         spent = np.ceil(stream(seed, "test").exponential(20.0, size=25))
         found = spent <= 60
         searches = [
-            Search(spent=float(min(s, 60)), found=bool(f))
+            SearchCost(spent=float(min(s, 60)), found=bool(f))
             for s, f in zip(spent, found, strict=True)
         ]
         interval = survival.restricted_mean_interval(searches, 60, seed=seed)
@@ -58,9 +58,9 @@ def test_the_bootstrap_interval_holds_the_true_mean_about_as_often_as_it_says():
 
 def test_what_searches_without_a_failure_spent_is_shared_by_the_failures_found():
     searches = [
-        Search(spent=10, found=True),
-        Search(spent=100, found=False),
-        Search(spent=40, found=True),
+        SearchCost(spent=10, found=True),
+        SearchCost(spent=100, found=False),
+        SearchCost(spent=40, found=True),
     ]
     assert survival.spent_per_failure(searches) == 75.0
     assert survival.spent_per_failure(searches[1:2]) == float("inf")

@@ -17,7 +17,7 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
-from mrta_falsify.specs.objectives import score
+from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
 from mrta_falsify.verbs.campaign import open_campaign
 
@@ -61,7 +61,7 @@ def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
         verdicts=judged.verdicts,
         objectives=judged.margins,
         descriptors=judged.descriptors,
-        score=score(judged.margins),
+        score=search_score(judged.margins),
         signature=signature(judged.verdicts),
         layer=suspected_layer(judged.verdicts, judged.outcome.trace),
         trace_file="trials/0000/trace.zip",

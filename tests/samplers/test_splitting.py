@@ -8,7 +8,7 @@ from scipy import stats
 
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import stream
-from samplers.splitting import SplittingSampler, State, resample
+from samplers.splitting import ChainState, SplittingSampler, resample
 
 SMALL = {"repeats": 6, "chains": 8, "steps": 3, "pilot": 12}
 
@@ -140,7 +140,7 @@ def test_it_says_how_many_trials_are_missing():
 
 
 def test_resampling_takes_each_state_equally_often_up_to_one():
-    states = [State(np.zeros(1), (float(i), 0.0)) for i in range(3)]
+    states = [ChainState(np.zeros(1), (float(i), 0.0)) for i in range(3)]
     taken = resample(states, 8, stream(0, "test"))
     counts = sorted(taken.count(state) for state in states)
     assert counts == [2, 3, 3]

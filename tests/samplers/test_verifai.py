@@ -15,7 +15,9 @@ CUBE = Cube(dimensions=4, levels=(0, 3, 0, 5))
 def build(name, cube=CUBE, seed=0):
     from samplers import verifai_sampling
 
-    return getattr(verifai_sampling, name)(verifai_sampling.VerifaiOptions(cube=cube, seed=seed))
+    return getattr(verifai_sampling, name)(
+        verifai_sampling.VerifaiSamplerOptions(cube=cube, seed=seed)
+    )
 
 
 @pytest.mark.parametrize("name", ["VerifaiCrossEntropy", "VerifaiBandit", "VerifaiHalton"])

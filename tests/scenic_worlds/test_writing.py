@@ -15,7 +15,7 @@ from mrta_falsify.core.directives import (
     FollowRoute,
     Leave,
     Push,
-    Stop,
+    StandStill,
     Wait,
     WaitUntil,
     WalkTo,
@@ -109,7 +109,7 @@ def busy_hall(hall):
         robots=(robot, hall.robots[1]),
         humans=(
             HumanSpec(name="nurse", route=frozen_array([[2.0, 6.0]]), directives=directives),
-            HumanSpec(name="guard", route=frozen_array([[5.0, 7.0]]), directives=(Stop(),)),
+            HumanSpec(name="guard", route=frozen_array([[5.0, 7.0]]), directives=(StandStill(),)),
             HumanSpec(
                 name="cleaner", route=frozen_array([[7.0, 7.0]]), speed=0.5, body="robot",
                 radius=0.3, directives=(WalkTo(point=frozen_array([3.0, 7.0])),),

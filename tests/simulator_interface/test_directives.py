@@ -13,7 +13,7 @@ from mrta_falsify.core.directives import (
     FollowRoute,
     Leave,
     Push,
-    Stop,
+    StandStill,
     Wait,
     WaitUntil,
     WalkTo,
@@ -74,7 +74,7 @@ EVERY_KIND = (
     WalkTo(point=point(1.0, 2.0)),
     Wait(duration=2.0),
     WaitUntil(time=9.0),
-    Stop(),
+    StandStill(),
     Push(furniture="bed", point=point(9.0, 2.0)),
     Appear(point=point(1.0, 2.0)),
     Leave(),
@@ -96,7 +96,7 @@ def test_a_world_without_directives_is_written_as_before():
 
 
 def test_an_unknown_directive_names_the_field_and_the_known_kinds():
-    data = codec.encode(ward(person(Stop())))
+    data = codec.encode(ward(person(StandStill())))
     data["humans"][0]["directives"][0]["kind"] = "dance"
     with pytest.raises(InputError, match=r"humans\[0\]\.directives\[0\].*'dance'.*walk_to"):
         codec.decode(World, data)
@@ -289,7 +289,7 @@ def test_rays_see_a_bed_where_it_is_now():
 
 @pytest.mark.parametrize("engine", [KinematicEngine, BulletEngine])
 def test_a_moved_bed_counts_where_it_stands_now(engine):
-    world = ward(person(Stop()), furniture=[BED], robots=((8.5, 2.0),))
+    world = ward(person(StandStill()), furniture=[BED], robots=((8.5, 2.0),))
     moving = engine(engine.Options())
     try:
         before = moving.start(world, 0.05, np.array([[2.0, 2.0]]))
@@ -329,12 +329,12 @@ class Rigid:
 def test_an_engine_that_cannot_rearrange_is_refused_before_the_start():
     config = dataclasses.replace(KINEMATIC, engine=Choice(f"{__name__}:Rigid"))
     with pytest.raises(ConfigError, match=r"engine=.*Rigid cannot run a world with directives"):
-        simulate(ward(person(Stop())), config)
+        simulate(ward(person(StandStill())), config)
     plain = ward(HumanSpec(name="a", route=frozen_array([[2.0, 2.0]])), horizon=0.5)
     assert simulate(plain, config).ended == "horizon"
 
 
 def test_a_world_that_needs_its_program_is_not_run_without_it():
-    world = dataclasses.replace(ward(person(Stop())), scripted="behaviors of its own (nurse)")
+    world = dataclasses.replace(ward(person(StandStill())), scripted="behaviors of its own (nurse)")
     with pytest.raises(WorldError, match=r"behaviors of its own \(nurse\).*scenic -S"):
         simulate(world, KINEMATIC)

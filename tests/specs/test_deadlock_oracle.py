@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
-from mrta_falsify.specs.deadlock.counterfactual import GoingOn
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
-from mrta_falsify.specs.deadlock.progress_clock import Progress
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.watches import ContinuationWatch
 
 
 def oracle(**options):
@@ -508,7 +508,7 @@ def looked_for(robot, *, person_speed=None) -> float:
     people = [] if person_speed is None else [Human((4.0, 4.0))]
     script = Script(robots=[Robot(robot, goal=(5.0, 0.0))], humans=people, seconds=71.0)
     world = script.world()
-    watch = GoingOn(Progress(world), [0], settled=0.0, until=70.0)
+    watch = ContinuationWatch(ProgressClock(world), [0], settled=0.0, until=70.0)
     for frame in script.frames(world):
         speed = 0.0 if person_speed is None else person_speed(frame.sensed.time)
         velocity = np.tile([speed, 0.0], (len(people), 1))

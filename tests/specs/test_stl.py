@@ -5,14 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 import sentil
+import stl_reference
 from frames import Human, Robot, Script, drive, judge
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stl_reference import Junction, Not, Predicate, Temporal, Until
 
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
-from mrta_falsify.specs import signals, stl_reference
+from mrta_falsify.specs import signals
 from mrta_falsify.specs.stl import StlSpecification
-from mrta_falsify.specs.stl_reference import Junction, Not, Predicate, Temporal, Until
 
 
 def formula(text: str) -> StlSpecification:

@@ -10,13 +10,14 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import Resource, World
 
-GOAL_TOLERANCE = 0.35  # m, goals may be jittered by 0.2 m per axis (MRTA-Sim), spots are 1 m apart
+#: m; goals may be jittered by 0.2 m per axis (MRTA-Sim), and spots are 1 m apart
+GOAL_TOLERANCE = 0.35
 ROOM_CORE = 1.0  # m around a room's point that count as standing in it
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """The meaning of a goal."""
+class Goal:
+    """Meaning of a goal point."""
 
     kind: str  #: "room", "spot", "parking" or "elsewhere"
     room: int = -1  #: room number, for "room"
@@ -24,20 +25,20 @@ class Place:
     spot: int = -1  #: place in the queue, 0 = head, for "spot"
 
 
-ELSEWHERE = Place("elsewhere")
+ELSEWHERE = Goal("elsewhere")
 
 
 @dataclass(slots=True)
-class Places:
-    """Named points of one world."""
+class GoalMap:
+    """Named points of one world, to look goals up in."""
 
     world: World
     _points: Array = field(init=False)
-    _places: tuple[Place, ...] = field(init=False)
+    _goals: tuple[Goal, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         points: list[Array] = []
-        places: list[Place] = []
+        goals: list[Goal] = []
         of_room = {
             r.room: i
             for i, r in reversed(list(enumerate(self.world.resources)))
@@ -45,36 +46,27 @@ class Places:
         }
         for number, room in enumerate(self.world.rooms):
             points.append(room.point)
-            places.append(Place("room", room=number, resource=of_room.get(number, -1)))
+            goals.append(Goal("room", room=number, resource=of_room.get(number, -1)))
         for number, resource in enumerate(self.world.resources):
             for k, spot in enumerate(resource.spots):
                 points.append(spot)
-                places.append(Place("spot", resource=number, spot=k))
+                goals.append(Goal("spot", resource=number, spot=k))
         for spot in self.world.parking:
             points.append(spot)
-            places.append(Place("parking"))
+            goals.append(Goal("parking"))
         self._points = np.array(points, dtype=np.float64).reshape(-1, 2)
-        self._places = tuple(places)
+        self._goals = tuple(goals)
 
-    def of(self, goal: Array) -> Place:
-        """Meaning of ``goal`` ``(2,)`` [m]; the nearest named point within 0.35 m."""
-        if not len(self._places):
+    def of(self, goal: Array) -> Goal:
+        """Look up the meaning of ``goal`` ``(2,)`` [m]: the nearest named point within 0.35 m."""
+        if not len(self._goals):
             return ELSEWHERE
         distance = np.hypot(*(self._points - goal).T)
         nearest = int(np.argmin(distance))
-        return self._places[nearest] if distance[nearest] <= GOAL_TOLERANCE else ELSEWHERE
-
-    def is_inside(self, resource: Resource, position: Array) -> bool:
-        """Whether ``position`` ``(2,)`` [m] is in the very place that the resource guards."""
-        if resource.room is not None:
-            room = self.world.rooms[resource.room]
-            if np.hypot(*(room.point - position)) <= ROOM_CORE:
-                return True
-            return contains(room.area, position)
-        return contains(resource.release_area, position)
+        return self._goals[nearest] if distance[nearest] <= GOAL_TOLERANCE else ELSEWHERE
 
     def nearest_name(self, position: Array) -> tuple[str, float]:
-        """Name of the room or resource nearest to ``position`` ``(2,)`` and its distance [m]."""
+        """Find the nearest room or resource of ``position`` ``(2,)``: its name and distance [m]."""
         named = [
             (float(np.hypot(*(room.point - position))), room.name) for room in self.world.rooms
         ]
@@ -86,6 +78,16 @@ class Places:
             return "", 0.0
         distance, name = min(named)
         return name, distance
+
+
+def is_inside(world: World, resource: Resource, position: Array) -> bool:
+    """Whether ``position`` ``(2,)`` [m] is in the very place that the resource guards."""
+    if resource.room is not None:
+        room = world.rooms[resource.room]
+        if np.hypot(*(room.point - position)) <= ROOM_CORE:
+            return True
+        return contains(room.area, position)
+    return contains(resource.release_area, position)
 
 
 def contains(polygon: Array, point: Array) -> bool:

@@ -1,8 +1,8 @@
-"""When did a robot last get nearer to what it wants?
+"""When did a robot last make progress towards its goal?
 
-Independent of blocked-by edges and of the stack's paths: distance to the goal is measured along
-free space (walls and furniture only), so that a way round counts, and so that shuffling to and
-fro, or a new path, does not.
+The answer depends neither on blocked-by edges nor on the stack's paths. Distance to the goal is
+measured along free space (walls and furniture only). So a way round counts as progress; shuffling
+to and fro, or a new path, does not.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import CELL, FreeSpace
 
-STEP = 0.1  # m nearer to the goal than ever before: progress
-SAME_GOAL = 0.5  # m, a robot that turns to and fro between goals gets no progress from it
+PROGRESS_STEP = 0.1  # m nearer to the goal than ever before: progress
+GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is no progress
+DETOUR_FROM = 5 * CELL  # m; below this the straight distance is better than one in cells
 
 
 @dataclass(slots=True)
-class Progress:
-    """Last progress of every robot; one object per run."""
+class ProgressClock:
+    """Clock of the last progress of every robot; one object per run."""
 
     world: World
-    step: float = STEP  #: how much nearer is progress [m]
+    step: float = PROGRESS_STEP  #: how much nearer is progress [m]
     last: Array = field(init=False)  #: (N,) [s]
     _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
     _best: list[list[tuple[int, Array, float]]] = field(init=False)
@@ -44,20 +45,22 @@ class Progress:
         """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
         intent, pose = frame.intent, frame.sensed.pose
         for i in range(len(self.last)):
-            self.note(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(intent.tasks_left[i]))
+            self.advance(
+                i, frame.sensed.time, pose[i, :2], intent.goal[i], int(intent.tasks_left[i])
+            )
         return self.last
 
-    def note(self, i: int, time: float, position: Array, goal: Array, left: int) -> float:
+    def advance(self, i: int, time: float, position: Array, goal: Array, left: int) -> float:
         """Take in where robot ``i`` is; time of its last progress [s].
 
-        Progress is: nearer by ``step`` than ever before to a goal of the present number of stops
-        left, a goal it never had at this number, or a stop done.
+        Progress is a stop done, or a goal that the robot never had at its present number of stops
+        left. To be nearer to such a goal by ``step`` than ever before is progress, too.
 
         Args:
             i: robot.
             time: [s].
             position: ``(2,)`` [m].
-            goal: ``(2,)`` end of its path [m]; nan: none, which changes nothing.
+            goal: ``(2,)`` where it heads for [m]; nan: none, which changes nothing.
             left: stops left.
         """
         if not np.isfinite(goal[0]):
@@ -67,7 +70,7 @@ class Progress:
         if known and known[0][0] != left:
             known.clear()
         for k, (_, old, best) in enumerate(known):
-            if np.hypot(*(old - goal)) <= SAME_GOAL:
+            if np.hypot(*(old - goal)) <= GOAL_SPREAD:
                 if away < best - self.step:
                     known[k] = (left, old, away)
                     self.last[i] = time
@@ -78,14 +81,14 @@ class Progress:
         return float(self.last[i])
 
     def _distance(self, position: Array, goal: Array) -> float:
-        """Along free space if there is a way, else the straight distance [m]."""
+        """Measure the distance along free space if there is a way, else the straight one [m]."""
         straight = float(np.hypot(*(position - goal)))
         cell = self._cell(goal)
         if cell not in self._maps:
             self._maps[cell] = _distances(self._free, *cell, CELL)
         row, col = self._cell(position)
         way = float(self._maps[cell][row, col])
-        return way if np.isfinite(way) and way > 5 * CELL else straight
+        return way if np.isfinite(way) and way > DETOUR_FROM else straight
 
     def _cell(self, point: Array) -> tuple[int, int]:
         rows, cols = self._free.shape
@@ -95,7 +98,7 @@ class Progress:
 
 @numba.njit(cache=True)
 def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
-    """Length of the shortest way to the goal's cell from every cell [m]; inf: none."""
+    """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
     rows, cols = free.shape
     found = np.full(free.shape, np.inf)
     found[goal_row, goal_col] = 0.0

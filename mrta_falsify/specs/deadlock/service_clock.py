@@ -9,10 +9,10 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Intent, Sensed
 from mrta_falsify.core.world import Resource, World
-from mrta_falsify.specs.deadlock.goals import Place, Places, contains
-from mrta_falsify.specs.deadlock.motion import SAME_GOAL
+from mrta_falsify.specs.deadlock.goals import Goal, GoalMap, contains
+from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER
 
-AT_GOAL = 0.6  # m, at rest this near to the goal is there
+AT_GOAL = 0.6  # m; a robot this near to its goal has arrived
 SERVING_KINDS = ("elevator", "charger")  # areas that robots stand in for the service time
 SERVICE_SLACK = 1.0  # s that a service may take longer than the world says ...
 SERVICE_FACTOR = 1.3  # ... and its relative spread
@@ -20,13 +20,13 @@ SERVICE_FACTOR = 1.3  # ... and its relative spread
 
 @dataclass(slots=True)
 class ServiceClock:
-    """Tells robots that are being served from robots that stand at their goal in vain."""
+    """Tells robots that are being served from robots that wait at their goal in vain."""
 
     world: World
-    places: Places
-    place: list[Place | None] = field(init=False)  #: N meanings of the goals, None: no goal
+    goals: GoalMap
+    goal: list[Goal | None] = field(init=False)  #: N meanings of the goals, None: no goal
     at_goal: BoolArray = field(init=False)  #: (N,)
-    _goal: Array = field(init=False)  #: (N, 2)
+    _goal_point: Array = field(init=False)  #: (N, 2) [m]
     _stops: Array = field(init=False)  #: (N,)
     _arrived: Array = field(init=False)  #: (N,) [s]
     _serving: BoolArray = field(init=False)
@@ -36,9 +36,9 @@ class ServiceClock:
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
-        self.place = [None] * robots
+        self.goal = [None] * robots
         self.at_goal = np.zeros(robots, dtype=np.bool_)
-        self._goal = np.full((robots, 2), np.nan)
+        self._goal_point = np.full((robots, 2), np.nan)
         self._stops = np.zeros(robots)
         self._arrived = np.full(robots, np.inf)
         self._serving = np.zeros(robots, dtype=np.bool_)
@@ -52,22 +52,22 @@ class ServiceClock:
         """Take in goals and positions."""
         time = sensed.time
         away = np.hypot(*(sensed.pose[:, :2] - intent.goal).T)
-        moved = ~(np.hypot(*(intent.goal - self._goal).T) <= SAME_GOAL)
+        moved = ~(np.hypot(*(intent.goal - self._goal_point).T) <= GOAL_JITTER)
         for i in np.flatnonzero(moved):
             given = np.isfinite(intent.goal[i]).all()
-            self.place[i] = self.places.of(intent.goal[i]) if given else None
-            self._goal[i] = intent.goal[i]
+            self.goal[i] = self.goals.of(intent.goal[i]) if given else None
+            self._goal_point[i] = intent.goal[i]
         restart = moved | (intent.tasks_left != self._stops)
         self._stops = np.array(intent.tasks_left, dtype=np.float64)
         self.at_goal = away <= AT_GOAL
         self._arrived[restart | ~self.at_goal] = np.inf
         self._arrived[self.at_goal] = np.minimum(self._arrived[self.at_goal], time)
         for i in np.flatnonzero(self.at_goal):
-            place = self.place[i]
+            goal = self.goal[i]
             self._serving[i] = (
-                place is not None
-                and place.kind == "room"
-                and time - self._arrived[i] <= self._allowed(place, time)
+                goal is not None
+                and goal.kind == "room"
+                and time - self._arrived[i] <= self._allowed(goal, time)
             )
         self._serving[~self.at_goal] = False
         self._watch_areas(sensed)
@@ -91,14 +91,15 @@ class ServiceClock:
         """Whether ``robot`` is at a room's point with service time left."""
         return bool(self._serving[robot])
 
-    def _allowed(self, place: Place, time: float) -> float:
+    def _allowed(self, goal: Goal, time: float) -> float:
+        """Find how long a service at ``goal`` may take [s]."""
         longest = 0.0
         for task in self.world.tasks:
             if task.arrival <= time:
-                if task.start == place.room:
+                if task.start == goal.room:
                     longest = max(longest, task.pickup_time)
-                if task.end == place.room:
+                if task.end == goal.room:
                     longest = max(longest, task.dropoff_time)
-        if place.resource >= 0:
-            longest += self.world.resources[place.resource].service_time
+        if goal.resource >= 0:
+            longest += self.world.resources[goal.resource].service_time
         return SERVICE_FACTOR * longest + SERVICE_SLACK

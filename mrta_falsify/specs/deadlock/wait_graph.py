@@ -1,10 +1,13 @@
-"""The graph of who waits for whom, by blocked-by edges."""
+"""The wait-for graph: which robot waits for which, by blocked-by edges."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from mrta_falsify.core.fleet import BlockedBy
+
+#: blocked-by edges of each robot that has any
+EdgesByRobot = dict[int, list[BlockedBy]]
 
 
 def is_unexplained(edge: BlockedBy) -> bool:
@@ -12,36 +15,38 @@ def is_unexplained(edge: BlockedBy) -> bool:
     return edge.other < 0 and not edge.resource and edge.cause in ("stalled", "no-path")
 
 
-def by_robot(edges: Iterable[BlockedBy]) -> dict[int, list[BlockedBy]]:
-    """Edges of each robot that has any."""
-    grouped: dict[int, list[BlockedBy]] = {}
+def edges_by_robot(edges: Iterable[BlockedBy]) -> EdgesByRobot:
+    """Group edges by the robot that waits."""
+    grouped: EdgesByRobot = {}
     for edge in edges:
         grouped.setdefault(edge.robot, []).append(edge)
     return grouped
 
 
-def reach_of(start: int, lost: set[int], edges: dict[int, list[BlockedBy]]) -> set[int]:
-    """Lost robots that ``start`` waits for, directly or through others."""
+def awaited_by(start: int, among: Collection[int], edges: EdgesByRobot) -> set[int]:
+    """Find the robots of ``among`` that ``start`` waits for, directly or through others."""
     reached: set[int] = set()
     border = [start]
     while border:
         for edge in edges[border.pop()]:
-            if edge.cause != "human" and edge.other in lost and edge.other not in reached:
+            if edge.cause != "human" and edge.other in among and edge.other not in reached:
                 reached.add(edge.other)
                 border.append(edge.other)
     return reached
 
 
-def cores_of(lost: set[int], edges: dict[int, list[BlockedBy]]) -> list[tuple[int, ...]]:
-    """Smallest closed sets: strongly connected components that no edge leaves."""
-    reach = {i: reach_of(i, lost, edges) for i in sorted(lost)}
-    cores = {tuple(sorted(reach[i] | {i})) for i in reach if all(i in reach[j] for j in reach[i])}
-    return sorted(cores)
+def knots_of(stuck: Collection[int], edges: EdgesByRobot) -> list[tuple[int, ...]]:
+    """Find the knots: strongly connected components of stuck robots that no edge leaves."""
+    awaited = {i: awaited_by(i, stuck, edges) for i in sorted(stuck)}
+    knots = {
+        tuple(sorted(awaited[i] | {i})) for i in awaited if all(i in awaited[j] for j in awaited[i])
+    }
+    return sorted(knots)
 
 
-def waiting_on(
-    members: tuple[int, ...], lost: set[int], edges: dict[int, list[BlockedBy]]
-) -> set[int]:
-    """Lost robots that wait for one of ``members``, directly or through others."""
-    core = set(members)
-    return {i for i in lost - core if reach_of(i, lost, edges) & core}
+def victims_of(
+    members: Collection[int], stuck: Collection[int], edges: EdgesByRobot
+) -> frozenset[int]:
+    """Find the stuck robots that wait for one of ``members``, directly or through others."""
+    knot = frozenset(members)
+    return frozenset(i for i in stuck if i not in knot and awaited_by(i, stuck, edges) & knot)

@@ -1,0 +1,91 @@
+"""Why a robot has no path: solids, robots at rest, or no reason that the geometry shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.goals import Goal
+from mrta_falsify.specs.deadlock.occupancy import FreeSpace, is_temporary
+from mrta_falsify.specs.deadlock.queue_edges import queue_edges_from_afar
+from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
+
+UNREACHABLE = "unreachable"  #: ``resource`` of a no-path edge whose goal solids cut off for good
+KEY_STEP = 0.1  # m or rad; answers are kept for places that agree to this
+KEPT_ANSWERS = 256  # answers; all are dropped once there are more
+
+
+class NoPathReasons:
+    """Finds out why robots have no path, and keeps the answers; one object per episode.
+
+    Args:
+        world: of the episode.
+        space: where its solids are; kept furnished by its owner.
+    """
+
+    def __init__(self, world: World, space: FreeSpace) -> None:
+        self._world = world
+        self._space = space
+        self._radius = np.array([robot.radius for robot in world.robots])
+        self._known: dict[tuple[int, ...], tuple[BlockedBy, ...]] = {}
+
+    def edges(self, fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
+        """Derive the edges of robot ``i``, which heads for ``goal`` and has no path."""
+        resting = [int(j) for j in np.flatnonzero(fleet.still) if j != i]
+        key = self._key(fleet, i, resting)
+        if key not in self._known:
+            if len(self._known) > KEPT_ANSWERS:
+                self._known.clear()
+            self._known[key] = self._find(fleet, i, resting)
+        found = list(self._known[key])
+        if goal.resource >= 0 and all(edge.other < 0 and not edge.resource for edge in found):
+            return queue_edges_from_afar(fleet, i, goal) or found
+        return found
+
+    def _key(self, fleet: FleetSnapshot, i: int, resting: list[int]) -> tuple[int, ...]:
+        """Round the places and events that the answer depends on."""
+        sensed = fleet.sensed
+        places = np.concatenate(
+            [
+                fleet.intent.goal[i],
+                fleet.position[i],
+                fleet.position[resting].ravel(),
+                sensed.furniture_pose.ravel(),
+            ]
+        )
+        events = enumerate(self._world.events)
+        return (
+            i,
+            *(k for k, event in events if event.start <= sensed.time < event.end),
+            *np.round(places / KEY_STEP).astype(int).tolist(),
+        )
+
+    def _find(self, fleet: FleetSnapshot, i: int, resting: list[int]) -> tuple[BlockedBy, ...]:
+        time, start, goal = fleet.sensed.time, fleet.position[i], fleet.intent.goal[i]
+        gap = 2.0 * float(self._radius[i])
+
+        def is_reachable(others: list[int], *, ignore_temporary: bool = False) -> bool:
+            return self._space.reachable(
+                start,
+                goal,
+                time,
+                others=fleet.position[others],
+                gap=gap,
+                ignore_temporary=ignore_temporary,
+            )
+
+        if not is_reachable([]):
+            later = is_reachable([], ignore_temporary=True)
+            return (BlockedBy(i, "no-path", -1, self._blockage_at(time) if later else UNREACHABLE),)
+        if is_reachable(resting):
+            return (BlockedBy(i, "no-path"),)
+        alone = [j for j in resting if not is_reachable([j])]
+        return tuple(BlockedBy(i, "no-path", j) for j in alone or resting)
+
+    def _blockage_at(self, time: float) -> str:
+        """Name the first blockage in force that will end before the horizon."""
+        for event in self._world.events:
+            if event.start <= time < event.end and is_temporary(self._world, event.name):
+                return event.name
+        return ""

@@ -1,0 +1,133 @@
+"""Compiled work on the oracle's occupancy grid: fill polygons and discs, flood free cells.
+
+Cell (0, 0) is at the corner of the grid; its centre is half a cell from either side.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from mrta_falsify.core.arrays import Array, BoolArray
+
+Owners = NDArray[np.int16]  #: (rows, cols) 0 free, else 1 + number of a solid
+
+
+@numba.njit(cache=True)
+def fill_interior(owner: Owners, polygon: Array, value: int, cell: float) -> None:
+    """Give ``value`` to the cells whose centres lie in ``polygon`` ``(V, 2)``, by scan lines."""
+    rows, cols = owner.shape
+    corners = len(polygon)
+    crossings = np.empty(corners)
+    low = max(0, int(np.floor(polygon[:, 1].min() / cell)))
+    high = min(rows - 1, int(np.floor(polygon[:, 1].max() / cell)))
+    for row in range(low, high + 1):
+        y = (row + 0.5) * cell
+        count = 0
+        for k in range(corners):
+            ax, ay = polygon[k - 1]
+            bx, by = polygon[k]
+            if (ay <= y) != (by <= y):
+                crossings[count] = ax + (y - ay) * (bx - ax) / (by - ay)
+                count += 1
+        ordered = np.sort(crossings[:count])
+        for k in range(0, count - 1, 2):
+            first = max(0, int(np.ceil(ordered[k] / cell - 0.5)))
+            last = min(cols - 1, int(np.floor(ordered[k + 1] / cell - 0.5)))
+            for col in range(first, last + 1):
+                owner[row, col] = value
+
+
+@numba.njit(cache=True)
+def fill_rim(owner: Owners, polygon: Array, value: int, clearance: float, cell: float) -> None:
+    """Give ``value`` to the cells whose centres are within ``clearance`` [m] of an edge."""
+    rows, cols = owner.shape
+    for k in range(len(polygon)):
+        ax, ay = polygon[k - 1]
+        bx, by = polygon[k]
+        dx, dy = bx - ax, by - ay
+        length2 = dx * dx + dy * dy
+        row_low = max(0, int(np.floor((min(ay, by) - clearance) / cell)))
+        row_high = min(rows - 1, int(np.floor((max(ay, by) + clearance) / cell)))
+        col_low = max(0, int(np.floor((min(ax, bx) - clearance) / cell)))
+        col_high = min(cols - 1, int(np.floor((max(ax, bx) + clearance) / cell)))
+        for row in range(row_low, row_high + 1):
+            for col in range(col_low, col_high + 1):
+                px, py = (col + 0.5) * cell - ax, (row + 0.5) * cell - ay
+                share = 0.0
+                if length2 > 0.0:
+                    share = min(1.0, max(0.0, (px * dx + py * dy) / length2))
+                ex, ey = px - share * dx, py - share * dy
+                if ex * ex + ey * ey <= clearance * clearance:
+                    owner[row, col] = value
+
+
+@numba.njit(cache=True)
+def fill_discs(blocked: BoolArray, centers: Array, radius: float, cell: float) -> None:
+    """Block the cells whose centres are nearer than ``radius`` [m] to one of ``centers`` (M, 2)."""
+    rows, cols = blocked.shape
+    for k in range(len(centers)):
+        x, y = centers[k]
+        for row in range(
+            max(0, int((y - radius) / cell)), min(rows - 1, int((y + radius) / cell)) + 1
+        ):
+            for col in range(
+                max(0, int((x - radius) / cell)), min(cols - 1, int((x + radius) / cell)) + 1
+            ):
+                dx, dy = (col + 0.5) * cell - x, (row + 0.5) * cell - y
+                if dx * dx + dy * dy < radius * radius:
+                    blocked[row, col] = True
+
+
+class Disc(NamedTuple):
+    """A round place of the grid, in metres from its corner."""
+
+    x: float  #: [m]
+    y: float  #: [m]
+    radius: float  #: [m]
+
+
+@numba.njit(cache=True)
+def flood(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> bool:
+    """Whether a chain of neighbouring free cells leads from ``start`` to ``goal``.
+
+    Args:
+        blocked: ``(rows, cols)``.
+        start: the chain begins at any free cell whose centre lies in it.
+        goal: the chain ends at any free cell whose centre lies in it.
+        cell: size of a cell [m].
+    """
+    rows, cols = blocked.shape
+    seen = blocked.copy()
+    stack = np.empty((rows * cols, 2), dtype=np.int32)
+    top = 0
+    low, high = int((start.y - start.radius) / cell), int((start.y + start.radius) / cell)
+    left, right = int((start.x - start.radius) / cell), int((start.x + start.radius) / cell)
+    for row in range(max(0, low), min(rows - 1, high) + 1):
+        for col in range(max(0, left), min(cols - 1, right) + 1):
+            if not seen[row, col] and _is_inside(start, row, col, cell):
+                seen[row, col] = True
+                stack[top, 0], stack[top, 1] = row, col
+                top += 1
+    while top > 0:
+        top -= 1
+        row, col = stack[top, 0], stack[top, 1]
+        if _is_inside(goal, row, col, cell):
+            return True
+        for up in range(-1, 2):
+            for side in range(-1, 2):
+                r, c = row + up, col + side
+                if 0 <= r < rows and 0 <= c < cols and not seen[r, c]:
+                    seen[r, c] = True
+                    stack[top, 0], stack[top, 1] = r, c
+                    top += 1
+    return False
+
+
+@numba.njit(cache=True)
+def _is_inside(disc: Disc, row: int, col: int, cell: float) -> bool:
+    dx, dy = (col + 0.5) * cell - disc.x, (row + 0.5) * cell - disc.y
+    return bool(dx * dx + dy * dy <= disc.radius * disc.radius)
