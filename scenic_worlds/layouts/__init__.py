@@ -2,8 +2,7 @@
 
 A shipped file holds either a whole :class:`~mrta_falsify.core.world.World`, or a *change*:
 ``{"layout": name, "replace": {field: value}}``, the world fields that differ from a layout.
-Generators (:func:`hospital`, :func:`warehouse`, :func:`department_store`) are pure functions
-from lengths to a layout.
+Generators (:func:`hospital`, :func:`warehouse`) are pure functions from lengths to a layout.
 """
 
 from __future__ import annotations
@@ -19,13 +18,11 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts.hospital import hospital
-from scenic_worlds.layouts.store import department_store
 from scenic_worlds.layouts.warehouse import warehouse
 
 _SHIPPED = ("aws_hospital", "aws_hospital_as_published")
 #: generators, callable without arguments
 GENERATORS: dict[str, Callable[[], World]] = {
-    "department_store": department_store,
     "hospital": hospital,
     "warehouse": warehouse,
 }
