@@ -372,7 +372,7 @@ def test_places_follow_a_random_floor_and_scenes_without_a_named_room_are_drawn_
 def test_a_warehouse_may_be_random_too(tmp_path):
     text = """
 from scenic_worlds.floors import warehouse
-param layout = warehouse(aisles=2, picks=2, aisle_width=Range(2.4, 4.0))
+param layout = warehouse(aisles=4, picks=2, aisle_width=Range(2.4, 4.0))
 model scenic_worlds.model
 for i in range(2):
     new Robot with start_room i
