@@ -84,7 +84,7 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         self._others = tuple(
             r for r in self.requirements if type(r) not in handled and not r.optional
         )
-        self._names = object_names(_objects_of(self.requirements))
+        self._names = names_in_worlds(_objects_of(self.requirements))
         self._containment = _Containment(inside)
         self._collisions = _Collisions(pairs)
 
@@ -309,7 +309,7 @@ class _Collisions:
 # --- names -----------------------------------------------------------------------------------
 
 
-def object_names(objects: Iterable[Any]) -> dict[Any, str]:
+def names_in_worlds(objects: Iterable[Any]) -> dict[Any, str]:
     """Names of a program's objects, as its worlds have them.
 
     Args:

@@ -15,7 +15,7 @@ from scenic.core.object_types import Object
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.errors import FormatError, InputError
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives import randomness
 
 LIBRARY = Path(__file__).parent
@@ -138,10 +138,10 @@ def _with_object_names(text: str, trace: TracebackType | None) -> str:
         local = trace.tb_frame.f_locals
         scenario = local.get("self")
         if isinstance(scenario, Scenario) and trace.tb_frame.f_code.co_name == "validate":
-            return _overlap(text, local, object_names(scenario.objects))
+            return _overlap(text, local, names_in_worlds(scenario.objects))
         scenario = local.get("scenario")
         if isinstance(scenario, Scenario) and isinstance(local.get("obj"), Object):
-            names = object_names(scenario.objects)
+            names = names_in_worlds(scenario.objects)
             return _named(text, [names.get(local["obj"], "an object")])
         trace = trace.tb_next
     return text

@@ -8,11 +8,11 @@ Global parameters (a program gives them before `model scenic_worlds.model`):
 The functions are described in authoring.py.
 """
 
-from scenic_worlds.authoring import Floor
+from scenic_worlds.authoring import PlaceFunctions
 
 param layout = 'aws_hospital'
 
-_floor = Floor(globalParameters.layout)
+_floor = PlaceFunctions(globalParameters.layout)
 places = _floor.places
 param _places = places
 param _layout = globalParameters.layout

@@ -36,7 +36,7 @@ from scenic.core.requirements import CompiledRequirement
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.candidate import SearchSpace
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives.leaves import DrivenLeaf, DrivenMutator, is_primitive
 from scenic_worlds.requirements import requirement_file
 
@@ -191,7 +191,7 @@ def _random_in_dicts(scenario: Scenario, source: _Source) -> Iterator[Lint]:
                 message=f"param {name} has a random value inside a {kind}, which Scenic does not "
                 "sample; use a list or tuple, or a param of its own",
             )
-    for item, label in object_names(scenario.objects).items():
+    for item, label in names_in_worlds(scenario.objects).items():
         for name in sorted(item.properties):
             for kind in sorted(_unsampled(getattr(item, name))):
                 yield Lint(
@@ -230,7 +230,7 @@ def _holds_random(value: Any) -> bool:
 
 
 def _mutations(scenario: Scenario, source: _Source) -> Iterator[Lint]:
-    for item, name in object_names(scenario.objects).items():
+    for item, name in names_in_worlds(scenario.objects).items():
         thing = item._conditioned
         if not isinstance(thing, Constructible) or not _mutates(thing):
             continue

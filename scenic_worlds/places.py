@@ -33,9 +33,9 @@ from scenic_worlds.shapes import (
     heading_of,
     region_from,
     stretches_that_fit,
-    strip,
     touching,
     wall_segments,
+    wall_strip,
 )
 
 ROOM_REACH = 3.0  # m around the room point that counts as the room, where no outline is known
@@ -179,7 +179,7 @@ class Places:
             ]
             if not pieces:
                 return nowhere
-            shape = shapely.union_all([strip(start, end, near, far) for start, end in pieces])
+            shape = shapely.union_all([wall_strip(start, end, near, far) for start, end in pieces])
             return region_from(
                 shape.intersection(self.free),
                 f"along_wall({place!r})",

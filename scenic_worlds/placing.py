@@ -61,8 +61,8 @@ class _Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
-    """What :meth:`Settling.settle` did."""
+class Placed:
+    """What :meth:`Placing.place` did."""
 
     units: int  #: that were drawn again, as a bit set
     is_stuck: bool  #: an object found no place
@@ -85,7 +85,7 @@ class _Floor:
         return np.flatnonzero(near)
 
 
-class Settling:
+class Placing:
     """Draws again where objects stand until their outlines fit.
 
     Args:
@@ -111,9 +111,9 @@ class Settling:
             if _is_flat_box(thing)
         )
 
-    def settle(
+    def place(
         self, sample: Sample, u: Array, draws: np.random.Generator, rejections: Counter[str]
-    ) -> Settled:
+    ) -> Placed:
         """Draw new places for everything that stands wrong.
 
         Args:
@@ -146,7 +146,7 @@ class Settling:
         units = 0
         for row in floor.changed:
             units |= self._pieces[row].units
-        return Settled(units, is_stuck)
+        return Placed(units, is_stuck)
 
     def _floor(self, sample: Sample) -> _Floor:
         count = len(self._pieces)

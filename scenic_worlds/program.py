@@ -26,7 +26,7 @@ from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
 from scenic_worlds.sources import sources_digest
-from scenic_worlds.validity import SampledWorlds
+from scenic_worlds.validity import WorldValidity
 from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
 
 __all__ = [
@@ -90,7 +90,7 @@ class Program:
     scenario: Scenario  #: Scenic's, with every random primitive driven
     sources_digest: str  #: of the program's files and layout
     search: SceneSearch = field(repr=False)
-    sampled: SampledWorlds = field(repr=False)
+    validity: WorldValidity = field(repr=False)
 
     def realise(
         self, candidate: Candidate, mode: Mode = "repair", *, max_attempts: int = MAX_ATTEMPTS
@@ -131,7 +131,7 @@ class Program:
                 f"{where}: a scene cannot be computed: {type(error).__name__}: {error}"
             ) from error
         scene, world = found.value
-        self.sampled.check(world)
+        self.validity.check(world)
         return Realised(
             world=world,
             scene=scene,
@@ -228,7 +228,7 @@ def compile_program(
         scenario=scenario,
         sources_digest=sources_digest(path, getattr(scenario.params["_places"], "layout", None)),
         search=SceneSearch(driver, checker, path.stem),
-        sampled=SampledWorlds(str(path)),
+        validity=WorldValidity(str(path)),
     )
 
 

@@ -23,7 +23,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.checking import FastChecker, Rejection
-from scenic_worlds.placing import Settling
+from scenic_worlds.placing import Placing
 from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver, Sample, bits
 from scenic_worlds.primitives.plan import NodeRejected
@@ -104,7 +104,7 @@ class SceneSearch:
         self._checker = checker
         self._name = name
         self._own = _ownership(driver)
-        self._settling = Settling(driver, checker, self._own.geometry)
+        self._placing = Placing(driver, checker, self._own.geometry)
         self._soft = [r for r in checker.requirements if 0.0 <= getattr(r, "prob", 1) < 1.0]
         self._watched = self._draws_elsewhere = False
 
@@ -146,7 +146,7 @@ class SceneSearch:
         attempt = failures = 0
         sample = driver.begin()
         with randomness.seeded(seed, "scene"):
-            begin = randomness.State()
+            begin = randomness.GeneratorState()
             for attempt in range(1, max_attempts + 1):
                 if self._draws_elsewhere:
                     begin.restore()
@@ -159,9 +159,9 @@ class SceneSearch:
                     return FoundScene(result, u, attempt, dict(sorted(rejections.items())))
                 restart = not local or attempt % RESTART == 0
                 if blame.is_place and not restart and not self._draws_elsewhere:
-                    settled = self._settling.settle(sample, u, numbers, rejections)
-                    changed, failures = settled.units, failures + settled.is_stuck
-                    restart = settled.is_stuck and failures % FAILURES == 0
+                    placed = self._placing.place(sample, u, numbers, rejections)
+                    changed, failures = placed.units, failures + placed.is_stuck
+                    restart = placed.is_stuck and failures % FAILURES == 0
                     if changed and not restart:
                         continue
                 else:
@@ -181,7 +181,7 @@ class SceneSearch:
         u: Array,
         changed: int,
         accept: Callable[[Any], T],
-        begin: randomness.State,
+        begin: randomness.GeneratorState,
     ) -> tuple[T | None, _Blame | None]:
         try:
             sample.move(u, changed)

@@ -86,7 +86,7 @@ def stretches_that_fit(
     ]
 
 
-def strip(start: Array, end: Array, near: float, far: float) -> Polygon:
+def wall_strip(start: Array, end: Array, near: float, far: float) -> Polygon:
     """Rectangle to the left of a segment, between two distances [m] from it."""
     along = (end - start) / np.hypot(*(end - start))
     left = np.array([-along[1], along[0]])

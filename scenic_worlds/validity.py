@@ -15,7 +15,7 @@ from simulator_interface import starts
 _FLOOR = ("walls", "lanes", "resources")
 
 
-class SampledWorlds:
+class WorldValidity:
     """Refuses sampled worlds that could not be read from a file, or not be run.
 
     What a world has in common with the last one that passed (the very same objects, as the

@@ -9,8 +9,8 @@ import numpy as np
 
 from mrta_falsify.core.world import Furniture
 from scenic_worlds.layouts.assembly import SideRow, solid_boxes, street_box
-from scenic_worlds.layouts.stops import Box, Stop, corners, face_frontage, face_stop
-from scenic_worlds.layouts.streets import Crossing, Street
+from scenic_worlds.layouts.stops import Box, StreetStop, corners, face_frontage, face_stop
+from scenic_worlds.layouts.streets import Street, StreetCrossing
 
 APART = 0.2  # m between places on one side
 END = 0.3  # m of cross aisle beyond the last aisle
@@ -61,16 +61,16 @@ def plan_aisles(
     total, depth = max(span, least_front), length + cross
     front = Street(
         start=(0.0, 0.0), along=(1.0, 0.0), length=total, width=cross,
-        crossings=tuple(Crossing(k, x) for k, x in enumerate(xs)),
+        crossings=tuple(StreetCrossing(k, x) for k, x in enumerate(xs)),
     )  # fmt: skip
     back = Street(
         start=(total, depth), along=(-1.0, 0.0), length=total, width=cross,
-        crossings=tuple(Crossing(aisles + k, total - xs[k]) for k in range(aisles - 1, -1, -1)),
+        crossings=tuple(StreetCrossing(aisles + k, total - xs[k]) for k in range(aisles - 1, -1, -1)),
     )  # fmt: skip
     lanes = tuple(
         Street(
             start=(x, 0.0), along=(0.0, 1.0), length=depth, width=width,
-            crossings=(Crossing(k, 0.0), Crossing(aisles + k, depth)),
+            crossings=(StreetCrossing(k, 0.0), StreetCrossing(aisles + k, depth)),
         )
         for k, x in enumerate(xs)
     )  # fmt: skip
@@ -92,7 +92,7 @@ def place_faces(
     name: str,
     spots: int,
     offset: float,
-) -> list[Stop]:
+) -> list[StreetStop]:
     """Places at blocks, handed out to aisle sides in turn.
 
     Args:
@@ -105,7 +105,7 @@ def place_faces(
     """
     face = face_frontage(spots) + APART
     low, high = plan.inner
-    found: dict[int, Stop] = {}
+    found: dict[int, StreetStop] = {}
     for first, (number, side) in enumerate(sides):
         numbers = range(first, count, len(sides))
         start = low + (high - low - len(numbers) * face) * offset
@@ -116,7 +116,7 @@ def place_faces(
 
 
 def block_furniture(
-    plan: AislePlan, faces: Sequence[Stop], *, name: str, kind: str, height: float
+    plan: AislePlan, faces: Sequence[StreetStop], *, name: str, kind: str, height: float
 ) -> tuple[Furniture, ...]:
     """Boxes that fill what is neither aisle nor place at a block."""
     bounds = np.array(plan.blocks)

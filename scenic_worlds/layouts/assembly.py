@@ -10,7 +10,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.world import Furniture, Lane, Wall, World
-from scenic_worlds.layouts.stops import Box, Frontage, ParkingBay, Stop, corners
+from scenic_worlds.layouts.stops import Box, Frontage, ParkingBay, StreetStop, corners
 from scenic_worlds.layouts.streets import Leg, Street, StreetMap
 from simulator_interface.formats.outlines import merged_runs
 
@@ -47,12 +47,12 @@ def street_box(street: Street, before: float = 0.0, after: float = 0.0) -> Box:
     return (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))
 
 
-def assemble(
+def assemble_layout(
     name: str,
     *,
     streets: Sequence[Street],
     floor: Sequence[Box],
-    stops: Sequence[Stop],
+    stops: Sequence[StreetStop],
     parking: Sequence[ParkingBay],
     furniture: Sequence[Furniture] = (),
     closed: Sequence[Box] = (),
@@ -101,11 +101,11 @@ def assemble(
         parking=frozen_array(
             np.vstack([bay.places for bay in parking]) if parking else np.zeros((0, 2))
         ),
-        travel_times=travel_times(lanes, [stop.room.point for stop in stops]),
+        travel_times=lane_travel_times(lanes, [stop.room.point for stop in stops]),
     )
 
 
-def _lane(roads: StreetMap, stops: Sequence[Stop], start: int, end: int) -> Lane:
+def _lane(roads: StreetMap, stops: Sequence[StreetStop], start: int, end: int) -> Lane:
     one, two = stops[start], stops[end]
     legs = roads.legs(one.door, two.door)
     to_room = roads.way(legs, one.door.station, two.door.station)
@@ -123,7 +123,7 @@ def _lane(roads: StreetMap, stops: Sequence[Stop], start: int, end: int) -> Lane
     )
 
 
-def travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
+def lane_travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
     """Seconds ``(R, R)`` from room point to room point along the lanes, whole numbers."""
     times = np.zeros((len(points), len(points)))
     for lane in lanes:

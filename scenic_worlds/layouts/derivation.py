@@ -11,7 +11,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Lane, Resource, Room, World
-from scenic_worlds.layouts.assembly import travel_times
+from scenic_worlds.layouts.assembly import lane_travel_times
 from scenic_worlds.layouts.entrances import Entrance, find_entrance
 from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
 from scenic_worlds.layouts.routes import (
@@ -71,7 +71,7 @@ def derive_layout(floor: Floor) -> World:
         gap = routes.gap(sites.points, routes.distance_to(driven))
         wanted = min(MOST_PARKING, len(points) + 2)
         parking = choose_parking(sites, gap, taken, wanted)
-    times = floor.travel_times if floor.travel_times.size else travel_times(derived, points)
+    times = floor.travel_times if floor.travel_times.size else lane_travel_times(derived, points)
     return World(
         name=floor.name,
         bounds=floor.bounds,

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import World
-from scenic_worlds.layouts.assembly import SideRow, assemble, street_box
+from scenic_worlds.layouts.assembly import SideRow, assemble_layout, street_box
 from scenic_worlds.layouts.ranges import Numbers, active_flags, check_range, per_place
 from scenic_worlds.layouts.stops import (
     BAY,
@@ -22,7 +22,7 @@ from scenic_worlds.layouts.stops import (
     Box,
     Frontage,
     ParkingBay,
-    Stop,
+    StreetStop,
     cabin_frontage,
     cabin_stop,
     least_frontage,
@@ -30,7 +30,7 @@ from scenic_worlds.layouts.stops import (
     parking_frontage,
     room_stop,
 )
-from scenic_worlds.layouts.streets import Crossing, Street
+from scenic_worlds.layouts.streets import Street, StreetCrossing
 
 Shape = Literal["line", "ell", "ring", "comb"]
 
@@ -181,7 +181,7 @@ def hospital(
     ]
     skeleton, plans = _SHAPES[shape](wards, extras, parking, (corridor_width, cross, float(teeth)))
 
-    stops: dict[tuple[str, int], Stop] = {}
+    stops: dict[tuple[str, int], StreetStop] = {}
     closed: list[Box] = []
     bays: list[ParkingBay] = []
     for plan, row in zip(plans, skeleton.rows, strict=True):
@@ -209,7 +209,7 @@ def hospital(
                 else:
                     closed += ward.free
     order = {"station": 0, "lift": 1, "charger": 2, "room": 3}
-    return assemble(
+    return assemble_layout(
         "hospital",
         streets=skeleton.streets,
         floor=skeleton.floor,
@@ -219,7 +219,7 @@ def hospital(
     )
 
 
-def _extra(plot: _Plot, frontage: Frontage, spots: int, times: dict[str, float]) -> Stop:
+def _extra(plot: _Plot, frontage: Frontage, spots: int, times: dict[str, float]) -> StreetStop:
     if plot.kind == "station":
         return room_stop(
             frontage,
@@ -288,10 +288,10 @@ def _ell(
     x = max(2.0, south.length, north.length) + cross / 2.0
     y = width / 2.0 + max(2.0, east.length, west.length + inner)
     first = Street(
-        start=(0.0, 0.0), along=(1.0, 0.0), length=x, width=width, crossings=(Crossing(0, x),)
+        start=(0.0, 0.0), along=(1.0, 0.0), length=x, width=width, crossings=(StreetCrossing(0, x),)
     )
     second = Street(
-        start=(x, 0.0), along=(0.0, 1.0), length=y, width=cross, crossings=(Crossing(0, 0.0),)
+        start=(x, 0.0), along=(0.0, 1.0), length=y, width=cross, crossings=(StreetCrossing(0, 0.0),)
     )
     return _Skeleton(
         [first, second],
@@ -325,7 +325,7 @@ def _ring(
     streets = []
     for i in range(4):
         length = x if i % 2 == 0 else y
-        ends = (Crossing(i, 0.0), Crossing((i + 1) % 4, length))
+        ends = (StreetCrossing(i, 0.0), StreetCrossing((i + 1) % 4, length))
         breadth = width if i % 2 == 0 else cross
         streets.append(
             Street(start=points[i], along=headings[i], length=length, width=breadth, crossings=ends)
@@ -358,7 +358,7 @@ def _comb(
     streets = [
         Street(
             start=(0.0, 0.0), along=(1.0, 0.0), length=length, width=width,
-            crossings=tuple(Crossing(k, at) for k, at in enumerate(xs)),
+            crossings=tuple(StreetCrossing(k, at) for k, at in enumerate(xs)),
         )
     ]  # fmt: skip
     floor = [street_box(streets[0], DEAD_END, DEAD_END)]
@@ -367,7 +367,7 @@ def _comb(
         reach = width / 2.0 + max(2.0, sides[2 * k].length, sides[2 * k + 1].length)
         branch = Street(
             start=(at, 0.0), along=(0.0, 1.0), length=reach, width=cross,
-            crossings=(Crossing(k, 0.0),),
+            crossings=(StreetCrossing(k, 0.0),),
         )  # fmt: skip
         streets.append(branch)
         floor.append(street_box(branch, 0.0, DEAD_END))

@@ -81,7 +81,7 @@ def corners(box: Box) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stop:
+class StreetStop:
     """A place that tasks may name, with all that follows from where it is."""
 
     room: Room
@@ -143,7 +143,7 @@ def room_stop(
     door_offset: float,
     spots: int,
     bathroom: float = 0.0,
-) -> Stop:
+) -> StreetStop:
     """A room behind a door.
 
     Args:
@@ -188,7 +188,7 @@ def room_stop(
         (left, inner),
         (door - apron, inner),
     ]
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(door, inner + depth / 2.0),
@@ -229,7 +229,7 @@ def _counter_clockwise(points: Array) -> Array:
 
 def cabin_stop(
     frontage: Frontage, *, name: str, kind: Kind, size: float, service_time: float, spots: int
-) -> Stop:
+) -> StreetStop:
     """A lift car or charging bay: one robot drives in and stands in the middle for a time.
 
     Args:
@@ -249,7 +249,7 @@ def cabin_stop(
     # Robots are served in the middle of the area: that is to be the room point.
     area = (middle - opening, middle + opening, wall - APRON, 2.0 * point - (wall - APRON))
     bay = _bay(frontage, middle, half - DOWNSTREAM + 0.1, spots)
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(middle, point),
@@ -272,7 +272,7 @@ def cabin_frontage(size: float, spots: int) -> float:
     return queue_length(spots) + size / 2.0 + 0.2
 
 
-def face_stop(frontage: Frontage, *, name: str, spots: int) -> Stop:
+def face_stop(frontage: Frontage, *, name: str, spots: int) -> StreetStop:
     """A place at a shelf or counter: the robot stands at the wall, out of the lane.
 
     Args:
@@ -284,7 +284,7 @@ def face_stop(frontage: Frontage, *, name: str, spots: int) -> Stop:
     reach = HEAD_SPOT - 0.35
     queue = [(middle - HEAD_SPOT - k * SPOT_STEP, line) for k in range(spots)]
     around = corners(frontage.box((middle - reach, middle + reach, wall - APRON, wall)))
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(middle, line),

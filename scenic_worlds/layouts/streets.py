@@ -22,7 +22,7 @@ SIDE_SPACE = SPOT_TO_LANE + SPOT_TO_WALL  # m, between lane and wall where robot
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class StreetCrossing:
     """Where a street meets another one."""
 
     node: int  #: number of the crossing on the floor
@@ -37,7 +37,7 @@ class Street:
     along: tuple[float, float]  #: unit vector along x or y
     length: float  #: [m]
     width: float  #: wall to wall [m]
-    crossings: tuple[Crossing, ...] = ()  #: by station
+    crossings: tuple[StreetCrossing, ...] = ()  #: by station
 
     @property
     def lane(self) -> float:

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts.aisles import block_furniture, faces_length, place_faces, plan_aisles
-from scenic_worlds.layouts.assembly import SideRow, assemble
+from scenic_worlds.layouts.assembly import SideRow, assemble_layout
 from scenic_worlds.layouts.ranges import active_flags, check_range
 from scenic_worlds.layouts.stops import (
     BAY,
     ParkingBay,
-    Stop,
+    StreetStop,
     cabin_frontage,
     cabin_stop,
     least_frontage,
@@ -117,7 +117,7 @@ def warehouse(
         beside=rack_depth / 2.0,
         least_front=max(stations * station, chargers * charger + parking_frontage(parking)),
     )
-    stops: list[Stop] = []
+    stops: list[StreetStop] = []
     row = SideRow(plan.streets[0], 0, 1, 0.0)
     for i in range(stations):
         stops.append(
@@ -148,7 +148,7 @@ def warehouse(
         bays.append(parking_bay(row.take(parking_frontage(parking)), places=parking))
     faces = place_faces(plan, sides, picks, name="pick", spots=spots, offset=pick_offset)
     open_faces = [face for face, is_open in zip(faces, is_active, strict=True) if is_open]
-    return assemble(
+    return assemble_layout(
         "warehouse",
         streets=plan.streets,
         floor=plan.floor,

@@ -16,11 +16,11 @@ from scenic.core.vectors import Vector
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.candidate import Dimension, SearchSpace
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives.charts import Axis
 from scenic_worlds.primitives.leaves import Coordinates, DrivenLeaf, DrivenMutator
 from scenic_worlds.primitives.naming import Found, Root, find_primitives, roots_of
-from scenic_worlds.primitives.plan import NodeRejected, Plan
+from scenic_worlds.primitives.plan import EvaluationPlan, NodeRejected
 
 #: properties of an object that decide where it is and what it touches
 GEOMETRY = (
@@ -57,7 +57,7 @@ class Driver:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.names = object_names(scenario.objects)  #: of the objects, as in the worlds
+        self.names = names_in_worlds(scenario.objects)  #: of the objects, as in the worlds
         self.source = Coordinates()
         self._roots = roots_of(scenario)
         self._units: list[Unit] = []
@@ -73,7 +73,7 @@ class Driver:
         self.units = tuple(self._units)
         # one order for every process, also for Scenic's own sampling and serialisation
         scenario.dependencies = tuple(root.value for root in self._roots)
-        self._plan = Plan(scenario.dependencies, self._unit_of, self._mutations)
+        self._plan = EvaluationPlan(scenario.dependencies, self._unit_of, self._mutations)
 
     def _drive_leaf(self, found: Found) -> None:
         proxy = found.value._conditioned
@@ -210,7 +210,7 @@ class Sample:
         values: of everything random in the program; complete unless :meth:`move` raised.
     """
 
-    def __init__(self, source: Coordinates, plan: Plan) -> None:
+    def __init__(self, source: Coordinates, plan: EvaluationPlan) -> None:
         self.values = DefaultIdentityDict()
         self._source = source
         self._plan = plan

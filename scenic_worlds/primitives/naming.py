@@ -28,7 +28,7 @@ from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 from scenic.core.vectors import Vector
 
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives.leaves import is_primitive
 
 
@@ -72,7 +72,7 @@ def roots_of(scenario: Scenario) -> tuple[Root, ...]:
     Objects come first, then points that only specifiers use, global parameters, what
     requirements use, and values that behaviours refer to.
     """
-    names = object_names(scenario.objects)
+    names = names_in_worlds(scenario.objects)
     objects = [Root(name, item) for item, name in names.items()]
     others = [item for item in scenario._instances if item not in names]
     roots = objects + [Root(f"point_{i + 1}", item) for i, item in enumerate(others)]

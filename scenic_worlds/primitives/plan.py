@@ -28,7 +28,7 @@ class NodeRejected(Exception):  # noqa: N818 - a rejection, not an error
         self.done = done
 
 
-class Plan:
+class EvaluationPlan:
     """All random values of a program, parts before wholes.
 
     Sets of units are kept as bit sets in an ``int``: bit i is unit i.

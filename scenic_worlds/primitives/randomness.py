@@ -26,7 +26,7 @@ def seeded(seed: int, purpose: str) -> Iterator[None]:
 @contextmanager
 def seeded_by(numbers: np.random.Generator) -> Iterator[None]:
     """The same, with seeds drawn from ``numbers``."""
-    before = State()
+    before = GeneratorState()
     random.seed(int(numbers.integers(2**63)))
     np.random.seed(int(numbers.integers(2**32)))  # noqa: NPY002
     try:
@@ -35,7 +35,7 @@ def seeded_by(numbers: np.random.Generator) -> Iterator[None]:
         before.restore()
 
 
-class State:
+class GeneratorState:
     """State of the global generators at one moment."""
 
     def __init__(self) -> None:
