@@ -9,6 +9,7 @@ The functions are described in authoring.py.
 """
 
 from scenic_worlds.authoring import PlaceFunctions
+from scenic_worlds.origins import note_origin
 
 param layout = 'aws_hospital'
 
@@ -48,3 +49,7 @@ class FloorObject(Object):
     height: 1.0
     baseOffset: (0, 0, 0)
     contactTolerance: 0.0
+
+    def _register(self):
+        note_origin(self)
+        super()._register()

@@ -22,9 +22,11 @@ from mrta_falsify.core.errors import (
 )
 from mrta_falsify.core.world import World
 from scenic_worlds.checking import FastChecker
-from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
+from scenic_worlds.compile_errors import scenic_line
+from scenic_worlds.compiling import check_tasks, compile_scenario
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
+from scenic_worlds.shipped import scenario_path
 from scenic_worlds.sources import sources_digest
 from scenic_worlds.validity import WorldValidity
 from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
@@ -35,37 +37,11 @@ __all__ = [
     "Realised",
     "RejectedScene",
     "compile_program",
-    "scenario_names",
     "scenario_path",
 ]
 
-SCENARIO_DIR = Path(__file__).parent / "scenarios"
-
 #: ``exact``: whole-scene rejection, Scenic's distribution; ``repair``: local resampling
 Mode = Literal["repair", "exact"]
-
-
-def scenario_names() -> tuple[str, ...]:
-    """Names of the shipped programs."""
-    return tuple(sorted(path.stem for path in SCENARIO_DIR.glob("*.scenic")))
-
-
-def scenario_path(name_or_path: str) -> Path:
-    """File of a shipped program's name, or of a path the user gave.
-
-    Raises:
-        FormatError: a path without a file.
-        UnknownNameError: neither a shipped program nor a path.
-    """
-    path = Path(name_or_path)
-    if path.suffix == ".scenic" and path.is_file():
-        return path
-    if name_or_path in scenario_names():
-        return SCENARIO_DIR / f"{name_or_path}.scenic"
-    if path.suffix == ".scenic":
-        reason = "it is a directory" if path.is_dir() else "no such file"
-        raise FormatError(f"{path}: cannot be read: {reason}")
-    raise UnknownNameError("scenario", name_or_path, scenario_names())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

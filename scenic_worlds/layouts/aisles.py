@@ -65,7 +65,9 @@ def plan_aisles(
     )  # fmt: skip
     back = Street(
         start=(total, depth), along=(-1.0, 0.0), length=total, width=cross,
-        crossings=tuple(StreetCrossing(aisles + k, total - xs[k]) for k in range(aisles - 1, -1, -1)),
+        crossings=tuple(
+            StreetCrossing(aisles + k, total - xs[k]) for k in reversed(range(aisles))
+        ),
     )  # fmt: skip
     lanes = tuple(
         Street(
