@@ -31,6 +31,16 @@ def check_range(layout: str, name: str, value: float, ranges: Ranges) -> None:
         )
 
 
+def check_ranges(layout: str, values: Mapping[str, float], ranges: Ranges) -> None:
+    """Refuse the first of some values, by parameter, that is outside its range.
+
+    Raises:
+        ConfigError: as of :func:`check_range`.
+    """
+    for name, value in values.items():
+        check_range(layout, name, value, ranges)
+
+
 def per_place(layout: str, name: str, given: Numbers, count: int, ranges: Ranges) -> list[float]:
     """One value per place from a number, or a sequence that is repeated.
 
