@@ -95,7 +95,6 @@ class Placing:
     """
 
     def __init__(self, driver: Driver, checker: FastChecker, own: Mapping[int, int]) -> None:
-        self._driver = driver
         containers = {
             id(r.obj): r.container
             for r in checker.requirements

@@ -10,18 +10,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from mrta_falsify.core import geometry
-from mrta_falsify.core.directives import (
-    Appear,
-    Directive,
-    FollowRoute,
-    Leave,
-    Push,
-    Stop,
-    Wait,
-    WaitUntil,
-    WalkTo,
-)
+from mrta_falsify.core import directives, geometry
+from mrta_falsify.core.directives import Directive
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Blockage, CommsOutage, Event, Furniture, HumanSpec, RobotSpec
 from scenic_worlds.exact_numbers import Box, box_of, heading_text, number_text, point_text
@@ -157,16 +147,16 @@ def _pace(speed: float) -> str:
 
 #: how each directive is written as a behaviour of behaviors.scenic
 _WRITERS: dict[type, Callable[..., str]] = {
-    FollowRoute: lambda d: (
+    directives.FollowRoute: lambda d: (
         f"FollowRoute([{', '.join(map(point_text, d.route))}], repeat={d.repeat}{_pace(d.speed)})"
     ),
-    WalkTo: lambda d: f"WalkTo({point_text(d.point)}{_pace(d.speed)})",
-    Wait: lambda d: f"WaitFor({number_text(d.duration)})",
-    WaitUntil: lambda d: f"WaitUntil({number_text(d.time)})",
-    Stop: lambda d: "StandStill()",
-    Push: lambda d: f"Push({d.furniture!r}, {point_text(d.point)}{_pace(d.speed)})",
-    Appear: lambda d: f"Appear({point_text(d.point)})",
-    Leave: lambda d: "Leave()",
+    directives.WalkTo: lambda d: f"WalkTo({point_text(d.point)}{_pace(d.speed)})",
+    directives.Wait: lambda d: f"WaitFor({number_text(d.duration)})",
+    directives.WaitUntil: lambda d: f"WaitUntil({number_text(d.time)})",
+    directives.Stop: lambda d: "StandStill()",
+    directives.Push: lambda d: f"Push({d.furniture!r}, {point_text(d.point)}{_pace(d.speed)})",
+    directives.Appear: lambda d: f"Appear({point_text(d.point)})",
+    directives.Leave: lambda d: "Leave()",
 }
 
 
