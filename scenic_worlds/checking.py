@@ -89,7 +89,7 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         self._collisions = _Collisions(pairs)
 
     def checkRequirementsInner(self, sample: Sample) -> str | None:  # noqa: N802
-        """Message of the first violation found, None if there is none; called by Scenic.
+        """Say what is violated first, None if nothing is; called by Scenic.
 
         Raises:
             FormatError: a requirement of the user's cannot be evaluated.
@@ -164,7 +164,7 @@ class _Containment:
         self._known: list[tuple[Any, Any]] = [(None, None)] * len(self._requirements)
 
     def first_outside(self, sample: Sample) -> ContainmentRequirement | None:
-        """The first requirement that fails.
+        """Find the first requirement that fails.
 
         What passed before with the same object and the same region is not asked again.
         """
@@ -181,7 +181,7 @@ class _Containment:
         return self._requirements[min(failed)] if failed else None
 
     def _outside(self, sample: Sample, batch: Sequence[int]) -> list[int]:
-        """Those of a batch with one container that fail; the others are remembered."""
+        """Test a batch with one container: those that fail; the others are remembered."""
         container = sample[self._requirements[batch[0]].container]
         things = [sample[self._requirements[i].obj] for i in batch]
         footprint = _footprint_of(container)
@@ -208,7 +208,7 @@ def _contains(container: Any, thing: Any) -> bool:
 
 
 def _footprint_of(container: Any) -> Any:
-    """Shapely outline whose ``contains`` is the container's own test of convex objects."""
+    """Find the outline whose ``contains`` is the container's own test of convex objects."""
     if type(container) is PolygonalFootprintRegion:
         return container.polygons
     method = getattr(type(container), "containsObject", None)
@@ -244,7 +244,7 @@ class _Collisions:
         self._clear: dict[tuple[int, int], tuple[Any, Any]] = {}
 
     def first_hit(self, sample: Sample) -> IntersectionRequirement | None:
-        """The first pair, in Scenic's order, of which Scenic says that it collides."""
+        """Find the first pair, in Scenic's order, that collides by Scenic's own test."""
         for i, item in enumerate(self._objects):
             thing = sample[item]
             if self._seen[i] is not thing:
@@ -272,7 +272,7 @@ class _Collisions:
         self._low[i], self._high[i] = z - reach, z + reach
 
     def _near_pairs(self) -> list[tuple[int, int]]:
-        """Pairs that may collide, sorted; flat boxes in it overlap in plan."""
+        """List the pairs that may collide, sorted; flat boxes among them overlap in plan."""
         rows = np.flatnonzero(self._collides)
         if len(rows) < 2:
             return []
@@ -310,7 +310,7 @@ class _Collisions:
 
 
 def names_in_worlds(objects: Iterable[Any]) -> dict[Any, str]:
-    """Names of a program's objects, as its worlds have them.
+    """Name a program's objects as its worlds do.
 
     Args:
         objects: of the program, in its order.
@@ -339,7 +339,7 @@ def _region_name(region: Any) -> str:
 
 
 def _objects_of(requirements: Iterable[SamplingRequirement]) -> tuple[Any, ...]:
-    """Objects of a scenario in its order; Scenic's blanket requirement has them all."""
+    """List a scenario's objects in its order; Scenic's blanket requirement has them all."""
     found: dict[Any, None] = {}
     for requirement in requirements:
         if isinstance(requirement, BlanketCollisionRequirement):

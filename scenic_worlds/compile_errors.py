@@ -26,7 +26,7 @@ _WRONG_KEYWORD = re.compile(r"(\w+)\(\) got an unexpected keyword argument '(\w+
 
 
 def compile_error_text(error: BaseException, path: Path) -> str:
-    """``FILE:LINE: REASON`` of an exception that compiling a program raised.
+    """Say where compiling failed and why, as ``FILE:LINE: REASON``.
 
     Args:
         error: as raised, with its traceback.
@@ -50,13 +50,13 @@ def compile_error_text(error: BaseException, path: Path) -> str:
 
 
 def scenic_line(trace: TracebackType | None, path: Path) -> str:
-    """Innermost ``file:line`` of a traceback in Scenic code; the user's before our library's."""
+    """Find the innermost ``file:line`` in Scenic code; the user's before the library's."""
     found = _scenic_frame(trace, path)
     return f"{found[0].f_code.co_filename}:{found[1]}" if found else str(path)
 
 
 def _scenic_frame(trace: TracebackType | None, path: Path) -> tuple[FrameType, int] | None:
-    """Innermost frame in Scenic code and its line; the user's before our library's."""
+    """Find the innermost frame in Scenic code and its line; the user's before the library's."""
     frames = [
         (frame, line)
         for frame, line in traceback.walk_tb(trace)
@@ -75,7 +75,7 @@ def _is_own(filename: str, path: Path) -> bool:
 
 
 def _reason(error: BaseException, path: Path) -> str:
-    """One sentence for an exception."""
+    """Explain an exception in one sentence."""
     text = str(error).strip() or type(error).__name__
     if isinstance(error, InputError):
         return text
@@ -101,7 +101,7 @@ def _reason(error: BaseException, path: Path) -> str:
 
 
 def _name_hint(error: NameError, path: Path) -> str:
-    """What a name that is not defined was meant to be, or which line it lacks."""
+    """Say what an undefined name was meant to be, or which line it lacks."""
     name = str(error.name or "")
     found = _scenic_frame(error.__traceback__, path)
     if not name or found is None:
@@ -126,7 +126,7 @@ def _visible_names(frame: FrameType) -> dict[str, Any]:
 def _of_the_same_use(
     name: str, visible: Mapping[str, Any], frame: FrameType, line: int
 ) -> Iterable[str]:
-    """Only Scenic classes behind `new`, every visible name elsewhere."""
+    """Keep only Scenic classes behind `new`, every visible name elsewhere."""
     file = Path(frame.f_code.co_filename)
     lines = (
         file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else []
@@ -151,7 +151,7 @@ def _attribute_hint(error: AttributeError) -> str:
 
 
 def _keyword_hint(text: str, trace: TracebackType | None, path: Path) -> str:
-    """The nearest parameter to one that a function of the program does not have."""
+    """Name the nearest parameter to one that a function of the program does not have."""
     match, found = _WRONG_KEYWORD.search(text), _scenic_frame(trace, path)
     if match is None or found is None:
         return ""

@@ -49,7 +49,7 @@ class Box:
 
 
 def _headings(yaw: float) -> Iterator[tuple[str, float]]:
-    """Ways to write the heading of a body at ``yaw``, and the yaw that each gives; best first."""
+    """Yield ways to write a yaw as a heading, and the yaw that each gives; best first."""
     heading = float(geometry.wrap_angle(yaw - np.pi / 2.0))
     degrees = round(heading / DEG, 6)
     yield f"{number_text(degrees)} deg", _yaw_of(degrees * DEG)
@@ -61,7 +61,7 @@ def _headings(yaw: float) -> Iterator[tuple[str, float]]:
 
 
 def _yaw_of(heading: float) -> float:
-    """Yaw in the world of an object that faces ``heading``; Scenic goes over a quaternion."""
+    """Compute the yaw of an object that faces ``heading``; Scenic goes over a quaternion."""
     faced = float(Orientation.fromEuler(heading, 0, 0).yaw)
     return float(geometry.wrap_angle(faced + np.pi / 2.0))
 

@@ -13,7 +13,7 @@ from scenic_worlds.checking import names_in_worlds
 
 
 def misplaced_object(error: BaseException) -> tuple[Any, str] | None:
-    """The object that Scenic complains about, and what is wrong with it in the worlds' names.
+    """Find the object that Scenic complains about; say what is wrong in the worlds' names.
 
     Scenic checks fixed objects before it returns the scenario, and calls them "unnamed Bed";
     which objects it was looking at is in its frames.
@@ -54,7 +54,7 @@ def _placed(thing: Any, names: dict[Any, str]) -> str:
 
 
 def _never_fits(name: str, local: dict[str, Any]) -> str:
-    """Why no position of an object is allowed, from what Scenic's pruning was looking at."""
+    """Say why no position of an object is allowed, from what Scenic's pruning looked at."""
     drawn_from = _region_name(local.get("base"))
     container = _region_name(getattr(local.get("obj"), "regionContainedIn", None))
     where = f"`in {drawn_from}`" if drawn_from else "its position"

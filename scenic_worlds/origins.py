@@ -22,6 +22,6 @@ def note_origin(thing: Any) -> None:
 
 
 def origin_of(thing: Any) -> tuple[str, int] | None:
-    """File and line that made an object; None of objects of other libraries."""
+    """Find the file and line that made an object; None for other libraries' objects."""
     found: tuple[str, int] | None = getattr(thing, "_made_at", None)
     return found

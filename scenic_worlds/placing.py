@@ -79,7 +79,7 @@ class _Floor:
     changed: set[int] = field(default_factory=set)
 
     def neighbours(self, row: int) -> NDArray[np.intp]:
-        """Rows that ``row`` would collide with if their outlines met."""
+        """List the rows that ``row`` would collide with if their outlines met."""
         near = self.solid & (self.low <= self.high[row]) & (self.high >= self.low[row])
         near[row] = False
         return np.flatnonzero(near)
@@ -113,7 +113,7 @@ class Placing:
     def place(
         self, sample: Sample, u: Array, draws: np.random.Generator, rejections: Counter[str]
     ) -> Placed:
-        """Draw new places for everything that stands wrong.
+        """Draw new places for everything that is outside its region or collides.
 
         Args:
             sample: complete; its values are out of date for the units returned.
@@ -166,7 +166,7 @@ class Placing:
     def _standing_wrong(
         self, sample: Sample, floor: _Floor, draws: np.random.Generator, rejections: Counter[str]
     ) -> list[int]:
-        """Rows that must move: outside their region, or one of each pair that collides."""
+        """List the rows that must move: outside their region, or one of each colliding pair."""
         wrong: set[int] = set()
         for row, piece in enumerate(self._pieces):
             if piece.units and not _is_inside(sample.values[piece.container], floor.outlines[row]):
@@ -198,7 +198,7 @@ class Placing:
         draws: np.random.Generator,
         rejections: Counter[str],
     ) -> list[int] | None:
-        """Draw a place for one piece; the rows that make way for it, None if it found none."""
+        """Draw a place for one piece: the rows that make way for it, None if it found none."""
         piece = self._pieces[row]
         floor.changed.add(row)
         draw: list[float] = []
@@ -233,7 +233,7 @@ class Placing:
     def _try(
         self, row: int, floor: _Floor, sample: Sample, batch: list[list[float]]
     ) -> Iterator[tuple[Any, list[int] | None]]:
-        """Outline of a piece at each of a batch of places, and the rows that it would hit.
+        """Outline a piece at each of a batch of places, and list the rows that it would hit.
 
         No rows (None) where it has no outline, or is not inside its region.
         """
@@ -259,7 +259,7 @@ class Placing:
     def _corners(
         self, piece: _Piece, sample: Sample, draw: list[float]
     ) -> list[tuple[float, float]] | None:
-        """Corners of a piece with its own coordinates at ``draw``; None if it has no place."""
+        """Compute a piece's corners with its coordinates at ``draw``; None if it has no place."""
         try:
             sample.nudge(piece.places, draw, piece.steps)
         except NodeRejected:
@@ -278,7 +278,7 @@ class Placing:
 
 
 def _are_inside(containers: list[Any], outlines: NDArray[np.object_]) -> NDArray[np.bool_]:
-    """Whether each outline lies in its region, ``(n,)``; the regions are mostly the same one."""
+    """Test whether each outline lies in its region, ``(n,)``; mostly it is one region."""
     first = containers[0]
     if any(container is not first for container in containers):
         pairs = zip(containers, outlines, strict=True)
@@ -325,7 +325,7 @@ def _piece(
 
 
 def _heading(orientation: Any) -> Any:
-    """The value of the program that says which way something faces: an angle if there is one.
+    """Find the value that says which way something faces: an angle if there is one.
 
     `facing X deg` makes Scenic turn the angle into a rotation, that into three angles, and
     those into a rotation again.
@@ -348,7 +348,7 @@ def _heading(orientation: Any) -> Any:
 
 
 def _part_of_local_angles(angle: Any) -> Any:
-    """The call of ``localAnglesFor`` that an angle is a part of, or None."""
+    """Find the call of ``localAnglesFor`` that an angle is a part of, or None."""
     if not _calls(angle, normalizeAngle):
         return None
     part = angle.arguments[0]

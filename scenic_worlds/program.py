@@ -71,7 +71,7 @@ class Program:
     def realise(
         self, candidate: Candidate, mode: Mode = "repair", *, max_attempts: int = MAX_ATTEMPTS
     ) -> Realised:
-        """World of a candidate, or of the nearest one that is valid.
+        """Make the world of a candidate, or of the nearest one that is valid.
 
         Args:
             candidate: ``u`` ``(k,)``, and the seed of what u does not cover: which soft
@@ -117,7 +117,7 @@ class Program:
         )
 
     def candidate(self, seed: int, number: int = 0) -> Candidate:
-        """Candidate ``number`` of a random campaign with ``seed`` on this program."""
+        """Draw candidate ``number`` of a random campaign with ``seed`` on this program."""
         candidate = candidate_of(seed, number, len(self.space))
         return dataclasses.replace(candidate, params=self.params)
 
@@ -133,7 +133,7 @@ class Program:
         self.search.driver.restrict(intervals)
 
     def values_at(self, u: Array, places: Sequence[int]) -> list[float | None]:
-        """Values, in the program's units, that coordinates have at a point of the unit cube.
+        """Compute the values, in the program's units, of coordinates at a point of the unit cube.
 
         Args:
             u: ``(k,)``, of a scene that can be computed.
@@ -148,7 +148,7 @@ class Program:
         return [driver.value_of(sample, place) for place in places]
 
     def sample(self, seed: int, mode: Mode = "repair") -> World:
-        """World of candidate 0 of a campaign with ``seed``.
+        """Make the world of candidate 0 of a campaign with ``seed``.
 
         Raises:
             RejectedScene: no scene was accepted.
@@ -211,7 +211,7 @@ def compile_program(
 def _restriction(
     scenario: Scenario, space: SearchSpace, path: Path
 ) -> dict[int, tuple[float, float]]:
-    """Intervals of ``param restrict = {'bed1.position.0': (0.2, 0.4)}``, by coordinate.
+    """Read ``param restrict = {'bed1.position.0': (0.2, 0.4)}`` as intervals by coordinate.
 
     The names are those of the search dimensions (see ``check``), the numbers shares of each
     one's range. Programs that

@@ -19,12 +19,12 @@ _DEFINITION = re.compile(
 
 
 def scenario_names() -> tuple[str, ...]:
-    """Names of the shipped programs."""
+    """List the names of the shipped programs."""
     return tuple(sorted(path.stem for path in SCENARIO_DIR.glob("*.scenic")))
 
 
 def scenario_path(name_or_path: str) -> Path:
-    """File of a shipped program's name, or of a path that the user gave.
+    """Find the file of a shipped program's name, or of a path that the user gave.
 
     Raises:
         FormatError: a path without a file.
@@ -43,7 +43,7 @@ def scenario_path(name_or_path: str) -> Path:
 
 @functools.cache
 def library_names() -> frozenset[str]:
-    """Names that ``model scenic_worlds.model`` gives a program."""
+    """List the names that ``model scenic_worlds.model`` gives a program."""
     return frozenset(
         found[1] or found[2]
         for file in LIBRARY.glob("*.scenic")

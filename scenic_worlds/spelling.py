@@ -9,7 +9,7 @@ CLOSE = 0.6  # similarity of difflib, 0 to 1, from which on a name may be meant
 
 
 def nearest_name(name: str, known: Iterable[str], *, cutoff: float = CLOSE) -> str:
-    """The known name that ``name`` was probably meant to be; empty if none is near.
+    """Find the known name that ``name`` was probably meant to be; empty if none is near.
 
     Args:
         name: as given.
@@ -23,6 +23,6 @@ def nearest_name(name: str, known: Iterable[str], *, cutoff: float = CLOSE) -> s
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of a message that names the nearest known name; empty if none is near."""
+    """End a message with the nearest known name; empty if none is near."""
     nearest = nearest_name(name, known)
     return f"; did you mean {nearest!r}?" if nearest else ""

@@ -23,7 +23,7 @@ PLACED = "with allowCollisions True, with regionContainedIn everywhere"
 
 @functools.cache
 def _furniture_classes() -> dict[str, str]:
-    """Class of the library for each kind of furniture."""
+    """Find the library's class for each kind of furniture."""
     text = (LIBRARY / "furniture.scenic").read_text(encoding="utf-8")
     parts = re.split(r"^class (\w+)\(\w+\):", text, flags=re.MULTILINE)[1:]
     found = {}
@@ -86,7 +86,7 @@ HUMAN_VALUES = {
 
 
 def _changed(item: RobotSpec | HumanSpec, names: dict[str, str]) -> list[tuple[str, str]]:
-    """Properties of ``item`` that are not at their default."""
+    """List the properties of ``item`` that are not at their default."""
     defaults = {field.name: field.default for field in dataclasses.fields(item)}
     return [
         (theirs, number_text(getattr(item, ours)))

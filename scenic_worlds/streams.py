@@ -167,7 +167,7 @@ def _span(limits: Span) -> Any:
 
 @lifted
 def exponential(rate: float, share: float) -> float:
-    """Waiting time [s] of a Poisson process of ``rate`` [1/s] at quantile ``share`` in [0, 1).
+    """Compute the waiting time [s] of a Poisson process at quantile ``share`` in [0, 1).
 
     Raises:
         WorldError: the rate is not positive.

@@ -30,7 +30,7 @@ class WorldValidity:
         self._passed: World | None = None
 
     def check(self, world: World) -> None:
-        """Refuse ``world``, of a scene that was accepted, if need be.
+        """Refuse ``world``, made from an accepted scene, if it may not be run.
 
         Raises:
             WorldError: the first value that is not allowed, and whose it is; or a robot's
@@ -54,7 +54,7 @@ class WorldValidity:
             raise WorldError(_with_name(str(error), world)) from None
 
     def _without_known(self, world: World) -> World:
-        """``world`` without the parts of its floor that have passed."""
+        """Leave out the parts of the floor that have passed before."""
         passed = self._passed
         if passed is None:
             return world
@@ -67,7 +67,7 @@ class WorldValidity:
 
 
 def _with_name(text: str, world: World) -> str:
-    """``text`` with the name of the object that it calls by its place in the world."""
+    """Add the name of the object that a text calls by its place in the world."""
     match = re.search(r"\b(robots|humans|furniture|events)\[(\d+)\]", text)
     if match is None:
         return text

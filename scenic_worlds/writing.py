@@ -115,7 +115,7 @@ def _is_layout(world: World, name: str, *, bare: bool = False) -> bool:
 
 
 def _building(world: World, *, bare: bool) -> World:
-    """``world`` without what the program itself gives."""
+    """Leave out what the program itself gives."""
     named = dataclasses.replace(
         without_actors(world), name="", horizon=1.0, ray_noise=0.0, seed=0, scripted=""
     )

@@ -32,12 +32,12 @@ FILE_ENDINGS = (".json", ".yaml", ".yml", ".sdf", ".world")
 
 
 def layout_names() -> tuple[str, ...]:
-    """Names that :func:`load_layout` knows."""
+    """List the names that :func:`load_layout` knows."""
     return (*_SHIPPED, *GENERATORS)
 
 
 def load_layout(name_or_path: str | Path) -> World:
-    """A layout: a world without robots, humans, tasks and events.
+    """Load a layout: a world without robots, humans, tasks and events.
 
     Args:
         name_or_path: ``aws_hospital`` (repaired roadways), ``aws_hospital_as_published``,
@@ -64,12 +64,12 @@ def load_layout(name_or_path: str | Path) -> World:
 
 
 def world_names() -> tuple[str, ...]:
-    """Names that :func:`load_world` knows."""
+    """List the names that :func:`load_world` knows."""
     return _WORLDS
 
 
 def load_world(name: str) -> World:
-    """A shipped fixed world, ready to run.
+    """Load a shipped fixed world, ready to run.
 
     Args:
         name: ``aws_hospital_day``: 6 robots, 8 humans, 6 tasks of testcase_6agents_3_3, 900 s.

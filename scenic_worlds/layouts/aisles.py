@@ -42,7 +42,7 @@ def plan_aisles(
     beside: float,
     least_front: float,
 ) -> AislePlan:
-    """Aisles along y, joined by a cross aisle in front (y = 0) and one at the back.
+    """Plan aisles along y, joined by a cross aisle in front (y = 0) and one at the back.
 
     Args:
         aisles: how many, >= 1.
@@ -82,7 +82,7 @@ def plan_aisles(
 
 
 def faces_length(count: int, spots: int) -> float:
-    """Length [m] of an aisle side with ``count`` places."""
+    """Compute the length [m] of an aisle side with ``count`` places."""
     return count * (face_frontage(spots) + APART)
 
 
@@ -95,7 +95,7 @@ def place_faces(
     spots: int,
     offset: float,
 ) -> list[StreetStop]:
-    """Places at blocks, handed out to aisle sides in turn.
+    """Hand out places at blocks to the aisle sides in turn.
 
     Args:
         plan: the aisles.
@@ -120,7 +120,7 @@ def place_faces(
 def block_furniture(
     plan: AislePlan, faces: Sequence[StreetStop], *, name: str, kind: str, height: float
 ) -> tuple[Furniture, ...]:
-    """Boxes that fill what is neither aisle nor place at a block."""
+    """Fill what is neither aisle nor place at a block with boxes."""
     bounds = np.array(plan.blocks)
     free = np.array(
         [

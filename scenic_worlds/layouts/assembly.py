@@ -33,14 +33,14 @@ class SideRow:
     low: float  #: station from which on the side is free [m]
 
     def take(self, length: float) -> Frontage:
-        """The next ``length`` metres from the low end."""
+        """Take the next ``length`` metres from the low end."""
         start = self.low if self.side > 0 else self.low + length
         self.low += length
         return Frontage(street=self.street, number=self.number, side=self.side, station=start)
 
 
 def street_box(street: Street, before: float = 0.0, after: float = 0.0) -> Box:
-    """Floor of a street, lengthened at its start and end [m]."""
+    """Box the floor of a street, lengthened at its start and end [m]."""
     half = street.width / 2.0
     x1, y1 = street.point(-before, half)
     x2, y2 = street.point(street.length + after, -half)
@@ -57,7 +57,7 @@ def assemble_layout(
     furniture: Sequence[Furniture] = (),
     closed: Sequence[Box] = (),
 ) -> World:
-    """Layout of streets and stops, with lanes and travel times between all of them.
+    """Put streets and stops together, with lanes and travel times between all stops.
 
     Args:
         name: of the layout.
@@ -124,7 +124,7 @@ def _lane(roads: StreetMap, stops: Sequence[StreetStop], start: int, end: int) -
 
 
 def lane_travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
-    """Seconds ``(R, R)`` from room point to room point along the lanes, whole numbers."""
+    """Estimate seconds ``(R, R)`` from room point to room point, in whole numbers."""
     times = np.zeros((len(points), len(points)))
     for lane in lanes:
         steps = np.diff(np.vstack([points[lane.start], lane.to_room]), axis=0)
@@ -137,7 +137,7 @@ def lane_travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
 
 
 def solid_boxes(bounds: Array, free: Array) -> list[Box]:
-    """Boxes that fill the ``bounds`` ``(4,)`` around the floor, without overlap.
+    """Fill the ``bounds`` ``(4,)`` around the floor with boxes that do not overlap.
 
     Args:
         bounds: x min, y min, x max, y max [m].

@@ -71,12 +71,12 @@ def _fill_parking(places: int, sides: Sequence[list[Plot]]) -> None:
 
 
 def _length(side: list[Plot]) -> float:
-    """Frontage of a side's plots together [m]."""
+    """Add up the frontage of a side's plots [m]."""
     return sum(plot.length for plot in side)
 
 
 def _depth(side: list[Plot]) -> float:
-    """Depth of a side's deepest plot [m]."""
+    """Find the depth of a side's deepest plot [m]."""
     return max((plot.depth for plot in side), default=0.0)
 
 

@@ -31,7 +31,7 @@ MOST_PARKING = 12
 
 
 def derive_layout(floor: Floor) -> World:
-    """Layout of a user's floor.
+    """Derive the layout of a user's floor.
 
     Args:
         floor: walls, rooms, and any traffic that the user gave; that is kept as it is.
@@ -91,7 +91,7 @@ def derive_layout(floor: Floor) -> World:
 
 
 def _check_reachable(routes: RouteMap, floor: Floor) -> int:
-    """The part of the floor that all room points are on.
+    """Find the part of the floor that all room points are on.
 
     Raises:
         WorldError: names the rooms that are not.
@@ -119,7 +119,7 @@ def _check_reachable(routes: RouteMap, floor: Floor) -> int:
 
 
 def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
-    """Entrance of every room, and all points of the middle ways between rooms."""
+    """Find every room's entrance, and all points of the middle ways between rooms."""
     ways = MiddleWays(routes, routes.clearance)
     out: list[Array] = [np.zeros((0, 2)) for _ in points]
     seen: list[Array] = [np.zeros((0, 2))]
@@ -164,7 +164,7 @@ class _Lanes:
         self._queues = queues
 
     def build(self, given: dict[tuple[str, str], FloorLane]) -> list[Lane]:
-        """Lanes of all ordered pairs; given ones as they are."""
+        """Build the lanes of all ordered pairs; given ones stay as they are."""
         names = [room.name for room in self._floor.rooms]
         to_room = self._ways_between_fronts()
         to_queue = self._ways_to_tails()
@@ -189,7 +189,7 @@ class _Lanes:
         return lanes
 
     def _clearance(self, without: int = -1) -> Array:
-        """Distance to walls and waiting robots; without the last spot of one room."""
+        """Measure the distance to walls and waiting robots, without one room's last spot."""
         spots = [q[:-1] if i == without else q for i, q in enumerate(self._queues)]
         waiting = np.vstack([np.zeros((0, 2)), *spots])
         clear = self._routes.clearance
@@ -235,7 +235,7 @@ class _Lanes:
 
 
 def _joined(pieces: list[Array]) -> Array:
-    """One polyline of several; corners nearer than 0.1 m to the one before are dropped."""
+    """Join polylines; corners nearer than 0.1 m to the one before are dropped."""
     points = np.vstack(pieces)
     kept = [points[-1]]
     for point in points[-2::-1]:
@@ -245,7 +245,7 @@ def _joined(pieces: list[Array]) -> Array:
 
 
 def _kept(queue: Array, lanes: list[Lane], room: int, *, given: bool) -> Array:
-    """The first spots of a queue that no traffic passes too near."""
+    """Keep the first spots of a queue that no traffic passes too near."""
     if given or not len(queue) or not lanes:
         return queue
     driven = []

@@ -102,7 +102,7 @@ def hospital(
     lift_time: float = 12.0,
     charge_time: float = 10.0,
 ) -> World:
-    """Layout of a hospital floor; see ``RANGES`` for what is allowed.
+    """Generate a hospital floor; ``RANGES`` has what is allowed.
 
     Rooms are numbered in this order: the nurses' station (``nurses_station``), lifts
     (``lift_0`` ...), charging bays (``charger_0`` ...), then the active wards, whose names

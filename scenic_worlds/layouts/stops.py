@@ -75,7 +75,7 @@ class Frontage:
 
 
 def corners(box: Box) -> Array:
-    """Outline ``(4, 2)`` of a box (x min, y min, x max, y max), counter-clockwise."""
+    """Outline ``(4, 2)`` a box (x min, y min, x max, y max), counter-clockwise."""
     x1, y1, x2, y2 = box
     return frozen_array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]])
 
@@ -103,7 +103,7 @@ class StreetStop:
         return frozen_array(np.vstack([self.front, self.room.point]))
 
     def resource(self, number: int) -> Resource:
-        """The resource that guards the place; ``number`` is the room's."""
+        """Describe the resource that guards the place; ``number`` is the room's."""
         near = np.vstack([self.spots, self.front[None, :], self.room.point[None, :]])
         x1, y1 = (near.min(axis=0) - ASK_AROUND).tolist()
         x2, y2 = (near.max(axis=0) + ASK_AROUND).tolist()
@@ -120,12 +120,12 @@ class StreetStop:
 
 
 def queue_length(spots: int) -> float:
-    """Frontage [m] upstream of a door's middle that ``spots`` waiting robots need."""
+    """Compute the frontage [m] upstream of a door's middle that waiting robots need."""
     return HEAD_SPOT + max(spots - 1, 0) * SPOT_STEP + END_SPACE if spots else POINT_TO_SIDE + WALL
 
 
 def least_frontage(spots: int, door_width: float) -> float:
-    """Shortest frontage [m] of a place with a queue and a door."""
+    """Compute the shortest frontage [m] of a place with a queue and a door."""
     return queue_length(spots) + _downstream(door_width)
 
 
@@ -144,7 +144,7 @@ def room_stop(
     spots: int,
     bathroom: float = 0.0,
 ) -> StreetStop:
-    """A room behind a door.
+    """Build a room behind a door.
 
     Args:
         frontage: where it begins.
@@ -206,7 +206,7 @@ def room_stop(
 
 
 def _bay(frontage: Frontage, door: float, half: float, spots: int) -> Box:
-    """Floor along the street before the door and the waiting robots."""
+    """Box the floor along the street before the door and the waiting robots."""
     before = queue_length(spots) if spots else half + DOWNSTREAM
     edge = frontage.street.width / 2.0 - 0.01
     return (door - before, door + half + DOWNSTREAM, edge, frontage.wall)
@@ -230,7 +230,7 @@ def _counter_clockwise(points: Array) -> Array:
 def cabin_stop(
     frontage: Frontage, *, name: str, kind: Kind, size: float, service_time: float, spots: int
 ) -> StreetStop:
-    """A lift car or charging bay: one robot drives in and stands in the middle for a time.
+    """Build a lift car or charging bay: one robot stands in its middle for a time.
 
     Args:
         frontage: where it begins; it takes ``queue_length(spots) + size / 2 + 0.2`` m.
@@ -268,12 +268,12 @@ def cabin_stop(
 
 
 def cabin_frontage(size: float, spots: int) -> float:
-    """Frontage [m] of :func:`cabin_stop`."""
+    """Compute the frontage [m] of :func:`cabin_stop`."""
     return queue_length(spots) + size / 2.0 + 0.2
 
 
 def face_stop(frontage: Frontage, *, name: str, spots: int) -> StreetStop:
-    """A place at a shelf or counter: the robot stands at the wall, out of the lane.
+    """Build a place at a shelf or counter: the robot stands at the wall, out of the lane.
 
     Args:
         frontage: where it begins; it takes :func:`face_frontage` m.
@@ -301,7 +301,7 @@ def face_stop(frontage: Frontage, *, name: str, spots: int) -> StreetStop:
 
 
 def face_frontage(spots: int) -> float:
-    """Frontage [m] of :func:`face_stop`."""
+    """Compute the frontage [m] of :func:`face_stop`."""
     return queue_length(spots) + FACE + DOWNSTREAM
 
 
@@ -314,12 +314,12 @@ class ParkingBay:
 
 
 def parking_frontage(places: int) -> float:
-    """Frontage [m] that ``places`` parked robots need."""
+    """Compute the frontage [m] that ``places`` parked robots need."""
     return places * SPOT_STEP + 2 * (END_SPACE - SPOT_STEP / 2.0) + 0.2 if places else 0.0
 
 
 def parking_bay(frontage: Frontage, *, places: int) -> ParkingBay:
-    """Robots side by side along the wall, out of the lanes."""
+    """Park robots side by side along the wall, out of the lanes."""
     length = parking_frontage(places)
     middle = [(0.1 + (k + 0.5) * SPOT_STEP, frontage.spot_line) for k in range(places)]
     box = (0.0, length, frontage.street.width / 2.0 - 0.01, frontage.wall)

@@ -63,7 +63,7 @@ def warehouse(
     spots: int = 2,
     charge_time: float = 10.0,
 ) -> World:
-    """Layout of a warehouse; see ``RANGES`` for what is allowed.
+    """Generate a warehouse; ``RANGES`` has what is allowed.
 
     Rooms are numbered in this order: packing stations (``station_0`` ...), charging bays
     (``charger_0`` ...), then the active pick faces, whose names ``pick_0`` ... keep the

@@ -36,7 +36,7 @@ SURE = 0.8  # similarity from which a new property of a user's class is taken fo
 
 
 def unknown_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """Properties that an object has by `with` alone, and new ones of classes, that look wrong."""
+    """Find properties that only `with` gives, and new ones of classes that look misspelt."""
     for item in scenario._instances:
         kind = type(item)
         for name in sorted({*item.properties} - {*kind._defaults} - SCENIC_READS):
@@ -47,7 +47,7 @@ def unknown_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
 
 
 def _given_property(item: Any, name: str, text: ProgramText) -> Iterator[Lint]:
-    """`with NAME VALUE` of a property that neither the class has nor the program reads."""
+    """Report `with NAME VALUE` that neither the class has nor the program reads."""
     kind = type(item)
     hint = did_you_mean(name, _public(kind))
     is_ours = any(map(_is_librarys, kind.__mro__))
@@ -63,7 +63,7 @@ def _given_property(item: Any, name: str, text: ProgramText) -> Iterator[Lint]:
 
 
 def _declared_properties(kind: Any, text: ProgramText) -> Iterator[Lint]:
-    """New properties of a user's class that were probably meant to be inherited ones."""
+    """Report new properties of a user's class that were probably inherited ones."""
     own = kind.__dict__.get("_scenic_properties", {})
     for base in kind.__bases__:
         inherited = _public(base) if issubclass(base, Constructible) else []
@@ -81,7 +81,7 @@ def _declared_properties(kind: Any, text: ProgramText) -> Iterator[Lint]:
 
 
 def _public(kind: Any) -> list[str]:
-    """Properties that a program may give to objects of a class."""
+    """List the properties that a program may give to objects of a class."""
     names = {*kind._defaults} - {*kind._finalProperties}
     return [name for name in (*names, *SCENIC_READS) if not name.startswith("_")]
 
@@ -98,7 +98,7 @@ def _is_librarys(kind: type) -> bool:
 
 
 def unknown_params(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """Global parameters of a program over the library that nothing reads."""
+    """Find global parameters of a program over the library that nothing reads."""
     if "_places" not in scenario.params:
         return
     known = (*WORLD_PARAMS, *RUN_PARAMS)
@@ -127,7 +127,7 @@ def _is_kept_for_others(name: str, scenario: Scenario) -> bool:
 
 
 def missing_model_line(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """A program that imports the library instead of naming it as its world model."""
+    """Report a program that imports the library and does not name its world model."""
     if "_places" not in scenario.params or text.find(r"^\s*model\s+[.\w]"):
         return
     yield Lint(

@@ -43,7 +43,7 @@ class ProgramText:
         return self._lines[str(self._path)]
 
     def find(self, pattern: str) -> str:
-        """``file:line`` of the first line that matches, empty if none does."""
+        """Find the ``file:line`` of the first line that matches, empty if none does."""
         for file, lines in self._lines.items():
             for number, line in enumerate(lines, start=1):
                 if re.search(pattern, _code_of(line)):
@@ -51,30 +51,30 @@ class ProgramText:
         return ""
 
     def place(self, pattern: str) -> str:
-        """``file:line`` of the first line that matches, the program's file if none does."""
+        """Find the first line that matches, or else the program's file."""
         return self.find(pattern) or str(self._path)
 
     def at(self, line: int) -> str:
-        """``file:line`` of a line of the program's own file."""
+        """Give the ``file:line`` of a line of the program's own file."""
         return f"{self._path}:{line}"
 
     def param(self, name: str) -> str:
-        """Where a global parameter is given."""
+        """Find where a global parameter is given."""
         return self.place(rf"^\s*param\b.*\b{re.escape(name)}\s*=")
 
     def assignment(self, name: str) -> str:
-        """Where a variable gets its value."""
+        """Find where a variable gets its value."""
         return self.place(rf"^\s*(?:\w+\s*,\s*)*{re.escape(name)}\s*(?:,\s*\w+\s*)*=[^=]")
 
     def object(self, thing: Any, name: str) -> str:
-        """Where an object is made; of other libraries' objects, where its name is given."""
+        """Find where an object is made, or else where its name is given."""
         origin = origin_of(thing)
         if origin is not None:
             return f"{origin[0]}:{origin[1]}"
         return self.place(rf"\bname\s+['\"]{re.escape(name)}['\"]")
 
     def specifier(self, thing: Any, name: str) -> str:
-        """Where an object gets a property by `with`."""
+        """Find where an object gets a property by `with`."""
         pattern = rf"\bwith\s+{re.escape(name)}\b"
         origin = origin_of(thing)
         if origin is None:

@@ -20,7 +20,7 @@ from scenic_worlds.requirements import requirement_file
 
 
 def only_in_requirements(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """Random values that nothing but requirements refer to."""
+    """Find random values that only requirements refer to."""
     reached = _nodes([*scenario._instances, *scenario.params.values()])
     for requirement in _all_requirements(scenario):
         for name, value in _names_in(requirement):
@@ -50,7 +50,7 @@ def _all_requirements(scenario: Scenario) -> tuple[CompiledRequirement, ...]:
 
 
 def _names_in(requirement: CompiledRequirement) -> Iterator[tuple[str, Any]]:
-    """Names and random values that a requirement was compiled with; no name: of a function."""
+    """Yield a requirement's names and random values; those of functions have no name."""
     free = requirement.closure.__code__.co_freevars
     cells = requirement.closure.__closure__ or ()
     held = {name: cell.cell_contents for name, cell in zip(free, cells, strict=True)}
@@ -65,7 +65,7 @@ def _names_in(requirement: CompiledRequirement) -> Iterator[tuple[str, Any]]:
 
 
 def _nodes(values: Iterable[Any]) -> dict[int, Samplable]:
-    """Everything random that ``values`` are made of, by ``id``."""
+    """Collect everything random that ``values`` are made of, by ``id``."""
     found: dict[int, Samplable] = {}
     waiting = [value for value in values if needsSampling(value)]
     while waiting:
@@ -78,12 +78,12 @@ def _nodes(values: Iterable[Any]) -> dict[int, Samplable]:
 
 
 def drawn_values(values: Iterable[Any]) -> dict[int, Samplable]:
-    """Random primitives that ``values`` are made of, by ``id``."""
+    """Collect the random primitives that ``values`` are made of, by ``id``."""
     return {number: node for number, node in _nodes(values).items() if _is_drawn(node)}
 
 
 def required_values(scenario: Scenario) -> list[Any]:
-    """Random values that requirements, monitors and records refer to."""
+    """List random values that requirements, monitors and records refer to."""
     return [v for requirement in _all_requirements(scenario) for _, v in _names_in(requirement)]
 
 
@@ -95,7 +95,7 @@ def _is_drawn(value: Any) -> bool:
 
 
 def random_in_dicts(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """Distributions inside dicts and sets, which Scenic does not sample."""
+    """Find distributions inside dicts and sets, which Scenic does not sample."""
     for name, value in scenario.params.items():
         for kind in sorted(_unsampled(value)):
             yield Lint(
@@ -118,7 +118,7 @@ def random_in_dicts(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
 
 
 def _unsampled(value: Any) -> set[str]:
-    """Kinds of container in ``value`` that hold a random value which will not be sampled."""
+    """Name the kinds of container in ``value`` whose random values are not sampled."""
     if isinstance(value, dict):
         return {"dict"} if any(map(_holds_random, (*value, *value.values()))) else set()
     if isinstance(value, (set, frozenset)):
@@ -144,7 +144,7 @@ def _holds_random(value: Any) -> bool:
 
 
 def undriven_mutations(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
-    """Objects that mutate by noise without an inverse map."""
+    """Find objects that mutate by noise without an inverse map."""
     for item, name in names_in_worlds(scenario.objects).items():
         thing = item._conditioned
         if not isinstance(thing, Constructible) or not _mutates(thing):
@@ -167,7 +167,7 @@ def _mutates(thing: Any) -> bool:
 
 
 def opaque_dimensions(scenario: Scenario, space: SearchSpace, text: ProgramText) -> Iterator[Lint]:
-    """Dimensions whose values have no inverse map."""
+    """Find dimensions whose values have no inverse map."""
     things = {name: item for item, name in names_in_worlds(scenario.objects).items()}
     for dimension in space.dimensions:
         if dimension.kind != "opaque" or ".mutation" in dimension.name:

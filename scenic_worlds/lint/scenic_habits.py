@@ -22,7 +22,7 @@ SAMPLER_PARAMS = (
 
 
 def temporal_requirements(scenario: Scenario) -> Iterator[Lint]:
-    """Requirements on what happens during a run."""
+    """Find requirements on what happens during a run."""
     for requirement in scenario.requirements:
         if not requirement.proposition.has_temporal_operator:
             continue
@@ -39,7 +39,7 @@ def temporal_requirements(scenario: Scenario) -> Iterator[Lint]:
 
 
 def requirements_while_running(program: ProgramText) -> Iterator[Lint]:
-    """Each ``require`` inside a block that runs during a simulation."""
+    """Find each ``require`` inside a block that runs during a simulation."""
     block, depth = "", 0
     for number, line in enumerate(program.lines, start=1):
         text = line.strip()
@@ -69,7 +69,7 @@ def _requirement_place(requirement: CompiledRequirement) -> str:
 
 
 def ignored_samplers(scenario: Scenario, program: ProgramText) -> Iterator[Lint]:
-    """Parameters of VerifAI's samplers."""
+    """Find parameters of VerifAI's samplers."""
     for name in SAMPLER_PARAMS:
         if name in scenario.params:
             yield Lint(

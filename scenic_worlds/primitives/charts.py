@@ -49,7 +49,7 @@ class Chart:
 
 
 def chart_of(region: Region) -> Chart | None:
-    """Chart of a region that is not random; None if its sampling is not known.
+    """Find the chart of a region that is not random; None if its sampling is not known.
 
     The chart is kept with the region, so that a region of the layout is charted once.
     """
@@ -62,7 +62,7 @@ def chart_of(region: Region) -> Chart | None:
 
 
 def axes_of_random(region: Any) -> int | None:
-    """Number of coordinates for a region that is itself random; None if it cannot be told.
+    """Count the coordinates of a region that is itself random; None if unknown.
 
     Args:
         region: a Scenic region with random parts, or a distribution over regions.
@@ -182,7 +182,7 @@ def _point_set(region: Any) -> Chart:
 
 
 def _points(region: Any, points: Any) -> Chart:
-    """Chart onto the points ``(n, 3)`` [m]."""
+    """Chart the points ``(n, 3)`` [m]."""
 
     def point(u: Sequence[float]) -> Vector:
         return region.orient(Vector(*points[min(int(u[0] * len(points)), len(points) - 1)]))

@@ -120,7 +120,7 @@ class Driver:
     # --- evaluation ----------------------------------------------------------------------
 
     def begin(self) -> Sample:
-        """A sample of which nothing is known yet."""
+        """Begin a sample of which nothing is known yet."""
         return Sample(self.source, self._plan)
 
     def restrict(self, intervals: Mapping[int, tuple[float, float]]) -> None:
@@ -135,7 +135,7 @@ class Driver:
         self.source.intervals = dict(intervals)
 
     def value_of(self, sample: Sample, place: int) -> float | None:
-        """Value of a sample that belongs to a coordinate; None if it is no number.
+        """Look up the value that belongs to a coordinate; None if it is not a number.
 
         Args:
             sample: complete.
@@ -161,13 +161,13 @@ class Driver:
         return (1 << len(self.units)) - 1
 
     def units_of(self, value: Any) -> int:
-        """Units that a value of the program depends on, as a bit set."""
+        """Find the units that a value of the program depends on, as a bit set."""
         if not needsSampling(value):
             return 0
         return self._plan.units_of(value)
 
     def units_of_label(self, label: str) -> int:
-        """Units of an object's name, a ``param NAME`` or a ``param NAME[i]``; 0 if unknown."""
+        """Find the units of an object, ``param NAME`` or ``param NAME[i]``; 0 if unknown."""
         for item, name in self.names.items():
             if name == label:
                 return self.units_of(item)
@@ -181,7 +181,7 @@ class Driver:
         return self.units_of(value)
 
     def geometry_units(self, thing: Any) -> int:
-        """Units that decide where an object is and what it touches."""
+        """Find the units that decide where an object is and what it touches."""
         units = self._mutations.get(id(thing), 0)
         for name in GEOMETRY:
             units |= self.units_of(getattr(thing, name, None))
@@ -192,11 +192,11 @@ class Driver:
         return self._plan.depends_on(thing, other)
 
     def steps(self, needed: Iterable[Any], units: int) -> tuple[int, ...]:
-        """What to compute anew for the values ``needed`` when ``units`` change, in order."""
+        """List what to compute anew for the values ``needed`` when ``units`` change, in order."""
         return self._plan.between(needed, units)
 
     def coordinates(self, units: int) -> BoolArray:
-        """Which of the k coordinates belong to ``units``, ``(k,)``."""
+        """Mark which of the k coordinates belong to ``units``, ``(k,)``."""
         mask = np.zeros(len(self.space), dtype=np.bool_)
         for number in bits(units):
             mask[self.units[number].start : self.units[number].stop] = True
@@ -248,7 +248,7 @@ class Sample:
 
 
 def bits(number: int) -> Iterable[int]:
-    """Positions of the bits set in ``number``, ascending."""
+    """Yield the positions of the bits set in ``number``, ascending."""
     while number:
         low = number & -number
         yield low.bit_length() - 1

@@ -67,7 +67,7 @@ DERIVED_DEPTH = 100
 
 
 def roots_of(scenario: Scenario) -> tuple[Root, ...]:
-    """Everything that has to be sampled, in the order of the program.
+    """List everything that has to be sampled, in the order of the program.
 
     Objects come first, then points that only specifiers use, global parameters, what
     requirements use, and values that behaviours refer to.
@@ -93,7 +93,7 @@ def roots_of(scenario: Scenario) -> tuple[Root, ...]:
 
 
 def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
-    """Random primitives that the roots are made of, sorted by root.
+    """Find the random primitives that the roots are made of, sorted by root.
 
     A primitive that several roots share belongs to the one that mentions it most directly, and
     to the first of those.
@@ -135,7 +135,7 @@ def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
 
 
 def _parts(value: Any) -> Iterator[tuple[str, Any]]:
-    """Suffix and value of each part; the same part may come twice."""
+    """Yield suffix and value of each part; the same part may come twice."""
     yield from _named_parts(value)
     for part in value._dependencies:
         yield "", part
@@ -165,7 +165,7 @@ def _named_parts(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _argument_parts(value: Any) -> Iterator[tuple[str, Any]]:
-    """Arguments of a call; a single random argument given by position goes without a name."""
+    """Yield a call's arguments; a single random one given by position has no name."""
     for name, part in value.kwargs.items():
         yield f".{name}", part
     lazy = [part for part in value.arguments if needsSampling(part)]
@@ -189,7 +189,7 @@ def _parameter_names(function: Any) -> list[str]:
 
 
 def _requirement_values(scenario: Scenario) -> list[tuple[str, Samplable]]:
-    """Random values that requirements, monitors and records refer to, by name."""
+    """List random values of requirements, monitors and records, by name."""
     dynamic = scenario.dynamicScenario
     groups = (
         scenario.requirements,
@@ -212,7 +212,7 @@ def _requirement_values(scenario: Scenario) -> list[tuple[str, Samplable]]:
 
 
 def _bindings(closure: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values that a requirement was compiled with, in the order of its code."""
+    """Yield the names and values a requirement was compiled with, in the order of its code."""
     free = closure.__code__.co_freevars
     held = {
         name: cell.cell_contents for name, cell in zip(free, closure.__closure__ or (), strict=True)
@@ -226,5 +226,5 @@ def _bindings(closure: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _description(value: Any) -> str:
-    """Text of a value without its address in memory."""
+    """Describe a value without its address in memory."""
     return f"{type(value).__name__} {re.sub(r' at 0x[0-9a-f]+', '', repr(value))}"

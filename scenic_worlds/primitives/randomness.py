@@ -48,7 +48,7 @@ class GeneratorState:
         np.random.set_state(self._numpy)  # noqa: NPY002
 
     def is_current(self) -> bool:
-        """Whether nobody drew from the generators since."""
+        """Whether the generators have not been drawn from since."""
         kind, keys, *rest = np.random.get_state()  # noqa: NPY002
         then_kind, then_keys, *then_rest = self._numpy
         return (
