@@ -4,12 +4,12 @@
 (``scenario.setSampleChecker``). It accepts and rejects exactly what
 ``scenic.core.sample_checking.BasicChecker`` does, and in addition says who is to blame.
 
-Where the speed comes from: objects with a flat box footprint, which furniture is, are
-tested for containment with one vectorised call per container, and for collisions through
-one spatial index, by the very predicates Scenic applies one pair at a time. All other
-shapes and regions go to Scenic's own methods, collisions only where the bounding spheres
-come near each other. What is known of an object is kept for as long as the next sample
-holds the same object, as in local resampling it mostly does.
+Where the speed comes from: furniture has a flat box footprint. Such objects are tested for
+containment with one vectorised call per container, and for collisions through one spatial
+index, by the predicates that Scenic applies one pair at a time. All other shapes and regions
+go to Scenic's own methods, collisions only where bounding spheres come near each other. What
+is known of an object is kept while samples hold the same object, as they mostly do in local
+resampling.
 """
 
 from __future__ import annotations

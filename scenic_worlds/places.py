@@ -1,8 +1,7 @@
 """The named places of a floor as Scenic regions: rooms, corridors, walls, doors, lanes, queues.
 
-A scenario author meets these as the functions of ``model.scenic``. The functions at the end
-of this module take random layouts, rooms and objects as well as fixed ones: with a random
-argument they return a region that Scenic computes anew for each scene.
+A scenario author calls these as the functions of ``model.scenic``. ``random_places`` lets them
+take random layouts, rooms and objects as well as fixed ones.
 """
 
 from __future__ import annotations
@@ -271,7 +270,7 @@ class Places:
         """List the points ``(K, 2)`` [m] of a route of points and rooms, or of a polyline region.
 
         Raises:
-            InputError: an unknown room, or a stop that is none of these.
+            InputError: an unknown room, or a stop of another kind.
         """
         if isinstance(route, PolylineRegion):
             return np.array(route.points, dtype=np.float64)[:, :2]

@@ -3,8 +3,8 @@
 A rejected scene mostly needs a few objects to stand elsewhere. Asking Scenic for a whole new
 sample for each try is what makes dense scenes slow; here only the numbers that place one object
 are drawn again and only its outline is tested, against its region and the outlines of the
-others. The outlines are flat boxes; whatever is not is left to whole-scene checks, which have
-the last word in any case.
+others. Outlines are flat boxes; everything else is left to whole-scene checks, which decide
+in any case.
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ class Placing:
             sample: complete; its values are out of date for the units returned.
             u: ``(k,)``, changed in place.
             draws: to draw with.
-            rejections: counts every place that was no good.
+            rejections: counts every rejected place.
 
         Returns:
-            What was drawn again; no units if nothing stands wrong, or nothing can move.
+            What was drawn again; no units if nothing has to move, or nothing can.
         """
         floor = self._floor(sample)
         wrong = self._standing_wrong(sample, floor, draws, rejections)
@@ -284,14 +284,14 @@ def _are_inside(containers: list[Any], outlines: NDArray[np.object_]) -> NDArray
         pairs = zip(containers, outlines, strict=True)
         return np.array([_is_inside(container, outline) for container, outline in pairs])
     if not isinstance(first, PolygonalFootprintRegion):
-        return np.ones(len(outlines), dtype=np.bool_)  # not for us to say
+        return np.ones(len(outlines), dtype=np.bool_)  # whole-scene checks decide
     inside: NDArray[np.bool_] = shapely.contains(first.polygons, outlines)
     return inside
 
 
 def _is_inside(container: Any, outline: Any) -> bool:
     if not isinstance(container, PolygonalFootprintRegion):
-        return True  # not for us to say
+        return True  # whole-scene checks decide
     return bool(shapely.contains(container.polygons, outline))
 
 

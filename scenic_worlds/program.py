@@ -140,7 +140,7 @@ class Program:
             places: numbers of the coordinates.
 
         Returns:
-            A number each; None for what is none, such as a direction or an opaque choice.
+            A number each; None for other values, such as a direction or an opaque choice.
         """
         driver = self.search.driver
         sample = driver.begin()

@@ -188,7 +188,7 @@ class SceneSearch:
         except NodeRejected as rejected:
             return None, self._blame_node(rejected)
         if not self._watched:
-            # a function of the program's own may draw random numbers that nobody drives
+            # a function of the program may draw random numbers that the driver does not know
             self._watched = True
             self._draws_elsewhere = not begin.is_current()
         message = self._checker.checkRequirements(sample.values)

@@ -1,4 +1,4 @@
-"""Requirements that a program's author wrote: where they stand, and whether they hold."""
+"""Requirements of a program's author: where they are written, and whether they hold."""
 
 from __future__ import annotations
 

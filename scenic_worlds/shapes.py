@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from mrta_falsify.core.arrays import Array
 
 WALL_TOUCH = 0.08  # m, outline of a room this near to a wall runs along it
-SHORTEST_WALL = 0.3  # m, pieces of wall below this are no place for furniture
+SHORTEST_WALL = 0.3  # m, shorter pieces of wall take no furniture
 FIT_STEP = 0.05  # m, between places tried along a wall
 
 
@@ -28,8 +28,8 @@ def wall_segments(
 
     Args:
         room: outline of the room.
-        walls: outlines ``(V, 2)`` [m]; those farther than 1 m are no walls of this room.
-        doorway: what lies in it is no wall.
+        walls: outlines ``(V, 2)`` [m]; those farther than 1 m do not belong to this room.
+        doorway: what lies in it does not count as wall.
     """
     near = [wall for wall in map(Polygon, walls) if wall.distance(room) < 1.0]
     solid = shapely.union_all(near)

@@ -1,7 +1,7 @@
 """Task streams of random deliveries, bound to the program's floor.
 
-Streams are lists of as many tuples as a scene may have tasks at most; a task that is not to
-be is switched off by its last entry, since Scenic programs cannot loop over random counts.
+A stream is a list of as many tuples as a scene may have tasks at most. Scenic programs cannot
+loop over random counts, so the last entry of a tuple switches its task off.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether a sampled world is one that may be run: what Scenic itself does not know."""
+"""Whether a sampled world may be run, which Scenic itself cannot tell."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _FLOOR = ("walls", "lanes", "resources")
 
 
 class WorldValidity:
-    """Refuses sampled worlds that could not be read from a file, or not be run.
+    """Refuses sampled worlds that cannot be read from a file, or cannot be run.
 
-    What a world has in common with the last one that passed (the very same objects, as the
-    floor of most programs) is not looked at again.
+    Parts that are the same objects as in the last world that passed, such as the floor of most
+    programs, are not checked again.
 
     Args:
         where: the program, which begins every message.

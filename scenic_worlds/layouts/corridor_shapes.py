@@ -19,7 +19,7 @@ STEP_BACK = 1.3  # m behind a corridor's wall, kept for where the wall steps bac
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Something that wants a frontage."""
+    """Something that needs a frontage."""
 
     kind: Literal["room", "station", "lift", "charger", "parking"]
     number: int  #: of the room, lift ... or how many parking places

@@ -52,7 +52,7 @@ def derive_layout(floor: Floor) -> World:
     queues, sites = _queues(routes, floor, entrances, middles, part)
     given = {(lane.start, lane.end): lane for lane in floor.lanes}
     lanes = _Lanes(routes, floor, entrances, queues)
-    for _ in range(2):  # a spot that stands in somebody's way is given up, once
+    for _ in range(2):  # spots that stand in the way are given up, once
         derived = lanes.build(given)
         shorter = [
             _kept(queue, derived, i, given=bool(len(floor.rooms[i].queue)))

@@ -13,7 +13,7 @@ from mrta_falsify.stack.planning import search_kernels as kernels
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
 MAX_CELLS = 2_000_000  # finer than this takes coarser cells
-WIDE = 1.5  # m; farther from everything is no better
+WIDE = 1.5  # m; keeping farther away than this gains nothing
 KEEP_MIDDLE = 6.0  # a cell beside a wall is this many times dearer, and once more
 RIGHT = 0.40  # m, lane to the middle: 0.8 between lanes, as AWS
 WALL_GAP = 0.42  # m, lane to anything solid, where there is room

@@ -1,9 +1,8 @@
 """Scenic's regions as images of the unit cube, uniformly.
 
 A chart maps the unit cube onto a region so that a uniform u gives a uniform point, as Scenic's
-own ``uniformPointInner`` would. Which chart a region has is decided by which class's
-``uniformPointInner`` it inherits, so a region of a user's own that samples in its own way gets
-none (and is driven by a seed instead).
+own ``uniformPointInner`` would. The class whose ``uniformPointInner`` a region inherits decides
+its chart. A user's region that samples in its own way gets none and is driven by a seed.
 """
 
 from __future__ import annotations

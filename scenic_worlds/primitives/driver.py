@@ -47,7 +47,7 @@ class Unit:
 
 
 class Driver:
-    """Drives every random primitive of a scenario; changes the scenario for good.
+    """Drives every random primitive of a scenario; the scenario stays changed.
 
     Sets of units are kept as bit sets in an ``int``: bit i is unit i.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -63,7 +63,9 @@ DERIVED = frozenset(
     f".{name}"
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
-DERIVED_DEPTH = 100
+DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
+#: what Scenic's random primitives are made of
+PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
 
 
 def roots_of(scenario: Scenario) -> tuple[Root, ...]:
@@ -146,22 +148,23 @@ def _named_parts(value: Any) -> Iterator[tuple[str, Any]]:
         for name in value.properties:
             yield f".{name}", getattr(value, name)
     elif isinstance(value, TupleDistribution):
-        for i, part in enumerate(value.coordinates):
-            yield f"[{i}]", part
+        yield from _numbered(value.coordinates)
     elif isinstance(value, Vector):
         yield from zip((".x", ".y", ".z"), value.coordinates, strict=True)
     elif isinstance(value, MultiplexerDistribution):
         yield "", value.index
-        for i, part in enumerate(value.options):
-            yield f"[{i}]", part
+        yield from _numbered(value.options)
     elif isinstance(value, UniformDistribution):
         yield "", value.selector
     elif isinstance(value, (FunctionDistribution, MethodDistribution)):
         yield from _argument_parts(value)
     elif is_primitive(value):
-        for name in ("low", "high", "mean", "stddev", "region"):
-            if name in value.__dict__:
-                yield f".{name}", value.__dict__[name]
+        own = vars(value)
+        yield from ((f".{name}", own[name]) for name in PRIMITIVE_PARTS if name in own)
+
+
+def _numbered(parts: Iterable[Any]) -> Iterator[tuple[str, Any]]:
+    return ((f"[{i}]", part) for i, part in enumerate(parts))
 
 
 def _argument_parts(value: Any) -> Iterator[tuple[str, Any]]:
