@@ -9,7 +9,8 @@ import numpy as np
 
 from mrta_falsify.core.world import Furniture
 from scenic_worlds.layouts.assembly import SideRow, solid_boxes, street_box
-from scenic_worlds.layouts.stops import Box, StreetStop, corners, face_frontage, face_stop
+from scenic_worlds.layouts.frontages import Box, corners
+from scenic_worlds.layouts.stops import StreetStop, face_frontage, face_stop
 from scenic_worlds.layouts.streets import Street, StreetCrossing
 
 APART = 0.2  # m between places on one side

@@ -10,7 +10,8 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.world import Furniture, Lane, Wall, World
-from scenic_worlds.layouts.stops import Box, Frontage, ParkingBay, StreetStop, corners
+from scenic_worlds.layouts.frontages import Box, Frontage, ParkingBay, corners
+from scenic_worlds.layouts.stops import StreetStop
 from scenic_worlds.layouts.streets import Leg, Street, StreetMap
 from simulator_interface.formats.outlines import merged_runs
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from scenic_worlds.layouts.assembly import SideRow, street_box
-from scenic_worlds.layouts.stops import WALL, Box, parking_frontage
+from scenic_worlds.layouts.frontages import WALL, Box, parking_frontage
 from scenic_worlds.layouts.streets import Street, StreetCrossing
 
 Shape = Literal["line", "ell", "ring", "comb"]

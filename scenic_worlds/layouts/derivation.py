@@ -13,6 +13,7 @@ from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Lane, Resource, Room, World
 from scenic_worlds.layouts.assembly import lane_travel_times
 from scenic_worlds.layouts.entrances import Entrance, find_entrance
+from scenic_worlds.layouts.frontages import corners
 from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
 from scenic_worlds.layouts.routes import (
     STEP,
@@ -21,7 +22,7 @@ from scenic_worlds.layouts.routes import (
     evenly,
     right_of,
 )
-from scenic_worlds.layouts.stops import ASK_AROUND, corners
+from scenic_worlds.layouts.stops import ASK_AROUND
 from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
 ROBOT_RADIUS = 0.22  # m

@@ -12,6 +12,7 @@ from shapely.geometry import LineString, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from scenic_worlds.layouts.routes import STEP, RouteMap, evenly
+from scenic_worlds.layouts.stops import APRON
 from simulator_interface.formats.floor_yaml import FloorRoom
 from simulator_interface.formats.outlines import mask_outlines, outlines
 
@@ -22,7 +23,6 @@ DOOR_EDGE = 0.15  # m, floor beside a door is wider by this
 OPEN_ROOM = 1.2  # m around the point of a room without door and area
 ROBOT_REACH = 0.3  # m, robots do not drive nearer to walls, and a cell
 LARGEST_ROOM = 250.0  # m^2, more is a hall
-APRON = 0.9  # m of floor before a door that an entering robot needs
 FRONT = 0.6  # m, from the door to the point before it
 
 

@@ -22,21 +22,16 @@ from scenic_worlds.layouts.corridor_shapes import (
     Wanted,
     plan_corridors,
 )
-from scenic_worlds.layouts.ranges import Numbers, active_flags, check_ranges, per_place
-from scenic_worlds.layouts.stops import (
-    BAY,
-    LIFT,
+from scenic_worlds.layouts.frontages import (
     WALL,
     Box,
     Frontage,
     ParkingBay,
-    StreetStop,
-    cabin_frontage,
-    cabin_stop,
     least_frontage,
     parking_bay,
-    room_stop,
 )
+from scenic_worlds.layouts.ranges import Numbers, active_flags, check_ranges, per_place
+from scenic_worlds.layouts.stops import BAY, LIFT, StreetStop, cabin_frontage, cabin_stop, room_stop
 
 #: allowed values: lowest, highest
 RANGES: dict[str, tuple[float, float]] = {

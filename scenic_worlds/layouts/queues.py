@@ -11,10 +11,10 @@ from shapely.geometry import Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from scenic_worlds.layouts.entrances import Entrance
+from scenic_worlds.layouts.frontages import SPOT_STEP
 from scenic_worlds.layouts.routes import RouteMap
 
 SPOT_GAP = (0.40, 0.60)  # m, waiting robot to the wall beside it
-SPOT_STEP = 1.0  # m between waiting robots
 LEAST_STEP = 0.95
 FROM_FRONT = (0.95, 2.6)  # m, front of the door to the head spot, straight
 TO_LANE = 0.75  # m, waiting robot to a lane

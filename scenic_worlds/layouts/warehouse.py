@@ -11,18 +11,14 @@ from collections.abc import Sequence
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts.aisles import block_furniture, faces_length, place_faces, plan_aisles
 from scenic_worlds.layouts.assembly import SideRow, assemble_layout
-from scenic_worlds.layouts.ranges import active_flags, check_ranges
-from scenic_worlds.layouts.stops import (
-    BAY,
+from scenic_worlds.layouts.frontages import (
     ParkingBay,
-    StreetStop,
-    cabin_frontage,
-    cabin_stop,
     least_frontage,
     parking_bay,
     parking_frontage,
-    room_stop,
 )
+from scenic_worlds.layouts.ranges import active_flags, check_ranges
+from scenic_worlds.layouts.stops import BAY, StreetStop, cabin_frontage, cabin_stop, room_stop
 
 #: allowed values: lowest, highest
 RANGES: dict[str, tuple[float, float]] = {
