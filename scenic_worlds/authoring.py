@@ -19,7 +19,7 @@ Place = int | str
 Pair = tuple[float, float]
 
 
-class Floor:
+class PlaceFunctions:
     """Places of the floor that ``param layout`` names.
 
     Args:

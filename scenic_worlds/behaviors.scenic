@@ -8,7 +8,7 @@ person's own. Times are in seconds of the episode.
 
 A person whose behaviour is one of these gets it written into the world, which then runs
 without this program. Behaviours of your own use them with `do`, `do ... until` and
-`try: do ... interrupt when`; who takes no action stands.
+`try: do ... interrupt when`. A person without an action stands still.
 """
 
 from simulator_interface.scenic_bridge.actions import CarryOn, script
@@ -22,7 +22,7 @@ behavior WalkTo(place, speed=0):
 
 
 behavior FollowRoute(route, repeat=False, speed=0):
-    """Walk from place to place; with `repeat` for ever."""
+    """Walk from place to place; with `repeat` until the episode ends."""
     todo = script('FollowRoute', route, repeat=repeat, speed=speed)
     while not todo.done:
         take CarryOn(todo)
@@ -43,7 +43,7 @@ behavior WaitUntil(time):
 
 
 behavior StandStill():
-    """Stand for good."""
+    """Stand until the episode ends."""
     todo = script('StandStill')
     while not todo.done:
         take CarryOn(todo)

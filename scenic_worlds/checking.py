@@ -4,12 +4,12 @@
 (``scenario.setSampleChecker``). It accepts and rejects exactly what
 ``scenic.core.sample_checking.BasicChecker`` does, and in addition says who is to blame.
 
-Where the speed comes from: objects with a flat box footprint, which furniture is, are
-tested for containment with one vectorised call per container, and for collisions through
-one spatial index, by the very predicates Scenic applies one pair at a time. All other
-shapes and regions go to Scenic's own methods, collisions only where the bounding spheres
-come near each other. What is known of an object is kept for as long as the next sample
-holds the same object, as in local resampling it mostly does.
+Where the speed comes from: furniture has a flat box footprint. Such objects are tested for
+containment with one vectorised call per container, and for collisions through one spatial
+index, by the predicates that Scenic applies one pair at a time. All other shapes and regions
+go to Scenic's own methods, collisions only where bounding spheres come near each other. What
+is known of an object is kept while samples hold the same object, as they mostly do in local
+resampling.
 """
 
 from __future__ import annotations
@@ -84,12 +84,12 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         self._others = tuple(
             r for r in self.requirements if type(r) not in handled and not r.optional
         )
-        self._names = object_names(_objects_of(self.requirements))
+        self._names = names_in_worlds(_objects_of(self.requirements))
         self._containment = _Containment(inside)
         self._collisions = _Collisions(pairs)
 
     def checkRequirementsInner(self, sample: Sample) -> str | None:  # noqa: N802
-        """Message of the first violation found, None if there is none; called by Scenic.
+        """Say what is violated first, None if nothing is; called by Scenic.
 
         Raises:
             FormatError: a requirement of the user's cannot be evaluated.
@@ -164,7 +164,7 @@ class _Containment:
         self._known: list[tuple[Any, Any]] = [(None, None)] * len(self._requirements)
 
     def first_outside(self, sample: Sample) -> ContainmentRequirement | None:
-        """The first requirement that fails.
+        """Find the first requirement that fails.
 
         What passed before with the same object and the same region is not asked again.
         """
@@ -181,7 +181,7 @@ class _Containment:
         return self._requirements[min(failed)] if failed else None
 
     def _outside(self, sample: Sample, batch: Sequence[int]) -> list[int]:
-        """Those of a batch with one container that fail; the others are remembered."""
+        """Test a batch with one container: those that fail; the others are remembered."""
         container = sample[self._requirements[batch[0]].container]
         things = [sample[self._requirements[i].obj] for i in batch]
         footprint = _footprint_of(container)
@@ -208,7 +208,7 @@ def _contains(container: Any, thing: Any) -> bool:
 
 
 def _footprint_of(container: Any) -> Any:
-    """Shapely outline whose ``contains`` is the container's own test of convex objects."""
+    """Find the outline whose ``contains`` is the container's own test of convex objects."""
     if type(container) is PolygonalFootprintRegion:
         return container.polygons
     method = getattr(type(container), "containsObject", None)
@@ -244,7 +244,7 @@ class _Collisions:
         self._clear: dict[tuple[int, int], tuple[Any, Any]] = {}
 
     def first_hit(self, sample: Sample) -> IntersectionRequirement | None:
-        """The first pair, in Scenic's order, of which Scenic says that it collides."""
+        """Find the first pair, in Scenic's order, that collides by Scenic's own test."""
         for i, item in enumerate(self._objects):
             thing = sample[item]
             if self._seen[i] is not thing:
@@ -272,7 +272,7 @@ class _Collisions:
         self._low[i], self._high[i] = z - reach, z + reach
 
     def _near_pairs(self) -> list[tuple[int, int]]:
-        """Pairs that may collide, sorted; flat boxes in it overlap in plan."""
+        """List the pairs that may collide, sorted; flat boxes among them overlap in plan."""
         rows = np.flatnonzero(self._collides)
         if len(rows) < 2:
             return []
@@ -309,8 +309,8 @@ class _Collisions:
 # --- names -----------------------------------------------------------------------------------
 
 
-def object_names(objects: Iterable[Any]) -> dict[Any, str]:
-    """Names of a program's objects, as its worlds have them.
+def names_in_worlds(objects: Iterable[Any]) -> dict[Any, str]:
+    """Name a program's objects as its worlds do.
 
     Args:
         objects: of the program, in its order.
@@ -339,7 +339,7 @@ def _region_name(region: Any) -> str:
 
 
 def _objects_of(requirements: Iterable[SamplingRequirement]) -> tuple[Any, ...]:
-    """Objects of a scenario in its order; Scenic's blanket requirement has them all."""
+    """List a scenario's objects in its order; Scenic's blanket requirement has them all."""
     found: dict[Any, None] = {}
     for requirement in requirements:
         if isinstance(requirement, BlanketCollisionRequirement):

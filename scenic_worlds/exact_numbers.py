@@ -1,4 +1,9 @@
-"""Numbers, headings and rectangles as a Scenic program must say them to get them back exactly."""
+"""Numbers, headings and rectangles as a Scenic program must write them to get them back exactly.
+
+A minimised failure is handed over as a program, and a deadlock may hang on the last bit of a
+corner. Scenic turns a heading into a quaternion and back, so the number to write is often a
+neighbour of the number wanted; the neighbours are tried.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +19,20 @@ from mrta_falsify.core import geometry
 from mrta_falsify.core.arrays import Array
 
 DEG = 0.01745329252  # rad, what Scenic multiplies by for `deg`
-NEAREST = 24  # neighbouring floating-point headings that are tried for a yaw
+#: neighbouring floating-point headings tried on each side of a yaw; of 400 random rectangles
+#: 191 come back exactly with 1, 241 with 4, 258 with 12 and 266 with 24
+NEAREST = 24
 
 
 def number_text(value: float) -> str:
-    """``value`` exactly, as short as it can be written."""
+    """Write ``value`` exactly and as short as possible."""
     value = float(value)
     whole = value == math.floor(value) and abs(value) < 1e9
     return str(int(value)) if whole else repr(value)
 
 
 def point_text(point: Array) -> str:
-    """A point ``(2,)`` exactly."""
+    """Write a point ``(2,)`` exactly."""
     return f"({number_text(point[0])}, {number_text(point[1])})"
 
 
@@ -42,7 +49,7 @@ class Box:
 
 
 def _headings(yaw: float) -> Iterator[tuple[str, float]]:
-    """Ways to write the heading of a body at ``yaw``, and the yaw that each gives; best first."""
+    """Yield ways to write a yaw as a heading, and the yaw that each gives; best first."""
     heading = float(geometry.wrap_angle(yaw - np.pi / 2.0))
     degrees = round(heading / DEG, 6)
     yield f"{number_text(degrees)} deg", _yaw_of(degrees * DEG)
@@ -54,20 +61,20 @@ def _headings(yaw: float) -> Iterator[tuple[str, float]]:
 
 
 def _yaw_of(heading: float) -> float:
-    """Yaw in the world of an object that faces ``heading``; Scenic goes over a quaternion."""
+    """Compute the yaw of an object that faces ``heading``; Scenic goes over a quaternion."""
     faced = float(Orientation.fromEuler(heading, 0, 0).yaw)
     return float(geometry.wrap_angle(faced + np.pi / 2.0))
 
 
 @functools.lru_cache(maxsize=4096)
 def heading_text(yaw: float) -> str:
-    """What to write behind `facing` for a yaw: exact if possible, the nearest otherwise."""
+    """Write a yaw as Scenic's `facing` takes it: exact if possible, the nearest otherwise."""
     ways = list(_headings(yaw))
     return min(ways, key=lambda way: abs(float(geometry.wrap_angle(way[1] - yaw))))[0]
 
 
 def box_of(polygon: Array) -> Box:
-    """The box whose footprint is ``polygon`` ``(V, 2)`` [m], or comes nearest to it."""
+    """Find the box whose footprint is ``polygon`` ``(V, 2)`` [m], or nearest to it."""
     corners = tuple(float(value) for value in polygon.ravel())
     return _box_of_corners(corners)
 
@@ -95,7 +102,7 @@ def _box_of_corners(corners: tuple[float, ...]) -> Box:
 
 
 def _offset(start: Array, end: Array) -> float | None:
-    """A number that added to each of ``start`` ``(4,)`` gives exactly ``end``; None: none does."""
+    """Find a number that takes each of ``start`` ``(4,)`` exactly to ``end``; None: none does."""
     guesses = [round(float(np.mean(end)), 6), float(np.mean(end - start))]
     for difference in end - start:
         near = float(difference)

@@ -8,11 +8,12 @@ Global parameters (a program gives them before `model scenic_worlds.model`):
 The functions are described in authoring.py.
 """
 
-from scenic_worlds.authoring import Floor
+from scenic_worlds.authoring import PlaceFunctions
+from scenic_worlds.origins import note_origin
 
 param layout = 'aws_hospital'
 
-_floor = Floor(globalParameters.layout)
+_floor = PlaceFunctions(globalParameters.layout)
 places = _floor.places
 param _places = places
 param _layout = globalParameters.layout
@@ -48,3 +49,7 @@ class FloorObject(Object):
     height: 1.0
     baseOffset: (0, 0, 0)
     contactTolerance: 0.0
+
+    def _register(self):
+        note_origin(self)
+        super()._register()

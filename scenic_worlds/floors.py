@@ -12,12 +12,10 @@ The parameters are those of the layout functions (``docs/layouts.md``), each fix
 from __future__ import annotations
 
 from scenic_worlds.layouts.hospital import hospital as _hospital
-from scenic_worlds.layouts.store import department_store as _department_store
 from scenic_worlds.layouts.warehouse import warehouse as _warehouse
 from scenic_worlds.lifted import lifted
 
-department_store = lifted(_department_store)
 hospital = lifted(_hospital)
 warehouse = lifted(_warehouse)
 
-__all__ = ["department_store", "hospital", "warehouse"]
+__all__ = ["hospital", "warehouse"]

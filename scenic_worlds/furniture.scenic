@@ -17,11 +17,14 @@ from scenic_worlds.floor import FloorObject, standing_room
 class Furniture(FloorObject):
     """Something solid; its footprint is width x length.
 
-    `mesh` names a shape to draw it with (see simulator_interface/meshes.py); robots meet the
-    extruded footprint.
+    Properties:
+        mesh: names a shape to draw it with (see simulator_interface/furniture_shapes.py);
+            robots meet the extruded footprint.
+        movable: may be pushed.
     """
     kind: 'furniture'
     mesh: ''
+    movable: False
     regionContainedIn: standing_room
     position: new Point in standing_room
     baseOffset: (0, -self.length / 2, 0)

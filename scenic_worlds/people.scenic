@@ -23,7 +23,7 @@ class Human(FloorObject):
         route: list of points `(x, y)`, room numbers and room names, each may be random, or the
             lane `route(a, b)`; empty: the person stands at its position.
         speed: desired walking speed [m/s].
-        reacts: gives way to robots; False walks on as if there were none.
+        reacts: gives way to robots; if False, walks on and ignores them.
         repeat: starts again after the last point; False stays there.
         phase: share of the route walked at time 0, in [0, 1].
         appears_at, leaves_at: when the person is on the floor [s].

@@ -1,8 +1,7 @@
 """The named places of a floor as Scenic regions: rooms, corridors, walls, doors, lanes, queues.
 
-A scenario author meets these as the functions of ``model.scenic``. The functions at the end
-of this module take random layouts, rooms and objects as well as fixed ones: with a random
-argument they return a region that Scenic computes anew for each scene.
+A scenario author calls these as the functions of ``model.scenic``. ``random_places`` lets them
+take random layouts, rooms and objects as well as fixed ones.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ from scenic_worlds.shapes import (
     heading_of,
     region_from,
     stretches_that_fit,
-    strip,
     touching,
     wall_segments,
+    wall_strip,
 )
 
 ROOM_REACH = 3.0  # m around the room point that counts as the room, where no outline is known
@@ -179,7 +178,7 @@ class Places:
             ]
             if not pieces:
                 return nowhere
-            shape = shapely.union_all([strip(start, end, near, far) for start, end in pieces])
+            shape = shapely.union_all([wall_strip(start, end, near, far) for start, end in pieces])
             return region_from(
                 shape.intersection(self.free),
                 f"along_wall({place!r})",
@@ -251,7 +250,7 @@ class Places:
         return self.layout.rooms[self.room_number(place)].point
 
     def room_number(self, place: int | str) -> int:
-        """Number of a room given by number or name.
+        """Find the number of a room given by number or name.
 
         Raises:
             UnknownNameError: no such room.
@@ -268,10 +267,10 @@ class Places:
         raise UnknownNameError("room", str(place), known)
 
     def route_points(self, route: Any) -> Array:
-        """Route ``(K, 2)`` [m] given as points, rooms by number or name, or a polyline region.
+        """List the points ``(K, 2)`` [m] of a route of points and rooms, or of a polyline region.
 
         Raises:
-            InputError: an unknown room, or a stop that is none of these.
+            InputError: an unknown room, or a stop of another kind.
         """
         if isinstance(route, PolylineRegion):
             return np.array(route.points, dtype=np.float64)[:, :2]
@@ -288,7 +287,7 @@ class Places:
         return self._regions[key]
 
     def _roadway_legs(self) -> Array:
-        """The different straight legs ``(L, 2, 2)`` [m] of all lanes."""
+        """Collect the different straight legs ``(L, 2, 2)`` [m] of all lanes."""
         ways = [way for lane in self.layout.lanes for way in (lane.to_queue, lane.to_room)]
         legs = [np.stack([way[:-1], way[1:]], axis=1) for way in ways if len(way) > 1]
         if not legs:
@@ -307,7 +306,7 @@ class Places:
         return box(x - ROOM_REACH, y - ROOM_REACH, x + ROOM_REACH, y + ROOM_REACH)
 
     def _door_direction(self, number: int) -> Array:
-        """Unit vector ``(2,)`` through a room's door, inward.
+        """Point through a room's door, inward: a unit vector ``(2,)``.
 
         Raises:
             WorldError: the layout knows no door of this room.
@@ -345,14 +344,14 @@ def _places_of_name(name_or_path: str, content: str) -> Places:
 
 
 def _content(name_or_path: str) -> str:
-    """sha256 of a floor's file, so that one that was written anew is read anew."""
+    """Digest a floor's file, so that a changed one is read again."""
     path = Path(name_or_path)
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
 @lifted
 def places_of(layout: Any) -> Places:
-    """Places of a layout: a shipped name, the path of a floor file, or a layout itself.
+    """Find the places of a layout: a shipped name, a floor file's path, or a layout itself.
 
     Raises:
         InputError: no such layout.

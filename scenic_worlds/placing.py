@@ -3,8 +3,8 @@
 A rejected scene mostly needs a few objects to stand elsewhere. Asking Scenic for a whole new
 sample for each try is what makes dense scenes slow; here only the numbers that place one object
 are drawn again and only its outline is tested, against its region and the outlines of the
-others. The outlines are flat boxes; whatever is not is left to whole-scene checks, which have
-the last word in any case.
+others. Outlines are flat boxes; everything else is left to whole-scene checks, which decide
+in any case.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class _Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
-    """What :meth:`Settling.settle` did."""
+class Placed:
+    """What :meth:`Placing.place` did."""
 
     units: int  #: that were drawn again, as a bit set
     is_stuck: bool  #: an object found no place
@@ -79,13 +79,13 @@ class _Floor:
     changed: set[int] = field(default_factory=set)
 
     def neighbours(self, row: int) -> NDArray[np.intp]:
-        """Rows that ``row`` would collide with if their outlines met."""
+        """List the rows that ``row`` would collide with if their outlines met."""
         near = self.solid & (self.low <= self.high[row]) & (self.high >= self.low[row])
         near[row] = False
         return np.flatnonzero(near)
 
 
-class Settling:
+class Placing:
     """Draws again where objects stand until their outlines fit.
 
     Args:
@@ -95,7 +95,6 @@ class Settling:
     """
 
     def __init__(self, driver: Driver, checker: FastChecker, own: Mapping[int, int]) -> None:
-        self._driver = driver
         containers = {
             id(r.obj): r.container
             for r in checker.requirements
@@ -111,19 +110,19 @@ class Settling:
             if _is_flat_box(thing)
         )
 
-    def settle(
+    def place(
         self, sample: Sample, u: Array, draws: np.random.Generator, rejections: Counter[str]
-    ) -> Settled:
-        """Draw new places for everything that stands wrong.
+    ) -> Placed:
+        """Draw new places for everything that is outside its region or collides.
 
         Args:
             sample: complete; its values are out of date for the units returned.
             u: ``(k,)``, changed in place.
             draws: to draw with.
-            rejections: counts every place that was no good.
+            rejections: counts every rejected place.
 
         Returns:
-            What was drawn again; no units if nothing stands wrong, or nothing can move.
+            What was drawn again; no units if nothing has to move, or nothing can.
         """
         floor = self._floor(sample)
         wrong = self._standing_wrong(sample, floor, draws, rejections)
@@ -146,7 +145,7 @@ class Settling:
         units = 0
         for row in floor.changed:
             units |= self._pieces[row].units
-        return Settled(units, is_stuck)
+        return Placed(units, is_stuck)
 
     def _floor(self, sample: Sample) -> _Floor:
         count = len(self._pieces)
@@ -167,7 +166,7 @@ class Settling:
     def _standing_wrong(
         self, sample: Sample, floor: _Floor, draws: np.random.Generator, rejections: Counter[str]
     ) -> list[int]:
-        """Rows that must move: outside their region, or one of each pair that collides."""
+        """List the rows that must move: outside their region, or one of each colliding pair."""
         wrong: set[int] = set()
         for row, piece in enumerate(self._pieces):
             if piece.units and not _is_inside(sample.values[piece.container], floor.outlines[row]):
@@ -199,7 +198,7 @@ class Settling:
         draws: np.random.Generator,
         rejections: Counter[str],
     ) -> list[int] | None:
-        """Draw a place for one piece; the rows that make way for it, None if it found none."""
+        """Draw a place for one piece: the rows that make way for it, None if it found none."""
         piece = self._pieces[row]
         floor.changed.add(row)
         draw: list[float] = []
@@ -234,7 +233,7 @@ class Settling:
     def _try(
         self, row: int, floor: _Floor, sample: Sample, batch: list[list[float]]
     ) -> Iterator[tuple[Any, list[int] | None]]:
-        """Outline of a piece at each of a batch of places, and the rows that it would hit.
+        """Outline a piece at each of a batch of places, and list the rows that it would hit.
 
         No rows (None) where it has no outline, or is not inside its region.
         """
@@ -260,7 +259,7 @@ class Settling:
     def _corners(
         self, piece: _Piece, sample: Sample, draw: list[float]
     ) -> list[tuple[float, float]] | None:
-        """Corners of a piece with its own coordinates at ``draw``; None if it has no place."""
+        """Compute a piece's corners with its coordinates at ``draw``; None if it has no place."""
         try:
             sample.nudge(piece.places, draw, piece.steps)
         except NodeRejected:
@@ -279,20 +278,20 @@ class Settling:
 
 
 def _are_inside(containers: list[Any], outlines: NDArray[np.object_]) -> NDArray[np.bool_]:
-    """Whether each outline lies in its region, ``(n,)``; the regions are mostly the same one."""
+    """Test whether each outline lies in its region, ``(n,)``; mostly it is one region."""
     first = containers[0]
     if any(container is not first for container in containers):
         pairs = zip(containers, outlines, strict=True)
         return np.array([_is_inside(container, outline) for container, outline in pairs])
     if not isinstance(first, PolygonalFootprintRegion):
-        return np.ones(len(outlines), dtype=np.bool_)  # not for us to say
+        return np.ones(len(outlines), dtype=np.bool_)  # whole-scene checks decide
     inside: NDArray[np.bool_] = shapely.contains(first.polygons, outlines)
     return inside
 
 
 def _is_inside(container: Any, outline: Any) -> bool:
     if not isinstance(container, PolygonalFootprintRegion):
-        return True  # not for us to say
+        return True  # whole-scene checks decide
     return bool(shapely.contains(container.polygons, outline))
 
 
@@ -326,7 +325,7 @@ def _piece(
 
 
 def _heading(orientation: Any) -> Any:
-    """The value of the program that says which way something faces: an angle if there is one.
+    """Find the value that says which way something faces: an angle if there is one.
 
     `facing X deg` makes Scenic turn the angle into a rotation, that into three angles, and
     those into a rotation again.
@@ -349,7 +348,7 @@ def _heading(orientation: Any) -> Any:
 
 
 def _part_of_local_angles(angle: Any) -> Any:
-    """The call of ``localAnglesFor`` that an angle is a part of, or None."""
+    """Find the call of ``localAnglesFor`` that an angle is a part of, or None."""
     if not _calls(angle, normalizeAngle):
         return None
     part = angle.arguments[0]

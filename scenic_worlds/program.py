@@ -22,11 +22,13 @@ from mrta_falsify.core.errors import (
 )
 from mrta_falsify.core.world import World
 from scenic_worlds.checking import FastChecker
-from scenic_worlds.compiling import check_tasks, compile_scenario, scenic_line
+from scenic_worlds.compile_errors import scenic_line
+from scenic_worlds.compiling import check_tasks, compile_scenario
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
+from scenic_worlds.shipped import scenario_path
 from scenic_worlds.sources import sources_digest
-from scenic_worlds.validity import SampledWorlds
+from scenic_worlds.validity import WorldValidity
 from simulator_interface.scenic_bridge.world_from_scene import world_from_scene
 
 __all__ = [
@@ -35,37 +37,11 @@ __all__ = [
     "Realised",
     "RejectedScene",
     "compile_program",
-    "scenario_names",
     "scenario_path",
 ]
 
-SCENARIO_DIR = Path(__file__).parent / "scenarios"
-
 #: ``exact``: whole-scene rejection, Scenic's distribution; ``repair``: local resampling
 Mode = Literal["repair", "exact"]
-
-
-def scenario_names() -> tuple[str, ...]:
-    """Names of the shipped programs."""
-    return tuple(sorted(path.stem for path in SCENARIO_DIR.glob("*.scenic")))
-
-
-def scenario_path(name_or_path: str) -> Path:
-    """File of a shipped program's name, or of a path the user gave.
-
-    Raises:
-        FormatError: a path without a file.
-        UnknownNameError: neither a shipped program nor a path.
-    """
-    path = Path(name_or_path)
-    if path.suffix == ".scenic" and path.is_file():
-        return path
-    if name_or_path in scenario_names():
-        return SCENARIO_DIR / f"{name_or_path}.scenic"
-    if path.suffix == ".scenic":
-        reason = "it is a directory" if path.is_dir() else "no such file"
-        raise FormatError(f"{path}: cannot be read: {reason}")
-    raise UnknownNameError("scenario", name_or_path, scenario_names())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,12 +66,12 @@ class Program:
     scenario: Scenario  #: Scenic's, with every random primitive driven
     sources_digest: str  #: of the program's files and layout
     search: SceneSearch = field(repr=False)
-    sampled: SampledWorlds = field(repr=False)
+    validity: WorldValidity = field(repr=False)
 
     def realise(
         self, candidate: Candidate, mode: Mode = "repair", *, max_attempts: int = MAX_ATTEMPTS
     ) -> Realised:
-        """World of a candidate, or of the nearest one that is valid.
+        """Make the world of a candidate, or of the nearest one that is valid.
 
         Args:
             candidate: ``u`` ``(k,)``, and the seed of what u does not cover: which soft
@@ -131,7 +107,7 @@ class Program:
                 f"{where}: a scene cannot be computed: {type(error).__name__}: {error}"
             ) from error
         scene, world = found.value
-        self.sampled.check(world)
+        self.validity.check(world)
         return Realised(
             world=world,
             scene=scene,
@@ -141,7 +117,7 @@ class Program:
         )
 
     def candidate(self, seed: int, number: int = 0) -> Candidate:
-        """Candidate ``number`` of a random campaign with ``seed`` on this program."""
+        """Draw candidate ``number`` of a random campaign with ``seed`` on this program."""
         candidate = candidate_of(seed, number, len(self.space))
         return dataclasses.replace(candidate, params=self.params)
 
@@ -157,14 +133,14 @@ class Program:
         self.search.driver.restrict(intervals)
 
     def values_at(self, u: Array, places: Sequence[int]) -> list[float | None]:
-        """Values, in the program's units, that coordinates have at a point of the unit cube.
+        """Compute the values, in the program's units, of coordinates at a point of the unit cube.
 
         Args:
             u: ``(k,)``, of a scene that can be computed.
             places: numbers of the coordinates.
 
         Returns:
-            A number each; None for what is none, such as a direction or an opaque choice.
+            A number each; None for other values, such as a direction or an opaque choice.
         """
         driver = self.search.driver
         sample = driver.begin()
@@ -172,7 +148,7 @@ class Program:
         return [driver.value_of(sample, place) for place in places]
 
     def sample(self, seed: int, mode: Mode = "repair") -> World:
-        """World of candidate 0 of a campaign with ``seed``.
+        """Make the world of candidate 0 of a campaign with ``seed``.
 
         Raises:
             RejectedScene: no scene was accepted.
@@ -228,14 +204,14 @@ def compile_program(
         scenario=scenario,
         sources_digest=sources_digest(path, getattr(scenario.params["_places"], "layout", None)),
         search=SceneSearch(driver, checker, path.stem),
-        sampled=SampledWorlds(str(path)),
+        validity=WorldValidity(str(path)),
     )
 
 
 def _restriction(
     scenario: Scenario, space: SearchSpace, path: Path
 ) -> dict[int, tuple[float, float]]:
-    """Intervals of ``param restrict = {'bed1.position.0': (0.2, 0.4)}``, by coordinate.
+    """Read ``param restrict = {'bed1.position.0': (0.2, 0.4)}`` as intervals by coordinate.
 
     The names are those of the search dimensions (see ``check``), the numbers shares of each
     one's range. Programs that

@@ -80,14 +80,14 @@ def first_stop(places: Places, route: Any, height: float) -> Vector:
 
 @lifted
 def pick_room(places: Places, share: float) -> int:
-    """Room number at ``share`` in [0, 1) of the list of rooms."""
+    """Pick the room number at ``share`` in [0, 1) of the list of rooms."""
     rooms = len(places.layout.rooms)
     return min(int(share * rooms), rooms - 1)
 
 
 @lifted
 def pick_other_room(places: Places, room: Any, share: float) -> int:
-    """Room number other than ``room``, at ``share`` in [0, 1) of the list of others."""
+    """Pick a room other than ``room``, at ``share`` in [0, 1) of the list of others."""
     rooms = len(places.layout.rooms)
     first = places.room_number(room)
     if rooms < 2:
@@ -97,12 +97,12 @@ def pick_other_room(places: Places, room: Any, share: float) -> int:
 
 @lifted
 def travel_time(places: Places, start: Any, end: Any) -> float:
-    """Expected time [s] from one room to another, as the layout's table says."""
+    """Look up the expected time [s] from one room to another."""
     times = places.layout.travel_times
     return float(times[places.room_number(start), places.room_number(end)])
 
 
 @lifted
 def longest_approach(places: Places, room: Any) -> float:
-    """Expected time [s] to a room from the room farthest from it."""
+    """Look up the expected time [s] to a room from the room farthest from it."""
     return float(places.layout.travel_times[:, places.room_number(room)].max())

@@ -23,7 +23,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.checking import FastChecker, Rejection
-from scenic_worlds.placing import Settling
+from scenic_worlds.placing import Placing
 from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver, Sample, bits
 from scenic_worlds.primitives.plan import NodeRejected
@@ -104,14 +104,14 @@ class SceneSearch:
         self._checker = checker
         self._name = name
         self._own = _ownership(driver)
-        self._settling = Settling(driver, checker, self._own.geometry)
+        self._placing = Placing(driver, checker, self._own.geometry)
         self._soft = [r for r in checker.requirements if 0.0 <= getattr(r, "prob", 1) < 1.0]
         self._watched = self._draws_elsewhere = False
 
     def exact(
         self, u: Array, seed: int, accept: Callable[[Any], T], *, max_attempts: int = MAX_ATTEMPTS
     ) -> FoundScene[T]:
-        """The scene at ``u``, or else at the first of a seeded sequence of uniform points.
+        """Try ``u``, then a seeded sequence of uniform points, until a scene is accepted.
 
         Args:
             u: ``(k,)`` in [0, 1].
@@ -128,7 +128,7 @@ class SceneSearch:
     def repair(
         self, u: Array, seed: int, accept: Callable[[Any], T], *, max_attempts: int = MAX_ATTEMPTS
     ) -> FoundScene[T]:
-        """The scene at ``u``, or else at a point that differs in what was to blame.
+        """Try ``u``, then points that differ in what was to blame, until a scene is accepted.
 
         Arguments and errors as of :meth:`exact`.
         """
@@ -146,7 +146,7 @@ class SceneSearch:
         attempt = failures = 0
         sample = driver.begin()
         with randomness.seeded(seed, "scene"):
-            begin = randomness.State()
+            begin = randomness.GeneratorState()
             for attempt in range(1, max_attempts + 1):
                 if self._draws_elsewhere:
                     begin.restore()
@@ -159,9 +159,9 @@ class SceneSearch:
                     return FoundScene(result, u, attempt, dict(sorted(rejections.items())))
                 restart = not local or attempt % RESTART == 0
                 if blame.is_place and not restart and not self._draws_elsewhere:
-                    settled = self._settling.settle(sample, u, numbers, rejections)
-                    changed, failures = settled.units, failures + settled.is_stuck
-                    restart = settled.is_stuck and failures % FAILURES == 0
+                    placed = self._placing.place(sample, u, numbers, rejections)
+                    changed, failures = placed.units, failures + placed.is_stuck
+                    restart = placed.is_stuck and failures % FAILURES == 0
                     if changed and not restart:
                         continue
                 else:
@@ -181,14 +181,14 @@ class SceneSearch:
         u: Array,
         changed: int,
         accept: Callable[[Any], T],
-        begin: randomness.State,
+        begin: randomness.GeneratorState,
     ) -> tuple[T | None, _Blame | None]:
         try:
             sample.move(u, changed)
         except NodeRejected as rejected:
             return None, self._blame_node(rejected)
         if not self._watched:
-            # a function of the program's own may draw random numbers that nobody drives
+            # a function of the program may draw random numbers that the driver does not know
             self._watched = True
             self._draws_elsewhere = not begin.is_current()
         message = self._checker.checkRequirements(sample.values)
@@ -200,7 +200,7 @@ class SceneSearch:
             return None, self._blame_world(str(error))
 
     def _choose_soft_requirements(self, seed: int) -> None:
-        """Which ``require[p]`` hold, once per scene as Scenic does it."""
+        """Choose which ``require[p]`` hold, once per scene as Scenic does."""
         numbers = stream(seed, "scene/soft_requirements")
         for requirement in self._soft:
             requirement.active = bool(numbers.random() <= requirement.prob)
@@ -208,7 +208,7 @@ class SceneSearch:
     # --- who is to blame -----------------------------------------------------------------
 
     def _blame_node(self, rejected: NodeRejected) -> _Blame:
-        """A value could not be computed: redraw what it alone is made of, or all of it."""
+        """Blame a value that cannot be computed: redraw what it alone uses, or all it uses."""
         private = rejected.units & ~self._own.shared
         return _Blame(rejected.reason, (private or rejected.units,), rejected.units)
 
@@ -228,7 +228,7 @@ class SceneSearch:
         return _Blame(last.who, choices or (wide,), wide, is_place)
 
     def _blame_requirement(self, last: Rejection) -> _Blame:
-        """A requirement of the user's: redraw one of the values that it mentions."""
+        """Blame a user's requirement: redraw one of the values that it mentions."""
         used = {id(value) for value in getattr(last.source, "dependencies", ())}
         roots = [root for root in self.driver.roots if id(root.value) in used]
         ego = self.driver.scenario.egoObject  # Scenic counts it in whether it is used or not
@@ -247,7 +247,7 @@ class SceneSearch:
         return _Blame(last.who, tuple(choices) or (wide,), wide)
 
     def _blame_world(self, message: str) -> _Blame:
-        """The sampled values contradict each other; messages begin with whose values."""
+        """Blame the values that contradict each other; messages begin with whose they are."""
         label = message.partition(":")[0].strip()
         units = self.driver.units_of_label(label)
         return _Blame(message, (units,), units) if units else self._blame_everything(message)
@@ -258,7 +258,7 @@ class SceneSearch:
 
 
 def _redraw(blame: _Blame, strikes: Counter[int], numbers: np.random.Generator) -> int:
-    """Units to draw again."""
+    """Choose the units to draw again."""
     choice = blame.choices[int(numbers.integers(len(blame.choices)))]
     strikes[choice] += 1
     return blame.wide if strikes[choice] % PATIENCE == 0 else choice

@@ -1,4 +1,4 @@
-"""Requirements that a program's author wrote: where they stand, and whether they hold."""
+"""Requirements of a program's author: where they are written, and whether they hold."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from mrta_falsify.core.errors import FormatError, InputError
 
 
 def requirement_place(requirement: CompiledRequirement) -> str:
-    """``file:line`` of a requirement of the user's; the file's name without its folder."""
+    """Locate a user's requirement as ``file:line``; the file without its folder."""
     return f"{Path(requirement_file(requirement)).name}:{requirement.line}"
 
 
 def requirement_file(requirement: CompiledRequirement) -> str:
-    """File that a requirement of the user's stands in, as it was given to Scenic."""
+    """Find the file of a user's requirement, as it was given to Scenic."""
     code = requirement.proposition.atomics()[0].closure.__code__
     return str(code.co_filename)
 
 
 def requirement_text(requirement: CompiledRequirement) -> str:
-    """What messages call a requirement: by its name if its author gave it one."""
+    """Name a requirement for messages: by its name if its author gave it one."""
     name = str(requirement.name or "")
     unnamed = not name or name == f"requirement on line {requirement.line}"
     return "requirement" if unnamed else f"requirement {name!r}"
 
 
 def is_falsified(requirement: SamplingRequirement, sample: Mapping[Any, Any]) -> bool:
-    """Scenic's own answer; a rejection raised inside counts as one.
+    """Ask Scenic whether a requirement fails; a rejection raised inside counts as one.
 
     Raises:
         FormatError: the user's expression fails; says where.

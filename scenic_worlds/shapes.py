@@ -17,19 +17,19 @@ from shapely.geometry.base import BaseGeometry
 from mrta_falsify.core.arrays import Array
 
 WALL_TOUCH = 0.08  # m, outline of a room this near to a wall runs along it
-SHORTEST_WALL = 0.3  # m, pieces of wall below this are no place for furniture
+SHORTEST_WALL = 0.3  # m, shorter pieces of wall take no furniture
 FIT_STEP = 0.05  # m, between places tried along a wall
 
 
 def wall_segments(
     room: BaseGeometry, walls: Sequence[Array], doorway: BaseGeometry | None
 ) -> list[tuple[Array, Array]]:
-    """Straight pieces of wall around a room, each with the room on its left.
+    """Find the straight pieces of wall around a room, each with the room on its left.
 
     Args:
         room: outline of the room.
-        walls: outlines ``(V, 2)`` [m]; those farther than 1 m are no walls of this room.
-        doorway: what lies in it is no wall.
+        walls: outlines ``(V, 2)`` [m]; those farther than 1 m do not belong to this room.
+        doorway: what lies in it does not count as wall.
     """
     near = [wall for wall in map(Polygon, walls) if wall.distance(room) < 1.0]
     solid = shapely.union_all(near)
@@ -56,7 +56,7 @@ def wall_segments(
 
 
 def touching(shape: BaseGeometry, others: Any) -> BaseGeometry:
-    """The parts of ``shape`` that meet one of ``others``."""
+    """Keep the parts of ``shape`` that meet one of ``others``."""
     parts = list(getattr(shape, "geoms", [shape]))
     other = shapely.union_all(others)
     return shapely.union_all([part for part in parts if part.intersects(other)])
@@ -65,7 +65,7 @@ def touching(shape: BaseGeometry, others: Any) -> BaseGeometry:
 def stretches_that_fit(
     wall: tuple[Array, Array], standing: BaseGeometry, gap: float, size: tuple[float, float]
 ) -> list[tuple[Array, Array]]:
-    """Stretches of a wall before which a box of ``size`` stands free, its middle on them."""
+    """Find stretches of a wall before which a box of ``size`` stands free, centred on them."""
     start, end = wall
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
@@ -86,15 +86,15 @@ def stretches_that_fit(
     ]
 
 
-def strip(start: Array, end: Array, near: float, far: float) -> Polygon:
-    """Rectangle to the left of a segment, between two distances [m] from it."""
+def wall_strip(start: Array, end: Array, near: float, far: float) -> Polygon:
+    """Build the rectangle left of a segment, between two distances [m] from it."""
     along = (end - start) / np.hypot(*(end - start))
     left = np.array([-along[1], along[0]])
     return Polygon([start + near * left, end + near * left, end + far * left, start + far * left])
 
 
 def facing_away(walls: list[tuple[Array, Array]]) -> VectorField:
-    """Heading from the nearest wall piece into the room."""
+    """Point from the nearest wall piece into the room."""
     lines = shapely.linestrings([np.array(wall) for wall in walls])
     headings = [heading_of(np.array([-(end - start)[1], (end - start)[0]])) for start, end in walls]
 
@@ -106,14 +106,14 @@ def facing_away(walls: list[tuple[Array, Array]]) -> VectorField:
 
 
 def heading_of(direction: Array) -> float:
-    """Scenic heading [rad] of a direction ``(2,)``: 0 is north, counter-clockwise."""
+    """Convert a direction ``(2,)`` to a Scenic heading [rad]: 0 is north, counter-clockwise."""
     return math.atan2(-float(direction[0]), float(direction[1]))
 
 
 def region_from(
     shape: BaseGeometry, name: str, orientation: VectorField | None = None
 ) -> PolygonalRegion | Region:
-    """Polygons of ``shape`` as a region; ``nowhere`` if it has no area."""
+    """Make a region of the polygons of ``shape``; ``nowhere`` if it has no area."""
     parts = getattr(shape, "geoms", [shape])
     polygons = [part for part in parts if isinstance(part, Polygon) and part.area > 1e-6]
     if not polygons:

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def pybullet_simulator() -> Any:
-    """A :class:`simulator_interface.scenic_bridge.simulator.PyBulletSimulator`.
+    """Make a :class:`simulator_interface.scenic_bridge.simulator.PyBulletSimulator`.
 
     Sampling a program needs neither the physics engine nor the stack, so they are imported
     here and not with the model.

@@ -23,7 +23,7 @@ OWN_PACKAGE = "scenic_worlds"
 
 
 def source_files(path: Path) -> tuple[Path, ...]:
-    """The program's file and everything it imports from beside it or from our library, sorted.
+    """List the program's file and all it imports from beside it or from the library, sorted.
 
     Args:
         path: of the program.
@@ -42,7 +42,7 @@ def source_files(path: Path) -> tuple[Path, ...]:
 
 
 def sources_digest(path: Path, layout: Any) -> str:
-    """sha256 over the program's files and, unless it is random, its layout.
+    """Digest (sha256) the program's files and, unless it is random, its layout.
 
     Args:
         path: of the program.
@@ -59,7 +59,7 @@ def sources_digest(path: Path, layout: Any) -> str:
 
 
 def _imported_names(file: Path) -> set[str]:
-    """Dotted names that a file may import; relative ones keep their leading dots."""
+    """List dotted names that a file may import; relative ones keep their leading dots."""
     text = file.read_text(encoding="utf-8", errors="replace")
     if file.suffix == ".py":
         return _python_imports(text)
@@ -90,7 +90,7 @@ def _python_imports(text: str) -> set[str]:
 
 
 def _files_of(name: str, here: Path, top: Path) -> list[Path]:
-    """Files of a module, if it is ours or lies beside the program."""
+    """Find the files of a module of the library, or beside the program."""
     parts = [part for part in name.split(".") if part]
     if not parts:
         return []

@@ -1,7 +1,7 @@
 """Task streams of random deliveries, bound to the program's floor.
 
-Streams are lists of as many tuples as a scene may have tasks at most; a task that is not to
-be is switched off by its last entry, since Scenic programs cannot loop over random counts.
+A stream is a list of as many tuples as a scene may have tasks at most. Scenic programs cannot
+loop over random counts, so the last entry of a tuple switches its task off.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def _span(limits: Span) -> Any:
 
 @lifted
 def exponential(rate: float, share: float) -> float:
-    """Waiting time [s] of a Poisson process of ``rate`` [1/s] at quantile ``share`` in [0, 1).
+    """Compute the waiting time [s] of a Poisson process at quantile ``share`` in [0, 1).
 
     Raises:
         WorldError: the rate is not positive.

@@ -1,4 +1,4 @@
-"""Whether a sampled world is one that may be run: what Scenic itself does not know."""
+"""Whether a sampled world may be run, which Scenic itself cannot tell."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from simulator_interface import starts
 _FLOOR = ("walls", "lanes", "resources")
 
 
-class SampledWorlds:
-    """Refuses sampled worlds that could not be read from a file, or not be run.
+class WorldValidity:
+    """Refuses sampled worlds that cannot be read from a file, or cannot be run.
 
-    What a world has in common with the last one that passed (the very same objects, as the
-    floor of most programs) is not looked at again.
+    Parts that are the same objects as in the last world that passed, such as the floor of most
+    programs, are not checked again.
 
     Args:
         where: the program, which begins every message.
@@ -30,7 +30,7 @@ class SampledWorlds:
         self._passed: World | None = None
 
     def check(self, world: World) -> None:
-        """Refuse ``world``, of a scene that was accepted, if need be.
+        """Refuse ``world``, made from an accepted scene, if it may not be run.
 
         Raises:
             WorldError: the first value that is not allowed, and whose it is; or a robot's
@@ -54,7 +54,7 @@ class SampledWorlds:
             raise WorldError(_with_name(str(error), world)) from None
 
     def _without_known(self, world: World) -> World:
-        """``world`` without the parts of its floor that have passed."""
+        """Leave out the parts of the floor that have passed before."""
         passed = self._passed
         if passed is None:
             return world
@@ -67,7 +67,7 @@ class SampledWorlds:
 
 
 def _with_name(text: str, world: World) -> str:
-    """``text`` with the name of the object that it calls by its place in the world."""
+    """Add the name of the object that a text calls by its place in the world."""
     match = re.search(r"\b(robots|humans|furniture|events)\[(\d+)\]", text)
     if match is None:
         return text

@@ -13,16 +13,16 @@ from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import RobotSpec, World
 
-JITTER_START = 0.02  # m, of starts that differ by what nobody controls
+JITTER_START = 0.02  # m, how exactly a robot is put down on a real floor
 START_OFFSET = 0.2  # m, robots start within this of their place
 WALKING_SPEED = (1.0, 0.15)  # m/s, mean and standard deviation of people's desired speed
 SLOWEST, FASTEST = 0.5, 1.5  # m/s, bounds of the desired speed
 RAY_NOISE = 0.01  # m, standard deviation of measured obstacle distances, as the Waffle's lidar
-ATTEMPTS = 200
+ATTEMPTS = 200  # places tried for a start
 
 
 def vary_world(world: World, seed: int) -> World:
-    """``world`` as candidate 0 of a campaign with ``seed`` sees it.
+    """Vary a fixed world as candidate 0 of a campaign with ``seed`` does.
 
     Start poses move within 0.2 m (never into an obstacle or another robot), people get a
     phase on their route and a desired speed, and obstacle distances get noise.
@@ -37,12 +37,7 @@ def vary_world(world: World, seed: int) -> World:
     Raises:
         WorldError: a robot's start has no free place within 0.2 m.
     """
-    random = stream(seed, "start_offsets")
-    solids = [Polygon(polygon) for polygon in _outlines(world)]
-    tree = STRtree(solids)
-    placed: list[RobotSpec] = []
-    for robot in world.robots:
-        placed.append(_moved_start(robot, placed, tree, random))
+    robots = _moved_starts(world, stream(seed, "start_offsets"), reach=START_OFFSET)
     random = stream(seed, "people")
     humans = tuple(
         dataclasses.replace(
@@ -52,17 +47,15 @@ def vary_world(world: World, seed: int) -> World:
         )
         for human in world.humans
     )
-    return dataclasses.replace(
-        world, robots=tuple(placed), humans=humans, ray_noise=RAY_NOISE, seed=seed
-    )
+    return dataclasses.replace(world, robots=robots, humans=humans, ray_noise=RAY_NOISE, seed=seed)
 
 
 def jitter_world(world: World, seed: int) -> World:
-    """``world`` with differences that nobody could control on a real floor.
+    """Vary a world by less than can be controlled on a real floor.
 
-    Starts within 2 cm, people's pace within 2 % and phase within 1 % of their route, tasks up
-    to 0.5 s later, 1 cm of ray noise. A failure that survives most of these is robust; one that
-    needs its exact numbers stands on a knife edge.
+    Starts move within 2 cm, people's pace within 2 % and phase within 1 % of their route. Tasks
+    come up to 0.5 s later, and rays have 1 cm of noise. A failure that survives most of these
+    is robust; one that needs its exact numbers stands on a knife edge.
 
     Args:
         world: any world that runs.
@@ -72,11 +65,7 @@ def jitter_world(world: World, seed: int) -> World:
         WorldError: a robot's start has no free place within 2 cm.
     """
     random = stream(seed, "jitter")
-    solids = [Polygon(polygon) for polygon in _outlines(world)]
-    tree = STRtree(solids)
-    placed: list[RobotSpec] = []
-    for robot in world.robots:
-        placed.append(_moved_start(robot, placed, tree, random, reach=JITTER_START))
+    robots = _moved_starts(world, random, reach=JITTER_START)
     humans = tuple(
         dataclasses.replace(
             human,
@@ -95,7 +84,7 @@ def jitter_world(world: World, seed: int) -> World:
     )
     return dataclasses.replace(
         world,
-        robots=tuple(placed),
+        robots=robots,
         humans=humans,
         tasks=tasks,
         ray_noise=max(world.ray_noise, RAY_NOISE),
@@ -103,12 +92,8 @@ def jitter_world(world: World, seed: int) -> World:
     )
 
 
-def _outlines(world: World) -> list[Array]:
-    return [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
-
-
 def jittered_worlds(world: World, count: int) -> list[World]:
-    """``count`` copies of ``world`` with small differences (see :func:`jitter_world`).
+    """Make ``count`` copies of ``world`` with small differences (see :func:`jitter_world`).
 
     Args:
         world: any world that runs.
@@ -123,13 +108,24 @@ def jittered_worlds(world: World, count: int) -> list[World]:
     return found
 
 
+def _moved_starts(
+    world: World, random: np.random.Generator, *, reach: float
+) -> tuple[RobotSpec, ...]:
+    """Move every robot's start within ``reach`` [m], never into anything solid."""
+    outlines = [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
+    tree = STRtree([Polygon(outline) for outline in outlines])
+    placed: list[RobotSpec] = []
+    for robot in world.robots:
+        placed.append(_moved_start(robot, placed, tree, random, reach))
+    return tuple(placed)
+
+
 def _moved_start(
     robot: RobotSpec,
     placed: list[RobotSpec],
     tree: STRtree,
     random: np.random.Generator,
-    *,
-    reach: float = START_OFFSET,
+    reach: float,
 ) -> RobotSpec:
     for _ in range(ATTEMPTS):
         angle, share = random.uniform(0.0, 2.0 * np.pi), np.sqrt(random.uniform())

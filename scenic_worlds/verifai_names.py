@@ -15,9 +15,6 @@ from scenic.core.distributions import DiscreteRange, Distribution, Options, Rang
 
 from mrta_falsify.core.errors import ConfigError
 
-#: parameters of Scenic's VerifAI interface that are accepted and have no effect
-IGNORED_PARAMS = ("verifaiSamplerType", "verifaiSamplerParams", "externalSamplerRejectionFeedback")
-
 
 def VerifaiRange(  # noqa: N802 - VerifAI's name
     low: float, high: float, buckets: int | None = None, weights: Sequence[float] | None = None

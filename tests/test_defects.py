@@ -16,8 +16,8 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import RobotSpec
 from mrta_falsify.specs.exclusive import ExclusiveUse, signed_distances
 from mrta_falsify.specs.library import build_specifications
-from scenic_worlds.layouts.ward import ward_layout
 from simulator_interface.simulate import simulate
+from tests.scenes.ward import ward_layout
 
 BESIDE = np.array([0.7, 0.0])  # m, where a second robot stands in a room
 

@@ -25,7 +25,8 @@ from reports.colours import robot_colour
 from reports.contact_sheet import write_contact_sheet
 from reports.figure_floor import draw_floor
 from scenic_worlds.places import places_of
-from scenic_worlds.program import compile_program, scenario_names, scenario_path
+from scenic_worlds.program import compile_program
+from scenic_worlds.shipped import scenario_names, scenario_path
 from simulator_interface.furniture_shapes import Mesh, build_mesh
 
 ROOT = Path(__file__).parent.parent

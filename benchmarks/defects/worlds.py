@@ -25,7 +25,7 @@ from mrta_falsify.core.world import (
     Task,
     World,
 )
-from scenic_worlds.layouts.ward import ward_layout
+from tests.scenes.ward import ward_layout
 
 SPEED = 0.69  # m/s, mean speed of MRTA-Sim's travel times; deadlines are made from it
 

@@ -11,7 +11,7 @@ from benchmarks.oracle.stacks import BRAKE, IN_TURN, any_stack, stack, weak_stac
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, Event, HumanSpec, Task, World
-from scenic_worlds.layouts.ward import ward_layout
+from tests.scenes.ward import ward_layout
 
 Scene = tuple[World, StackConfig]
 FOR_GOOD = 1e6  # s

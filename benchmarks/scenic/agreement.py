@@ -28,7 +28,7 @@ from scenic.core.sample_checking import BasicChecker
 
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.checking import FastChecker
-from scenic_worlds.program import SCENARIO_DIR
+from scenic_worlds.shipped import SCENARIO_DIR
 
 PROGRAMS = Path(__file__).parents[2] / "tests" / "scenic_worlds" / "checker_programs"
 

@@ -36,7 +36,8 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.world import Blockage, Furniture, World
 from mrta_falsify.verbs import check as scenarios
-from scenic_worlds.program import Program, scenario_names
+from scenic_worlds.program import Program
+from scenic_worlds.shipped import scenario_names
 from simulator_interface.costmap_layers import build_costmap
 from simulator_interface.engines.bullet import RAY_HEIGHT, BulletEngine
 

@@ -25,7 +25,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, campaign_specifications, judge
-from scenic_worlds.program import RejectedScene, compile_program, scenario_names, scenario_path
+from scenic_worlds.program import RejectedScene, compile_program
+from scenic_worlds.shipped import scenario_names, scenario_path
 
 
 @dataclass

@@ -29,7 +29,7 @@ from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver
 from scenic_worlds.primitives.naming import Found, find_primitives, roots_of
 from scenic_worlds.primitives.plan import NodeRejected
-from scenic_worlds.program import scenario_names, scenario_path
+from scenic_worlds.shipped import scenario_names, scenario_path
 
 FEW = 12  # different values up to which a primitive counts as discrete
 

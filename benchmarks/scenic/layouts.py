@@ -26,7 +26,6 @@ from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.travel_times import measure_travel_times
 from scenic_worlds.layouts import load_layout
 from scenic_worlds.layouts.hospital import hospital
-from scenic_worlds.layouts.store import department_store
 from scenic_worlds.layouts.warehouse import warehouse
 
 SERVICE = 3.0  # s, loading and unloading
@@ -68,19 +67,6 @@ def shelves(seed: int) -> World:
     )
 
 
-def shops(seed: int) -> World:
-    random = stream(seed, "bench/shops")
-    return department_store(
-        departments=5,
-        islands=int(random.integers(1, 4)),
-        counters=2,
-        aisle_width=float(random.uniform(1.8, 4.5)),
-        cross_width=float(random.uniform(1.8, 4.5)),
-        opening=random.uniform(1.0, 3.6, 5).tolist(),
-        opening_offset=random.uniform(0.0, 1.0, 5).tolist(),
-    )
-
-
 LAYOUTS: dict[str, Callable[[int], World]] = {
     "line": line,
     "ell": ell,
@@ -88,7 +74,6 @@ LAYOUTS: dict[str, Callable[[int], World]] = {
     "comb": comb,
     "narrow": narrow,
     "warehouse": shelves,
-    "store": shops,
 }
 
 

@@ -19,7 +19,8 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.primitives.driver import Driver, bits
 from scenic_worlds.primitives.plan import NodeRejected
-from scenic_worlds.program import compile_program, scenario_names, scenario_path
+from scenic_worlds.program import compile_program
+from scenic_worlds.shipped import scenario_names, scenario_path
 
 
 def parts_of(driver: Driver) -> dict[str, Any]:

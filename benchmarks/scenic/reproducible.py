@@ -18,7 +18,8 @@ import warnings
 import numpy as np
 
 from mrta_falsify.core.candidate import Candidate
-from scenic_worlds.program import compile_program, scenario_names, scenario_path
+from scenic_worlds.program import compile_program
+from scenic_worlds.shipped import scenario_names, scenario_path
 
 
 def digests(name: str, candidates: list[Candidate], mode: str) -> tuple[list[str], list[Candidate]]:

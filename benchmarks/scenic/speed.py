@@ -18,13 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from scenic_worlds.program import (
-    Program,
-    RejectedScene,
-    compile_program,
-    scenario_names,
-    scenario_path,
-)
+from scenic_worlds.program import Program, RejectedScene, compile_program
+from scenic_worlds.shipped import scenario_names, scenario_path
 
 PROGRAMS = Path(__file__).parent / "programs"
 

@@ -76,8 +76,9 @@ def check(
     if bool(names) == everything:
         raise click.UsageError("give a SCENARIO or several, or --all")
     from mrta_falsify.verbs import run as app
+    from scenic_worlds.shipped import scenario_names
 
-    chosen = app.scenario_names() if everything else names
+    chosen = scenario_names() if everything else names
     overrides = _params(params)
     if directory is not None:
         app.make_directory(directory)

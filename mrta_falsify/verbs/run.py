@@ -28,6 +28,7 @@ from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
 from reports.run_view import RunView
 from scenic_worlds import layouts, variation
+from scenic_worlds.shipped import scenario_names
 from simulator_interface import starts
 from simulator_interface.formats import mrta_sim, nav2
 
@@ -114,12 +115,6 @@ def find_start(
         if fixed and seed is not None:
             world = variation.vary_world(world, seed)
     return Start(world=world, scene=scene)
-
-
-def scenario_names() -> tuple[str, ...]:
-    """Names of the shipped Scenic programs, without loading Scenic."""
-    folder = Path(layouts.__file__).parent.parent / "scenarios"
-    return tuple(sorted(path.stem for path in folder.glob("*.scenic")))
 
 
 def _sample_program(name: str, seed: int) -> Realised:

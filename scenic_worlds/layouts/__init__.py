@@ -2,8 +2,7 @@
 
 A shipped file holds either a whole :class:`~mrta_falsify.core.world.World`, or a *change*:
 ``{"layout": name, "replace": {field: value}}``, the world fields that differ from a layout.
-Generators (:func:`hospital`, :func:`warehouse`, :func:`department_store`) are pure functions
-from lengths to a layout.
+Generators (:func:`hospital`, :func:`warehouse`) are pure functions from lengths to a layout.
 """
 
 from __future__ import annotations
@@ -19,13 +18,11 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts.hospital import hospital
-from scenic_worlds.layouts.store import department_store
 from scenic_worlds.layouts.warehouse import warehouse
 
 _SHIPPED = ("aws_hospital", "aws_hospital_as_published")
 #: generators, callable without arguments
 GENERATORS: dict[str, Callable[[], World]] = {
-    "department_store": department_store,
     "hospital": hospital,
     "warehouse": warehouse,
 }
@@ -35,12 +32,12 @@ FILE_ENDINGS = (".json", ".yaml", ".yml", ".sdf", ".world")
 
 
 def layout_names() -> tuple[str, ...]:
-    """Names that :func:`load_layout` knows."""
+    """List the names that :func:`load_layout` knows."""
     return (*_SHIPPED, *GENERATORS)
 
 
 def load_layout(name_or_path: str | Path) -> World:
-    """A layout: a world without robots, humans, tasks and events.
+    """Load a layout: a world without robots, humans, tasks and events.
 
     Args:
         name_or_path: ``aws_hospital`` (repaired roadways), ``aws_hospital_as_published``,
@@ -67,12 +64,12 @@ def load_layout(name_or_path: str | Path) -> World:
 
 
 def world_names() -> tuple[str, ...]:
-    """Names that :func:`load_world` knows."""
+    """List the names that :func:`load_world` knows."""
     return _WORLDS
 
 
 def load_world(name: str) -> World:
-    """A shipped fixed world, ready to run.
+    """Load a shipped fixed world, ready to run.
 
     Args:
         name: ``aws_hospital_day``: 6 robots, 8 humans, 6 tasks of testcase_6agents_3_3, 900 s.

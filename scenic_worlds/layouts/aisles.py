@@ -9,8 +9,9 @@ import numpy as np
 
 from mrta_falsify.core.world import Furniture
 from scenic_worlds.layouts.assembly import SideRow, solid_boxes, street_box
-from scenic_worlds.layouts.stops import Box, Stop, corners, face_frontage, face_stop
-from scenic_worlds.layouts.streets import Crossing, Street
+from scenic_worlds.layouts.frontages import Box, corners
+from scenic_worlds.layouts.stops import StreetStop, face_frontage, face_stop
+from scenic_worlds.layouts.streets import Street, StreetCrossing
 
 APART = 0.2  # m between places on one side
 END = 0.3  # m of cross aisle beyond the last aisle
@@ -42,7 +43,7 @@ def plan_aisles(
     beside: float,
     least_front: float,
 ) -> AislePlan:
-    """Aisles along y, joined by a cross aisle in front (y = 0) and one at the back.
+    """Plan aisles along y, joined by a cross aisle in front (y = 0) and one at the back.
 
     Args:
         aisles: how many, >= 1.
@@ -61,16 +62,18 @@ def plan_aisles(
     total, depth = max(span, least_front), length + cross
     front = Street(
         start=(0.0, 0.0), along=(1.0, 0.0), length=total, width=cross,
-        crossings=tuple(Crossing(k, x) for k, x in enumerate(xs)),
+        crossings=tuple(StreetCrossing(k, x) for k, x in enumerate(xs)),
     )  # fmt: skip
     back = Street(
         start=(total, depth), along=(-1.0, 0.0), length=total, width=cross,
-        crossings=tuple(Crossing(aisles + k, total - xs[k]) for k in range(aisles - 1, -1, -1)),
+        crossings=tuple(
+            StreetCrossing(aisles + k, total - xs[k]) for k in reversed(range(aisles))
+        ),
     )  # fmt: skip
     lanes = tuple(
         Street(
             start=(x, 0.0), along=(0.0, 1.0), length=depth, width=width,
-            crossings=(Crossing(k, 0.0), Crossing(aisles + k, depth)),
+            crossings=(StreetCrossing(k, 0.0), StreetCrossing(aisles + k, depth)),
         )
         for k, x in enumerate(xs)
     )  # fmt: skip
@@ -80,7 +83,7 @@ def plan_aisles(
 
 
 def faces_length(count: int, spots: int) -> float:
-    """Length [m] of an aisle side with ``count`` places."""
+    """Compute the length [m] of an aisle side with ``count`` places."""
     return count * (face_frontage(spots) + APART)
 
 
@@ -92,8 +95,8 @@ def place_faces(
     name: str,
     spots: int,
     offset: float,
-) -> list[Stop]:
-    """Places at blocks, handed out to aisle sides in turn.
+) -> list[StreetStop]:
+    """Hand out places at blocks to the aisle sides in turn.
 
     Args:
         plan: the aisles.
@@ -105,7 +108,7 @@ def place_faces(
     """
     face = face_frontage(spots) + APART
     low, high = plan.inner
-    found: dict[int, Stop] = {}
+    found: dict[int, StreetStop] = {}
     for first, (number, side) in enumerate(sides):
         numbers = range(first, count, len(sides))
         start = low + (high - low - len(numbers) * face) * offset
@@ -116,9 +119,9 @@ def place_faces(
 
 
 def block_furniture(
-    plan: AislePlan, faces: Sequence[Stop], *, name: str, kind: str, height: float
+    plan: AislePlan, faces: Sequence[StreetStop], *, name: str, kind: str, height: float
 ) -> tuple[Furniture, ...]:
-    """Boxes that fill what is neither aisle nor place at a block."""
+    """Fill what is neither aisle nor place at a block with boxes."""
     bounds = np.array(plan.blocks)
     free = np.array(
         [

@@ -10,7 +10,8 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.world import Furniture, Lane, Wall, World
-from scenic_worlds.layouts.stops import Box, Frontage, ParkingBay, Stop, corners
+from scenic_worlds.layouts.frontages import Box, Frontage, ParkingBay, corners
+from scenic_worlds.layouts.stops import StreetStop
 from scenic_worlds.layouts.streets import Leg, Street, StreetMap
 from simulator_interface.formats.outlines import merged_runs
 
@@ -33,31 +34,31 @@ class SideRow:
     low: float  #: station from which on the side is free [m]
 
     def take(self, length: float) -> Frontage:
-        """The next ``length`` metres from the low end."""
+        """Take the next ``length`` metres from the low end."""
         start = self.low if self.side > 0 else self.low + length
         self.low += length
         return Frontage(street=self.street, number=self.number, side=self.side, station=start)
 
 
 def street_box(street: Street, before: float = 0.0, after: float = 0.0) -> Box:
-    """Floor of a street, lengthened at its start and end [m]."""
+    """Box the floor of a street, lengthened at its start and end [m]."""
     half = street.width / 2.0
     x1, y1 = street.point(-before, half)
     x2, y2 = street.point(street.length + after, -half)
     return (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))
 
 
-def assemble(
+def assemble_layout(
     name: str,
     *,
     streets: Sequence[Street],
     floor: Sequence[Box],
-    stops: Sequence[Stop],
+    stops: Sequence[StreetStop],
     parking: Sequence[ParkingBay],
     furniture: Sequence[Furniture] = (),
     closed: Sequence[Box] = (),
 ) -> World:
-    """Layout of streets and stops, with lanes and travel times between all of them.
+    """Put streets and stops together, with lanes and travel times between all stops.
 
     Args:
         name: of the layout.
@@ -101,11 +102,11 @@ def assemble(
         parking=frozen_array(
             np.vstack([bay.places for bay in parking]) if parking else np.zeros((0, 2))
         ),
-        travel_times=travel_times(lanes, [stop.room.point for stop in stops]),
+        travel_times=lane_travel_times(lanes, [stop.room.point for stop in stops]),
     )
 
 
-def _lane(roads: StreetMap, stops: Sequence[Stop], start: int, end: int) -> Lane:
+def _lane(roads: StreetMap, stops: Sequence[StreetStop], start: int, end: int) -> Lane:
     one, two = stops[start], stops[end]
     legs = roads.legs(one.door, two.door)
     to_room = roads.way(legs, one.door.station, two.door.station)
@@ -123,8 +124,8 @@ def _lane(roads: StreetMap, stops: Sequence[Stop], start: int, end: int) -> Lane
     )
 
 
-def travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
-    """Seconds ``(R, R)`` from room point to room point along the lanes, whole numbers."""
+def lane_travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
+    """Estimate seconds ``(R, R)`` from room point to room point, in whole numbers."""
     times = np.zeros((len(points), len(points)))
     for lane in lanes:
         steps = np.diff(np.vstack([points[lane.start], lane.to_room]), axis=0)
@@ -137,7 +138,7 @@ def travel_times(lanes: Sequence[Lane], points: Sequence[Array]) -> Array:
 
 
 def solid_boxes(bounds: Array, free: Array) -> list[Box]:
-    """Boxes that fill the ``bounds`` ``(4,)`` around the floor, without overlap.
+    """Fill the ``bounds`` ``(4,)`` around the floor with boxes that do not overlap.
 
     Args:
         bounds: x min, y min, x max, y max [m].

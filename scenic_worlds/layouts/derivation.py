@@ -11,8 +11,9 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Lane, Resource, Room, World
-from scenic_worlds.layouts.assembly import travel_times
+from scenic_worlds.layouts.assembly import lane_travel_times
 from scenic_worlds.layouts.entrances import Entrance, find_entrance
+from scenic_worlds.layouts.frontages import corners
 from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
 from scenic_worlds.layouts.routes import (
     STEP,
@@ -21,7 +22,7 @@ from scenic_worlds.layouts.routes import (
     evenly,
     right_of,
 )
-from scenic_worlds.layouts.stops import ASK_AROUND, corners
+from scenic_worlds.layouts.stops import ASK_AROUND
 from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
 ROBOT_RADIUS = 0.22  # m
@@ -31,7 +32,7 @@ MOST_PARKING = 12
 
 
 def derive_layout(floor: Floor) -> World:
-    """Layout of a user's floor.
+    """Derive the layout of a user's floor.
 
     Args:
         floor: walls, rooms, and any traffic that the user gave; that is kept as it is.
@@ -52,7 +53,7 @@ def derive_layout(floor: Floor) -> World:
     queues, sites = _queues(routes, floor, entrances, middles, part)
     given = {(lane.start, lane.end): lane for lane in floor.lanes}
     lanes = _Lanes(routes, floor, entrances, queues)
-    for _ in range(2):  # a spot that stands in somebody's way is given up, once
+    for _ in range(2):  # spots that stand in the way are given up, once
         derived = lanes.build(given)
         shorter = [
             _kept(queue, derived, i, given=bool(len(floor.rooms[i].queue)))
@@ -71,7 +72,7 @@ def derive_layout(floor: Floor) -> World:
         gap = routes.gap(sites.points, routes.distance_to(driven))
         wanted = min(MOST_PARKING, len(points) + 2)
         parking = choose_parking(sites, gap, taken, wanted)
-    times = floor.travel_times if floor.travel_times.size else travel_times(derived, points)
+    times = floor.travel_times if floor.travel_times.size else lane_travel_times(derived, points)
     return World(
         name=floor.name,
         bounds=floor.bounds,
@@ -91,7 +92,7 @@ def derive_layout(floor: Floor) -> World:
 
 
 def _check_reachable(routes: RouteMap, floor: Floor) -> int:
-    """The part of the floor that all room points are on.
+    """Find the part of the floor that all room points are on.
 
     Raises:
         WorldError: names the rooms that are not.
@@ -119,7 +120,7 @@ def _check_reachable(routes: RouteMap, floor: Floor) -> int:
 
 
 def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
-    """Entrance of every room, and all points of the middle ways between rooms."""
+    """Find every room's entrance, and all points of the middle ways between rooms."""
     ways = MiddleWays(routes, routes.clearance)
     out: list[Array] = [np.zeros((0, 2)) for _ in points]
     seen: list[Array] = [np.zeros((0, 2))]
@@ -164,7 +165,7 @@ class _Lanes:
         self._queues = queues
 
     def build(self, given: dict[tuple[str, str], FloorLane]) -> list[Lane]:
-        """Lanes of all ordered pairs; given ones as they are."""
+        """Build the lanes of all ordered pairs; given ones stay as they are."""
         names = [room.name for room in self._floor.rooms]
         to_room = self._ways_between_fronts()
         to_queue = self._ways_to_tails()
@@ -189,7 +190,7 @@ class _Lanes:
         return lanes
 
     def _clearance(self, without: int = -1) -> Array:
-        """Distance to walls and waiting robots; without the last spot of one room."""
+        """Measure the distance to walls and waiting robots, without one room's last spot."""
         spots = [q[:-1] if i == without else q for i, q in enumerate(self._queues)]
         waiting = np.vstack([np.zeros((0, 2)), *spots])
         clear = self._routes.clearance
@@ -235,7 +236,7 @@ class _Lanes:
 
 
 def _joined(pieces: list[Array]) -> Array:
-    """One polyline of several; corners nearer than 0.1 m to the one before are dropped."""
+    """Join polylines; corners nearer than 0.1 m to the one before are dropped."""
     points = np.vstack(pieces)
     kept = [points[-1]]
     for point in points[-2::-1]:
@@ -245,7 +246,7 @@ def _joined(pieces: list[Array]) -> Array:
 
 
 def _kept(queue: Array, lanes: list[Lane], room: int, *, given: bool) -> Array:
-    """The first spots of a queue that no traffic passes too near."""
+    """Keep the first spots of a queue that no traffic passes too near."""
     if given or not len(queue) or not lanes:
         return queue
     driven = []

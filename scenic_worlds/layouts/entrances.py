@@ -12,6 +12,7 @@ from shapely.geometry import LineString, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from scenic_worlds.layouts.routes import STEP, RouteMap, evenly
+from scenic_worlds.layouts.stops import APRON
 from simulator_interface.formats.floor_yaml import FloorRoom
 from simulator_interface.formats.outlines import mask_outlines, outlines
 
@@ -22,7 +23,6 @@ DOOR_EDGE = 0.15  # m, floor beside a door is wider by this
 OPEN_ROOM = 1.2  # m around the point of a room without door and area
 ROBOT_REACH = 0.3  # m, robots do not drive nearer to walls, and a cell
 LARGEST_ROOM = 250.0  # m^2, more is a hall
-APRON = 0.9  # m of floor before a door that an entering robot needs
 FRONT = 0.6  # m, from the door to the point before it
 
 
@@ -40,7 +40,7 @@ class Entrance:
 
 
 def find_entrance(routes: RouteMap, room: FloorRoom, way: Array, others: list[Array]) -> Entrance:
-    """Entrance of a room.
+    """Find the entrance of a room.
 
     Args:
         routes: the floor.
@@ -87,7 +87,7 @@ def _filled(shape: shapely.Geometry) -> shapely.Geometry:
 
 
 def _front(routes: RouteMap, mouth: Array, outwards: Array) -> Array:
-    """The point before a door that is clearest of walls."""
+    """Choose the point before a door that is clearest of walls."""
     reaches = np.array([FRONT, 0.5, 0.7, 0.4, 0.3])
     points = mouth + reaches[:, None] * outwards
     gaps = np.minimum(routes.gap(points), 0.45)
@@ -97,7 +97,7 @@ def _front(routes: RouteMap, mouth: Array, outwards: Array) -> Array:
 def _door(
     routes: RouteMap, room: FloorRoom, way: Array, others: list[Array]
 ) -> tuple[Array, Array, Array]:
-    """Door segment (may be empty), its middle, and the direction out of the room."""
+    """Find the door segment (may be empty), its middle, and the direction out of the room."""
     if len(room.door) == 2:
         middle = room.door.mean(axis=0)
         along = room.door[1] - room.door[0]
@@ -126,7 +126,7 @@ def _door(
 
 
 def _narrow_places(gap: Array) -> Iterator[int]:
-    """Samples of narrow places with wider floor on both sides, in order."""
+    """Yield samples of narrow places with wider floor on both sides, in order."""
     last = len(gap)
     k = 0
     while k < last:
@@ -147,7 +147,7 @@ def _narrow_places(gap: Array) -> Iterator[int]:
 
 
 def _posts(routes: RouteMap, middle: Array, heading: Array) -> Array:
-    """Segment ``(2, 2)`` across the way from solid to solid; empty if it is wider than a door."""
+    """Span a segment ``(2, 2)`` from solid to solid; empty if it is wider than a door."""
     side = np.array([-heading[1], heading[0]])
     reaches = np.arange(0.0, 1.5, routes.resolution / 2.0)
     posts = []
@@ -163,7 +163,7 @@ def _posts(routes: RouteMap, middle: Array, heading: Array) -> Array:
 def _closed_off(
     routes: RouteMap, point: Array, door: Array, others: list[Array]
 ) -> BoolArray | None:
-    """Cells that robots reach from ``point`` without the door; None if that is another room."""
+    """Find the cells that ``point`` reaches without the door; None if another room is there."""
     floor = routes.free.copy()
     along = door[1] - door[0]
     beyond = 0.3 * along / max(float(np.hypot(*along)), 1e-9)
@@ -180,7 +180,7 @@ def _closed_off(
 
 
 def _area(routes: RouteMap, point: Array, door: Array, others: list[Array]) -> Array:
-    """Outline ``(V, 2)`` [m] of the floor that the door closes off, or a piece around the point."""
+    """Outline ``(V, 2)`` [m] the floor that the door closes off, or a piece around the point."""
     closed = _closed_off(routes, point, door, others) if len(door) == 2 else None
     if closed is not None and closed.sum() * routes.resolution**2 <= LARGEST_ROOM:
         # Robots reach the middle of cells; the floor goes on to the walls.

@@ -11,7 +11,7 @@ from simulator_interface.formats.floor_yaml import read_floor
 
 
 def load_floor(path: Path) -> World:
-    """Layout of a world file (``.json``), or of a floor file, Nav2 map or SDF world.
+    """Read the layout of a world file (``.json``), a floor file, a Nav2 map or an SDF world.
 
     Args:
         path: by its ending; see :func:`simulator_interface.formats.floor_yaml.read_floor`.

@@ -8,31 +8,30 @@ on which two robots pass each other everywhere but in doorways.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from dataclasses import dataclass
+from typing import get_args
 
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import World
-from scenic_worlds.layouts.assembly import SideRow, assemble, street_box
-from scenic_worlds.layouts.ranges import Numbers, active_flags, check_range, per_place
-from scenic_worlds.layouts.stops import (
-    BAY,
-    LIFT,
+from scenic_worlds.layouts.assembly import assemble_layout
+from scenic_worlds.layouts.corridor_shapes import (
+    Corridors,
+    CorridorSize,
+    Plot,
+    Shape,
+    Wanted,
+    plan_corridors,
+)
+from scenic_worlds.layouts.frontages import (
     WALL,
     Box,
     Frontage,
     ParkingBay,
-    Stop,
-    cabin_frontage,
-    cabin_stop,
     least_frontage,
     parking_bay,
-    parking_frontage,
-    room_stop,
 )
-from scenic_worlds.layouts.streets import Crossing, Street
-
-Shape = Literal["line", "ell", "ring", "comb"]
+from scenic_worlds.layouts.ranges import Numbers, active_flags, check_ranges, per_place
+from scenic_worlds.layouts.stops import BAY, LIFT, StreetStop, cabin_frontage, cabin_stop, room_stop
 
 #: allowed values: lowest, highest
 RANGES: dict[str, tuple[float, float]] = {
@@ -54,41 +53,27 @@ RANGES: dict[str, tuple[float, float]] = {
 }
 
 STATION_WIDTH, STATION_DEPTH, STATION_DOOR = 5.0, 3.0, 2.0  # m
-DEAD_END = 0.3  # m of corridor beyond the last frontage
 
 
-@dataclass(frozen=True, slots=True)
-class _Plot:
-    """Something that wants a frontage."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ward:
+    """Lengths of one ward [m], and whether it exists."""
 
-    kind: Literal["room", "station", "lift", "charger", "parking"]
-    number: int  #: of the room, lift ... or how many parking places
-    length: float  #: frontage [m]
-    depth: float  #: behind the corridor's wall [m]
-
-
-@dataclass(slots=True)
-class _SidePlan:
-    """What stands along one side of a corridor, in order."""
-
-    plots: list[_Plot] = field(default_factory=list)
-
-    @property
-    def length(self) -> float:
-        return sum(plot.length for plot in self.plots)
-
-    @property
-    def depth(self) -> float:
-        return max((plot.depth for plot in self.plots), default=0.0)
+    width: float
+    depth: float
+    door_width: float
+    door_offset: float  #: 0 to 1
+    bathroom: float  #: 0 to 1
+    is_active: bool
 
 
-@dataclass(slots=True)
-class _Skeleton:
-    """Corridors, their floor, and the rows that the sides' plots go to."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Common:
+    """What all places of a floor share."""
 
-    streets: list[Street]
-    floor: list[Box]
-    rows: list[SideRow]
+    spots: int  #: waiting spots each
+    lift_time: float  #: [s]
+    charge_time: float  #: [s]
 
 
 def hospital(
@@ -112,7 +97,7 @@ def hospital(
     lift_time: float = 12.0,
     charge_time: float = 10.0,
 ) -> World:
-    """Layout of a hospital floor; see ``RANGES`` for what is allowed.
+    """Generate a hospital floor; ``RANGES`` has what is allowed.
 
     Rooms are numbered in this order: the nurses' station (``nurses_station``), lifts
     (``lift_0`` ...), charging bays (``charger_0`` ...), then the active wards, whose names
@@ -158,68 +143,90 @@ def hospital(
         "spots": spots, "lifts": lifts, "chargers": chargers, "parking": parking,
         "teeth": teeth, "lift_time": lift_time, "charge_time": charge_time,
     }  # fmt: skip
-    for name, value in values.items():
-        check_range("hospital", name, value, RANGES)
-    widths = per_place("hospital", "room_width", room_width, rooms, RANGES)
-    depths = per_place("hospital", "room_depth", room_depth, rooms, RANGES)
-    doors = per_place("hospital", "door_width", door_width, rooms, RANGES)
-    offsets = per_place("hospital", "door_offset", door_offset, rooms, RANGES)
-    cubicles = per_place("hospital", "bathroom", bathroom, rooms, RANGES)
-    is_active = active_flags("hospital", active, rooms)
-
-    wards = [
-        _Plot("room", i, max(widths[i], least_frontage(spots, doors[i])), depths[i] + 2 * WALL)
-        for i in range(rooms)
+    check_ranges("hospital", values, RANGES)
+    per_ward = {
+        "room_width": room_width, "room_depth": room_depth, "door_width": door_width,
+        "door_offset": door_offset, "bathroom": bathroom,
+    }  # fmt: skip
+    lengths = [
+        per_place("hospital", name, given, rooms, RANGES) for name, given in per_ward.items()
     ]
-    extras: list[_Plot] = []
+    wards = [
+        _Ward(width=w, depth=d, door_width=door, door_offset=at, bathroom=b, is_active=is_active)
+        for w, d, door, at, b, is_active in zip(
+            *lengths, active_flags("hospital", active, rooms), strict=True
+        )
+    ]
+    extras = _extra_plots(station=station, lifts=lifts, chargers=chargers, spots=spots)
+    corridors = plan_corridors(
+        shape,
+        Wanted([_ward_plot(i, ward, spots) for i, ward in enumerate(wards)], extras, parking),
+        CorridorSize(corridor_width, cross, int(teeth)),
+    )
+    common = _Common(spots=spots, lift_time=lift_time, charge_time=charge_time)
+    return _built(corridors, wards, common)
+
+
+def _ward_plot(number: int, ward: _Ward, spots: int) -> Plot:
+    length = max(ward.width, least_frontage(spots, ward.door_width))
+    return Plot("room", number, length, ward.depth + 2 * WALL)
+
+
+def _extra_plots(*, station: bool, lifts: int, chargers: int, spots: int) -> list[Plot]:
+    plots: list[Plot] = []
     if station:
         length = max(STATION_WIDTH, least_frontage(spots, STATION_DOOR))
-        extras.append(_Plot("station", 0, length, STATION_DEPTH + 2 * WALL))
-    extras += [_Plot("lift", i, cabin_frontage(LIFT, spots), LIFT + 2 * WALL) for i in range(lifts)]
-    extras += [
-        _Plot("charger", i, cabin_frontage(BAY, spots), BAY + 2 * WALL) for i in range(chargers)
+        plots.append(Plot("station", 0, length, STATION_DEPTH + 2 * WALL))
+    plots += [Plot("lift", i, cabin_frontage(LIFT, spots), LIFT + 2 * WALL) for i in range(lifts)]
+    plots += [
+        Plot("charger", i, cabin_frontage(BAY, spots), BAY + 2 * WALL) for i in range(chargers)
     ]
-    skeleton, plans = _SHAPES[shape](wards, extras, parking, (corridor_width, cross, float(teeth)))
+    return plots
 
-    stops: dict[tuple[str, int], Stop] = {}
+
+def _built(corridors: Corridors, wards: Sequence[_Ward], common: _Common) -> World:
+    """Give every plot its frontage, and put the floor together."""
+    stops: dict[tuple[int, int], StreetStop] = {}
     closed: list[Box] = []
     bays: list[ParkingBay] = []
-    for plan, row in zip(plans, skeleton.rows, strict=True):
-        for plot in plan.plots:
+    for row, plots in corridors.sides:
+        for plot in plots:
             frontage = row.take(plot.length)
             if plot.kind == "parking":
                 bays.append(parking_bay(frontage, places=plot.number))
-            elif plot.kind != "room":
-                times = {"lift": lift_time, "charger": charge_time}
-                stops[plot.kind, plot.number] = _extra(plot, frontage, spots, times)
+                continue
+            stop = _stop(plot, frontage, wards, common)
+            if plot.kind == "room" and not wards[plot.number].is_active:
+                closed += stop.free
             else:
-                i = plot.number
-                ward = room_stop(
-                    frontage,
-                    name=f"ward_{i}",
-                    length=plot.length,
-                    depth=depths[i],
-                    door_width=doors[i],
-                    door_offset=offsets[i],
-                    spots=spots,
-                    bathroom=cubicles[i],
-                )
-                if is_active[i]:
-                    stops["room", i] = ward
-                else:
-                    closed += ward.free
-    order = {"station": 0, "lift": 1, "charger": 2, "room": 3}
-    return assemble(
+                stops[_ORDER.index(plot.kind), plot.number] = stop
+    return assemble_layout(
         "hospital",
-        streets=skeleton.streets,
-        floor=skeleton.floor,
+        streets=corridors.streets,
+        floor=corridors.floor,
         closed=closed,
-        stops=[stops[key] for key in sorted(stops, key=lambda key: (order[key[0]], key[1]))],
+        stops=[stops[key] for key in sorted(stops)],
         parking=bays,
     )
 
 
-def _extra(plot: _Plot, frontage: Frontage, spots: int, times: dict[str, float]) -> Stop:
+#: kinds of place in the order of their room numbers
+_ORDER = ("station", "lift", "charger", "room")
+
+
+def _stop(plot: Plot, frontage: Frontage, wards: Sequence[_Ward], common: _Common) -> StreetStop:
+    if plot.kind == "room":
+        ward = wards[plot.number]
+        return room_stop(
+            frontage,
+            name=f"ward_{plot.number}",
+            length=plot.length,
+            depth=ward.depth,
+            door_width=ward.door_width,
+            door_offset=ward.door_offset,
+            spots=common.spots,
+            bathroom=ward.bathroom,
+        )
     if plot.kind == "station":
         return room_stop(
             frontage,
@@ -228,7 +235,7 @@ def _extra(plot: _Plot, frontage: Frontage, spots: int, times: dict[str, float])
             depth=STATION_DEPTH,
             door_width=STATION_DOOR,
             door_offset=1.0,
-            spots=spots,
+            spots=common.spots,
         )
     is_lift = plot.kind == "lift"
     return cabin_stop(
@@ -236,144 +243,6 @@ def _extra(plot: _Plot, frontage: Frontage, spots: int, times: dict[str, float])
         name=f"{plot.kind}_{plot.number}",
         kind="elevator" if is_lift else "charger",
         size=LIFT if is_lift else BAY,
-        service_time=times[plot.kind],
-        spots=spots,
+        service_time=common.lift_time if is_lift else common.charge_time,
+        spots=common.spots,
     )
-
-
-# --- shapes --------------------------------------------------------------------------------
-
-
-def _spread(plots: list[_Plot], plans: Sequence[_SidePlan]) -> None:
-    """Hand out plots in turn."""
-    for i, plot in enumerate(plots):
-        plans[i % len(plans)].plots.append(plot)
-
-
-def _add_parking(places: int, plans: Sequence[_SidePlan]) -> None:
-    """Spread parking places over the ends of some sides."""
-    for i, plan in enumerate(plans):
-        share = (places + len(plans) - 1 - i) // len(plans)
-        if share:
-            plan.plots.append(_Plot("parking", share, parking_frontage(share), 0.0))
-
-
-def _line(
-    wards: list[_Plot], extras: list[_Plot], parking: int, lengths: tuple[float, float, float]
-) -> tuple[_Skeleton, list[_SidePlan]]:
-    width, _, _ = lengths
-    plans = [_SidePlan(), _SidePlan()]
-    _spread(extras, plans)
-    _spread(wards, plans[::-1])
-    _add_parking(parking, plans)
-    length = max(2.0, *(plan.length for plan in plans))
-    street = Street(start=(0.0, 0.0), along=(1.0, 0.0), length=length, width=width)
-    return _Skeleton(
-        [street],
-        [street_box(street, DEAD_END, DEAD_END)],
-        [SideRow(street, 0, side, 0.0) for side in (1, -1)],
-    ), plans
-
-
-def _ell(
-    wards: list[_Plot], extras: list[_Plot], parking: int, lengths: tuple[float, float, float]
-) -> tuple[_Skeleton, list[_SidePlan]]:
-    width, cross, _ = lengths
-    plans = [_SidePlan() for _ in range(4)]  # south, east (outer), north, west (inner)
-    south, east, north, west = plans
-    _spread(extras, [south, east])
-    _spread(wards, [north, east, south, west])
-    _add_parking(parking, [south, east])
-    inner = north.depth + 1.3  # depth beyond the corridor's wall that rooms north of it take
-    x = max(2.0, south.length, north.length) + cross / 2.0
-    y = width / 2.0 + max(2.0, east.length, west.length + inner)
-    first = Street(
-        start=(0.0, 0.0), along=(1.0, 0.0), length=x, width=width, crossings=(Crossing(0, x),)
-    )
-    second = Street(
-        start=(x, 0.0), along=(0.0, 1.0), length=y, width=cross, crossings=(Crossing(0, 0.0),)
-    )
-    return _Skeleton(
-        [first, second],
-        [
-            street_box(first, DEAD_END, cross / 2.0),
-            street_box(second, width / 2.0, DEAD_END),
-        ],
-        [
-            SideRow(first, 0, 1, 0.0),
-            SideRow(second, 1, 1, width / 2.0),
-            SideRow(first, 0, -1, 0.0),
-            SideRow(second, 1, -1, width / 2.0 + inner),
-        ],
-    ), plans
-
-
-def _ring(
-    wards: list[_Plot], extras: list[_Plot], parking: int, lengths: tuple[float, float, float]
-) -> tuple[_Skeleton, list[_SidePlan]]:
-    width, cross, _ = lengths
-    plans = [_SidePlan() for _ in range(6)]  # outer south, east, north, west; core south, north
-    south, east, north, west, core_south, core_north = plans
-    _spread(extras, [core_south, core_north])
-    _spread(wards, [south, north, east, west])
-    _add_parking(parking, [core_south, core_north])
-    room = 2.0 * 1.3 + WALL  # both of the core's walls may step back
-    x = cross + max(2.0, *(p.length for p in (south, north, core_south, core_north)))
-    y = width + max(2.0, east.length, west.length, core_south.depth + core_north.depth + room)
-    points = [(0.0, 0.0), (x, 0.0), (x, y), (0.0, y)]
-    headings = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
-    streets = []
-    for i in range(4):
-        length = x if i % 2 == 0 else y
-        ends = (Crossing(i, 0.0), Crossing((i + 1) % 4, length))
-        breadth = width if i % 2 == 0 else cross
-        streets.append(
-            Street(start=points[i], along=headings[i], length=length, width=breadth, crossings=ends)
-        )
-    gaps = [cross / 2.0, width / 2.0]  # half the corridor that each one runs into
-    floor = [street_box(s, gaps[i % 2], gaps[i % 2]) for i, s in enumerate(streets)]
-    rows = [SideRow(s, i, 1, gaps[i % 2]) for i, s in enumerate(streets)]
-    rows += [SideRow(streets[i], i, -1, cross / 2.0) for i in (0, 2)]
-    return _Skeleton(streets, floor, rows), plans
-
-
-def _comb(
-    wards: list[_Plot], extras: list[_Plot], parking: int, lengths: tuple[float, float, float]
-) -> tuple[_Skeleton, list[_SidePlan]]:
-    width, cross, teeth = lengths
-    count = int(teeth)
-    sides = [_SidePlan() for _ in range(2 * count)]  # right, left of each branch
-    main = _SidePlan()
-    _add_parking(parking - parking // 2, [main])
-    _spread(extras, [main])
-    _add_parking(parking // 2, [main])
-    _spread(wards, sides)
-    recess = 1.3
-    xs, x = [], 0.0
-    for k in range(count):
-        x += sides[2 * k + 1].depth + recess + cross / 2.0
-        xs.append(x)
-        x += cross / 2.0 + sides[2 * k].depth + recess
-    length = max(x, main.length)
-    streets = [
-        Street(
-            start=(0.0, 0.0), along=(1.0, 0.0), length=length, width=width,
-            crossings=tuple(Crossing(k, at) for k, at in enumerate(xs)),
-        )
-    ]  # fmt: skip
-    floor = [street_box(streets[0], DEAD_END, DEAD_END)]
-    rows = []
-    for k, at in enumerate(xs):
-        reach = width / 2.0 + max(2.0, sides[2 * k].length, sides[2 * k + 1].length)
-        branch = Street(
-            start=(at, 0.0), along=(0.0, 1.0), length=reach, width=cross,
-            crossings=(Crossing(k, 0.0),),
-        )  # fmt: skip
-        streets.append(branch)
-        floor.append(street_box(branch, 0.0, DEAD_END))
-        rows += [SideRow(branch, k + 1, side, width / 2.0) for side in (1, -1)]
-    rows.append(SideRow(streets[0], 0, 1, 0.0))
-    return _Skeleton(streets, floor, rows), [*sides, main]
-
-
-_SHAPES = {"line": _line, "ell": _ell, "ring": _ring, "comb": _comb}

@@ -11,17 +11,17 @@ from shapely.geometry import Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from scenic_worlds.layouts.entrances import Entrance
+from scenic_worlds.layouts.frontages import SPOT_STEP
 from scenic_worlds.layouts.routes import RouteMap
 
 SPOT_GAP = (0.40, 0.60)  # m, waiting robot to the wall beside it
-SPOT_STEP = 1.0  # m between waiting robots
 LEAST_STEP = 0.95
 FROM_FRONT = (0.95, 2.6)  # m, front of the door to the head spot, straight
 TO_LANE = 0.75  # m, waiting robot to a lane
 BETWEEN_LANES = 0.78  # m, as AWS
 TO_WALL = 0.42  # m, lane to a wall
-FACING = 0.8  # m; spots across a corridor that are no farther aside face each other
-NO_TRAFFIC = 1.3  # m from every middle way: nobody passes there
+FACING = 0.8  # m; spots across a corridor face each other if they are no farther aside
+NO_TRAFFIC = 1.3  # m from every middle way: no traffic passes there
 OFF_AREA = 0.25  # m between a spot and what other rooms need
 PARK_APART = 1.1  # m, parked robot to other places
 PARK_TO_LANE, PARK_WITHIN = 0.9, 4.0  # m, parked robot to the nearest lane
@@ -38,14 +38,14 @@ class Sites:
     traffic: Array  #: (n,) distance to the nearest middle way [m]
 
     def taking(self, keep: BoolArray) -> Sites:
-        """Only some of the places."""
+        """Keep some of the places."""
         return Sites(self.points[keep], self.away[keep], self.beside[keep], self.traffic[keep])
 
 
 def standing_places(
     routes: RouteMap, entrances: list[Entrance], middles: Array, part: int
 ) -> Sites:
-    """All places along walls outside rooms and door aprons.
+    """Find all places along walls outside rooms and door aprons.
 
     Args:
         routes: the floor.
@@ -80,7 +80,7 @@ def standing_places(
 
 
 def _free_width(routes: RouteMap, points: Array, away: Array) -> Array:
-    """Distance ``(n,)`` [m] to the next solid in the direction ``away``, at most 3 m."""
+    """Measure the way ``(n,)`` [m] to the next solid in direction ``away``, at most 3 m."""
     width = np.full(len(points), 3.0)
     for reach in np.arange(3.0, 0.2, -routes.resolution):
         blocked = routes.gap(points + reach * away) <= 0.0
@@ -95,7 +95,7 @@ def choose_queue(
     taken: Array,
     wanted: int,
 ) -> Array:
-    """Waiting spots of one room, head first; as many as there is room for.
+    """Choose the waiting spots of one room, head first; as many as there is room for.
 
     The row upstream of the door is preferred: beside the lane that leads to it, with the
     wall on the right of who drives there.
@@ -182,7 +182,7 @@ def _next_in_row(routes: RouteMap, sites: Sites, far: Array, row: list[int]) -> 
 
 
 def choose_parking(sites: Sites, lane_gap: Array, taken: Array, wanted: int) -> Array:
-    """Places for idle robots, spread over the floor.
+    """Choose places for idle robots, spread over the floor.
 
     Args:
         sites: places to choose from.

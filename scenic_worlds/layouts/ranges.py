@@ -31,8 +31,18 @@ def check_range(layout: str, name: str, value: float, ranges: Ranges) -> None:
         )
 
 
+def check_ranges(layout: str, values: Mapping[str, float], ranges: Ranges) -> None:
+    """Refuse the first of some values, by parameter, that is outside its range.
+
+    Raises:
+        ConfigError: as of :func:`check_range`.
+    """
+    for name, value in values.items():
+        check_range(layout, name, value, ranges)
+
+
 def per_place(layout: str, name: str, given: Numbers, count: int, ranges: Ranges) -> list[float]:
-    """One value per place from a number, or a sequence that is repeated.
+    """Spread a number, or a sequence that is repeated, over the places.
 
     Raises:
         ConfigError: an empty sequence, or a value outside its range.
@@ -46,7 +56,7 @@ def per_place(layout: str, name: str, given: Numbers, count: int, ranges: Ranges
 
 
 def active_flags(layout: str, active: Sequence[bool], count: int) -> list[bool]:
-    """One flag per place; all are active if none are given.
+    """Give every place a flag; all are active if none are given.
 
     Raises:
         ConfigError: another number of flags.

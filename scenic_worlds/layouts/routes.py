@@ -13,7 +13,7 @@ from mrta_falsify.stack.planning import search_kernels as kernels
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
 MAX_CELLS = 2_000_000  # finer than this takes coarser cells
-WIDE = 1.5  # m; farther from everything is no better
+WIDE = 1.5  # m; keeping farther away than this gains nothing
 KEEP_MIDDLE = 6.0  # a cell beside a wall is this many times dearer, and once more
 RIGHT = 0.40  # m, lane to the middle: 0.8 between lanes, as AWS
 WALL_GAP = 0.42  # m, lane to anything solid, where there is room
@@ -42,13 +42,13 @@ class RouteMap:
         self.part: IntArray = ndimage.label(self.free, structure=steps)[0].astype(np.int64)
 
     def cell(self, point: Array) -> tuple[int, int]:
-        """Row and column of a map point [m], clipped to the map."""
+        """Find row and column of a map point [m], clipped to the map."""
         row, col = self.costmap.cells(point).tolist()
         rows, cols = self.free.shape
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
     def gap(self, points: Array, clearance: Array | None = None) -> Array:
-        """Distance ``(K,)`` [m] of points ``(K, 2)`` to what is solid, 0 outside."""
+        """Measure the distance ``(K,)`` [m] of points ``(K, 2)`` to what is solid, 0 outside."""
         field = self.clearance if clearance is None else clearance
         cells = self.costmap.cells(points)
         rows, cols = self.free.shape
@@ -62,7 +62,7 @@ class RouteMap:
         return bool(self.gap(_samples(np.vstack([start, end]), STEP)).min() >= least)
 
     def distance_to(self, points: Array) -> Array:
-        """Distance ``(rows, cols)`` [m] of every cell to the nearest of ``(K, 2)`` points."""
+        """Measure each cell's distance ``(rows, cols)`` [m] to the nearest of ``(K, 2)`` points."""
         marks = np.ones(self.free.shape, dtype=np.bool_)
         cells = self.costmap.cells(points)
         rows, cols = self.free.shape
@@ -100,7 +100,7 @@ class MiddleWays:
         self._width = cols + 2
 
     def to(self, goal: Array, starts: list[Array]) -> list[Array]:
-        """Ways ``(K, 2)`` [m] from every start to one goal, empty where there is none."""
+        """Find ways ``(K, 2)`` [m] from every start to one goal, empty where there is none."""
         size = self._prices.size
         cost = np.full(size, kernels.FAR, dtype=np.int32)
         closed = np.zeros(size, dtype=np.uint8)
@@ -122,7 +122,7 @@ class MiddleWays:
         return ways
 
     def _flat(self, point: Array) -> int:
-        """The nearest free cell to a point, as the search numbers it."""
+        """Number the nearest free cell to a point as the search does."""
         row, col = self._routes.cell(point)
         if not self._routes.free[row, col]:
             rows, cols = np.nonzero(self._routes.free)
@@ -132,14 +132,14 @@ class MiddleWays:
 
 
 def _samples(points: Array, step: float) -> Array:
-    """Points ``(K, 2)`` at most ``step`` [m] apart along a polyline, its corners included."""
+    """Sample a polyline ``(K, 2)`` at most every ``step`` [m], its corners included."""
     return np.asarray(
         shapely.get_coordinates(shapely.segmentize(shapely.linestrings(points), step))
     )
 
 
 def evenly(points: Array, step: float = STEP) -> Array:
-    """Points ``(K, 2)`` at even distances of about ``step`` [m] along a polyline."""
+    """Sample a polyline ``(K, 2)`` at even distances of about ``step`` [m]."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     arc = np.concatenate([[0.0], np.cumsum(steps)])
     count = max(2, int(np.ceil(arc[-1] / step)) + 1)
@@ -148,7 +148,7 @@ def evenly(points: Array, step: float = STEP) -> Array:
 
 
 def smoothed(values: Array, half: int) -> Array:
-    """Moving mean along axis 0 over ``2 half + 1`` samples; the ends stay."""
+    """Average along axis 0 over ``2 half + 1`` samples; the ends stay."""
     if half < 1 or len(values) < 3:
         return values
     size = 2 * half + 1
@@ -161,7 +161,7 @@ def smoothed(values: Array, half: int) -> Array:
 def right_of(
     routes: RouteMap, way: Array, clearance: Array, *, before: float, after: float
 ) -> Array:
-    """A way moved to the right as far as ``RIGHT`` and the walls allow.
+    """Move a way to the right as far as ``RIGHT`` and the walls allow.
 
     Args:
         routes: the floor.
@@ -198,7 +198,7 @@ def right_of(
 
 
 def straightened(routes: RouteMap, lane: Array, clearance: Array) -> Array:
-    """The corners of a lane, as few as keep its distance from what is solid."""
+    """Reduce a lane to as few corners as keep its distance from what is solid."""
     line = shapely.linestrings(lane)
     least = min(LEAST_GAP, float(routes.gap(lane, clearance).min()))
     for tolerance in (TOLERANCE, TOLERANCE / 2.0, TOLERANCE / 6.0):

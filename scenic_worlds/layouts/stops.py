@@ -1,28 +1,32 @@
-"""Places beside a street: rooms with doors, counters, lifts, shelves, parking bays.
+"""Places beside a street: rooms with doors, counters, lifts, shelves.
 
-Every place takes a piece of one side of a street, its *frontage*. In the frontage's frame
-the first coordinate runs with the traffic of the near lane (so the wall is on its right),
-the second from the street's middle line outwards. Robots wait upstream of the door, along
-the wall; where the street is narrow the wall steps back for them.
+Every place takes a frontage. Robots wait upstream of the door, along the wall; where the street
+is narrow the wall steps back for them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.world import Furniture, Resource, Room
-from scenic_worlds.layouts.streets import SPOT_TO_WALL, Address, Street
+from scenic_worlds.layouts.frontages import (
+    DOWNSTREAM,
+    HEAD_SPOT,
+    POINT_TO_SIDE,
+    SPOT_STEP,
+    WALL,
+    Box,
+    Frontage,
+    corners,
+    downstream_length,
+    queue_length,
+)
+from scenic_worlds.layouts.streets import SPOT_TO_WALL, Address
 
-WALL = 0.15  # m, thickness
-HEAD_SPOT = 1.2  # m, door middle to the first waiting spot
-SPOT_STEP = 1.0  # m between waiting spots, as MRTA-Sim
-END_SPACE = 0.5  # m, last spot to the end of its bay
-DOWNSTREAM = 0.25  # m, door jamb to the end of the frontage
-POINT_TO_SIDE = 0.85  # m, room point to the room's side walls at least
 APRON = 0.9  # m of floor before a door that an entering robot needs
 ASK_AROUND = 4.5  # m around door and spots, as AWS
 LIFT = 1.8  # m, width and depth of a lift car
@@ -30,58 +34,10 @@ FACE = 0.5  # m, half the width of a place at a shelf
 BAY = 1.3  # m, width and depth of a charging bay
 
 Kind = Literal["room", "elevator", "charger"]
-Box = tuple[float, float, float, float]  # low and high of both coordinates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frontage:
-    """A piece of one side of a street."""
-
-    street: Street
-    number: int  #: of the street
-    side: int  #: 1: right of the street's direction, -1: left
-    station: float  #: where it begins, seen by the traffic of the near lane [m]
-
-    def points(self, local: list[tuple[float, float]]) -> Array:
-        """Map points ``(K, 2)`` [m] of (downstream, outwards) pairs."""
-        (ax, ay), side = self.street.along, self.side
-        ux, uy = ax * side, ay * side
-        x, y = self.street.point(self.station)
-        s, out = np.array(local, dtype=np.float64).reshape(-1, 2).T
-        return np.stack([x + ux * s + uy * out, y + uy * s - ux * out], axis=1)
-
-    def point(self, downstream: float, outwards: float) -> Array:
-        """Map point ``(2,)`` [m]."""
-        return frozen_array(self.points([(downstream, outwards)])[0])
-
-    def box(self, box: Box) -> Box:
-        """Map box (x min, y min, x max, y max) of (from, to downstream, from, to outwards)."""
-        (x1, y1), (x2, y2) = self.points([(box[0], box[2]), (box[1], box[3])]).tolist()
-        return (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))
-
-    def address(self, downstream: float) -> Address:
-        """Where a place of the frontage lies on the street."""
-        return Address(self.number, self.station + self.side * downstream)
-
-    @property
-    def wall(self) -> float:
-        """Middle line to the stepped-back wall [m]."""
-        return self.street.width / 2.0 + self.street.recess
-
-    @property
-    def spot_line(self) -> float:
-        """Middle line to the line of waiting robots [m]."""
-        return self.wall - SPOT_TO_WALL
-
-
-def corners(box: Box) -> Array:
-    """Outline ``(4, 2)`` of a box (x min, y min, x max, y max), counter-clockwise."""
-    x1, y1, x2, y2 = box
-    return frozen_array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stop:
+class StreetStop:
     """A place that tasks may name, with all that follows from where it is."""
 
     room: Room
@@ -103,7 +59,7 @@ class Stop:
         return frozen_array(np.vstack([self.front, self.room.point]))
 
     def resource(self, number: int) -> Resource:
-        """The resource that guards the place; ``number`` is the room's."""
+        """Describe the resource that guards the place; ``number`` is the room's."""
         near = np.vstack([self.spots, self.front[None, :], self.room.point[None, :]])
         x1, y1 = (near.min(axis=0) - ASK_AROUND).tolist()
         x2, y2 = (near.max(axis=0) + ASK_AROUND).tolist()
@@ -119,18 +75,23 @@ class Stop:
         )
 
 
-def queue_length(spots: int) -> float:
-    """Frontage [m] upstream of a door's middle that ``spots`` waiting robots need."""
-    return HEAD_SPOT + max(spots - 1, 0) * SPOT_STEP + END_SPACE if spots else POINT_TO_SIDE + WALL
+class _Queue(NamedTuple):
+    """Where robots wait for a place."""
+
+    front: Array  #: (2,) before the door [m]
+    spots: Array  #: (S, 2) head first [m]
+    tail: Address  #: beside the last spot
 
 
-def least_frontage(spots: int, door_width: float) -> float:
-    """Shortest frontage [m] of a place with a queue and a door."""
-    return queue_length(spots) + _downstream(door_width)
-
-
-def _downstream(door_width: float) -> float:
-    return max(door_width / 2.0 + DOWNSTREAM, POINT_TO_SIDE + WALL / 2.0)
+def _queue(frontage: Frontage, door: float, spots: int) -> _Queue:
+    """Line up waiting spots upstream of a door's middle."""
+    line = frontage.spot_line
+    downstream = [door - HEAD_SPOT - k * SPOT_STEP for k in range(spots)]
+    return _Queue(
+        front=frontage.point(door, line),
+        spots=frozen_array(frontage.points([(at, line) for at in downstream])),
+        tail=frontage.address(downstream[-1] if downstream else door),
+    )
 
 
 def room_stop(
@@ -143,8 +104,8 @@ def room_stop(
     door_offset: float,
     spots: int,
     bathroom: float = 0.0,
-) -> Stop:
-    """A room behind a door.
+) -> StreetStop:
+    """Build a room behind a door.
 
     Args:
         frontage: where it begins.
@@ -159,7 +120,7 @@ def room_stop(
     Returns:
         The place; its point lies straight behind the door, in the middle of the depth.
     """
-    low, high = queue_length(spots), length - _downstream(door_width)
+    low, high = queue_length(spots), length - downstream_length(door_width)
     door = low + door_offset * (high - low)
     wall = frontage.wall
     inner, back = wall + WALL, wall + WALL + depth
@@ -175,8 +136,7 @@ def room_stop(
         inside = [(left, right, inner, back)]
     half = door_width / 2.0
     free = [*inside, (door - half, door + half, wall, inner), _bay(frontage, door, half, spots)]
-    line = frontage.spot_line
-    queue = [(door - HEAD_SPOT - k * SPOT_STEP, line) for k in range(spots)]
+    queue = _queue(frontage, door, spots)
     apron = min(half + 0.2, HEAD_SPOT - 0.35)
     outline = [
         (door - apron, wall - APRON),
@@ -188,7 +148,7 @@ def room_stop(
         (left, inner),
         (door - apron, inner),
     ]
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(door, inner + depth / 2.0),
@@ -197,16 +157,16 @@ def room_stop(
         ),
         kind="room",
         door=frontage.address(door),
-        tail=frontage.address(queue[-1][0] if queue else door),
-        front=frontage.point(door, line),
-        spots=frozen_array(frontage.points(queue)),
+        tail=queue.tail,
+        front=queue.front,
+        spots=queue.spots,
         release_area=_counter_clockwise(frontage.points(outline)),
         free=tuple(frontage.box(box) for box in free),
     )
 
 
 def _bay(frontage: Frontage, door: float, half: float, spots: int) -> Box:
-    """Floor along the street before the door and the waiting robots."""
+    """Box the floor along the street before the door and the waiting robots."""
     before = queue_length(spots) if spots else half + DOWNSTREAM
     edge = frontage.street.width / 2.0 - 0.01
     return (door - before, door + half + DOWNSTREAM, edge, frontage.wall)
@@ -229,8 +189,8 @@ def _counter_clockwise(points: Array) -> Array:
 
 def cabin_stop(
     frontage: Frontage, *, name: str, kind: Kind, size: float, service_time: float, spots: int
-) -> Stop:
-    """A lift car or charging bay: one robot drives in and stands in the middle for a time.
+) -> StreetStop:
+    """Build a lift car or charging bay: one robot stands in its middle for a time.
 
     Args:
         frontage: where it begins; it takes ``queue_length(spots) + size / 2 + 0.2`` m.
@@ -242,14 +202,13 @@ def cabin_stop(
     """
     middle, half, wall = queue_length(spots), size / 2.0, frontage.wall
     cabin = (middle - half, middle + half, wall, wall + WALL + size)
-    line = frontage.spot_line
-    queue = [(middle - HEAD_SPOT - k * SPOT_STEP, line) for k in range(spots)]
+    queue = _queue(frontage, middle, spots)
     opening = min(half, HEAD_SPOT - 0.35)
     point = wall + WALL + half - 0.1
     # Robots are served in the middle of the area: that is to be the room point.
     area = (middle - opening, middle + opening, wall - APRON, 2.0 * point - (wall - APRON))
     bay = _bay(frontage, middle, half - DOWNSTREAM + 0.1, spots)
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(middle, point),
@@ -258,9 +217,9 @@ def cabin_stop(
         ),
         kind=kind,
         door=frontage.address(middle),
-        tail=frontage.address(queue[-1][0] if queue else middle),
-        front=frontage.point(middle, line),
-        spots=frozen_array(frontage.points(queue)),
+        tail=queue.tail,
+        front=queue.front,
+        spots=queue.spots,
         release_area=corners(frontage.box(area)),
         free=(frontage.box(cabin), frontage.box(bay)),
         service_time=service_time,
@@ -268,12 +227,12 @@ def cabin_stop(
 
 
 def cabin_frontage(size: float, spots: int) -> float:
-    """Frontage [m] of :func:`cabin_stop`."""
+    """Compute the frontage [m] of :func:`cabin_stop`."""
     return queue_length(spots) + size / 2.0 + 0.2
 
 
-def face_stop(frontage: Frontage, *, name: str, spots: int) -> Stop:
-    """A place at a shelf or counter: the robot stands at the wall, out of the lane.
+def face_stop(frontage: Frontage, *, name: str, spots: int) -> StreetStop:
+    """Build a place at a shelf or counter: the robot stands at the wall, out of the lane.
 
     Args:
         frontage: where it begins; it takes :func:`face_frontage` m.
@@ -282,9 +241,9 @@ def face_stop(frontage: Frontage, *, name: str, spots: int) -> Stop:
     """
     middle, wall, line = queue_length(spots), frontage.wall, frontage.spot_line
     reach = HEAD_SPOT - 0.35
-    queue = [(middle - HEAD_SPOT - k * SPOT_STEP, line) for k in range(spots)]
+    queue = _queue(frontage, middle, spots)
     around = corners(frontage.box((middle - reach, middle + reach, wall - APRON, wall)))
-    return Stop(
+    return StreetStop(
         room=Room(
             name=name,
             point=frontage.point(middle, line),
@@ -292,35 +251,14 @@ def face_stop(frontage: Frontage, *, name: str, spots: int) -> Stop:
         ),
         kind="room",
         door=frontage.address(middle),
-        tail=frontage.address(queue[-1][0] if queue else middle),
-        front=frontage.point(middle, line),
-        spots=frozen_array(frontage.points(queue)),
+        tail=queue.tail,
+        front=queue.front,
+        spots=queue.spots,
         release_area=around,
         free=(frontage.box(_bay(frontage, middle, FACE, spots)),),
     )
 
 
 def face_frontage(spots: int) -> float:
-    """Frontage [m] of :func:`face_stop`."""
+    """Compute the frontage [m] of :func:`face_stop`."""
     return queue_length(spots) + FACE + DOWNSTREAM
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ParkingBay:
-    """Places for idle robots along a street."""
-
-    places: Array  #: (P, 2) [m]
-    free: tuple[Box, ...]
-
-
-def parking_frontage(places: int) -> float:
-    """Frontage [m] that ``places`` parked robots need."""
-    return places * SPOT_STEP + 2 * (END_SPACE - SPOT_STEP / 2.0) + 0.2 if places else 0.0
-
-
-def parking_bay(frontage: Frontage, *, places: int) -> ParkingBay:
-    """Robots side by side along the wall, out of the lanes."""
-    length = parking_frontage(places)
-    middle = [(0.1 + (k + 0.5) * SPOT_STEP, frontage.spot_line) for k in range(places)]
-    box = (0.0, length, frontage.street.width / 2.0 - 0.01, frontage.wall)
-    return ParkingBay(places=frontage.points(middle), free=(frontage.box(box),))

@@ -22,7 +22,7 @@ SIDE_SPACE = SPOT_TO_LANE + SPOT_TO_WALL  # m, between lane and wall where robot
 
 
 @dataclass(frozen=True, slots=True)
-class Crossing:
+class StreetCrossing:
     """Where a street meets another one."""
 
     node: int  #: number of the crossing on the floor
@@ -37,7 +37,7 @@ class Street:
     along: tuple[float, float]  #: unit vector along x or y
     length: float  #: [m]
     width: float  #: wall to wall [m]
-    crossings: tuple[Crossing, ...] = ()  #: by station
+    crossings: tuple[StreetCrossing, ...] = ()  #: by station
 
     @property
     def lane(self) -> float:
@@ -94,7 +94,7 @@ class StreetMap:
             self._next = np.where(shorter, self._next[:, middle, None], self._next)
 
     def legs(self, start: Address, end: Address) -> tuple[Leg, ...]:
-        """Shortest way from one address to another; one leg if they share a street."""
+        """Find the shortest way between two addresses; one leg if they share a street."""
         if start.street == end.street:
             return (Leg(start.street, 1 if end.station >= start.station else -1),)
         best, nodes = np.inf, (-1, -1)
@@ -119,13 +119,13 @@ class StreetMap:
         return tuple(merged)
 
     def _heading(self, address: Address, node: int) -> int:
-        """Direction from an address to a crossing of its street."""
+        """Tell the direction from an address to a crossing of its street."""
         crossings = self.streets[address.street].crossings
         station = next(c.station for c in crossings if c.node == node)
         return 1 if station >= address.station else -1
 
     def way(self, legs: tuple[Leg, ...], start: float, end: float) -> list[tuple[float, float]]:
-        """Corners [m] of the lane along ``legs``, from station ``start`` to station ``end``."""
+        """Follow the lane along ``legs``, station ``start`` to station ``end``: corners [m]."""
         first, last = legs[0], legs[-1]
         points = [self._on_lane(first, start)]
         points += [self._turn(one, two) for one, two in itertools.pairwise(legs)]
@@ -139,7 +139,7 @@ class StreetMap:
         return street.point(station, leg.heading * street.lane)
 
     def _turn(self, one: Leg, two: Leg) -> tuple[float, float]:
-        """Where the lanes of two streets that cross at a right angle meet."""
+        """Find where the lanes of two streets that cross at a right angle meet."""
         x1, y1 = self._on_lane(one, 0.0)
         x2, y2 = self._on_lane(two, 0.0)
         return (x2, y1) if self.streets[one.street].along[0] else (x1, y2)

@@ -10,19 +10,15 @@ from collections.abc import Sequence
 
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts.aisles import block_furniture, faces_length, place_faces, plan_aisles
-from scenic_worlds.layouts.assembly import SideRow, assemble
-from scenic_worlds.layouts.ranges import active_flags, check_range
-from scenic_worlds.layouts.stops import (
-    BAY,
+from scenic_worlds.layouts.assembly import SideRow, assemble_layout
+from scenic_worlds.layouts.frontages import (
     ParkingBay,
-    Stop,
-    cabin_frontage,
-    cabin_stop,
     least_frontage,
     parking_bay,
     parking_frontage,
-    room_stop,
 )
+from scenic_worlds.layouts.ranges import active_flags, check_ranges
+from scenic_worlds.layouts.stops import BAY, StreetStop, cabin_frontage, cabin_stop, room_stop
 
 #: allowed values: lowest, highest
 RANGES: dict[str, tuple[float, float]] = {
@@ -63,7 +59,7 @@ def warehouse(
     spots: int = 2,
     charge_time: float = 10.0,
 ) -> World:
-    """Layout of a warehouse; see ``RANGES`` for what is allowed.
+    """Generate a warehouse; ``RANGES`` has what is allowed.
 
     Rooms are numbered in this order: packing stations (``station_0`` ...), charging bays
     (``charger_0`` ...), then the active pick faces, whose names ``pick_0`` ... keep the
@@ -101,13 +97,12 @@ def warehouse(
         "pick_offset": pick_offset, "station_door": station_door, "spots": spots,
         "charge_time": charge_time,
     }  # fmt: skip
-    for name, value in values.items():
-        check_range("warehouse", name, value, RANGES)
+    check_ranges("warehouse", values, RANGES)
     is_active = active_flags("warehouse", active, picks)
 
     sides = [(2 + k // 2, 1 if k % 2 == 0 else -1) for k in range(2 * aisles)]
     station = max(STATION_WIDTH, least_frontage(spots, station_door))
-    charger = cabin_frontage(BAY, spots)
+    back = chargers * cabin_frontage(BAY, spots) + parking_frontage(parking)
     plan = plan_aisles(
         aisles,
         width=aisle_width,
@@ -115,40 +110,18 @@ def warehouse(
         length=max(aisle_length, faces_length(-(-picks // len(sides)), spots)),
         between=rack_depth,
         beside=rack_depth / 2.0,
-        least_front=max(stations * station, chargers * charger + parking_frontage(parking)),
+        least_front=max(stations * station, back),
     )
-    stops: list[Stop] = []
-    row = SideRow(plan.streets[0], 0, 1, 0.0)
-    for i in range(stations):
-        stops.append(
-            room_stop(
-                row.take(station),
-                name=f"station_{i}",
-                length=station,
-                depth=STATION_DEPTH,
-                door_width=station_door,
-                door_offset=0.5,
-                spots=spots,
-            )
-        )
-    row = SideRow(plan.streets[1], 1, 1, 0.0)
-    for i in range(chargers):
-        stops.append(
-            cabin_stop(
-                row.take(charger),
-                name=f"charger_{i}",
-                kind="charger",
-                size=BAY,
-                service_time=charge_time,
-                spots=spots,
-            )
-        )
+    front_row = SideRow(plan.streets[0], 0, 1, 0.0)
+    back_row = SideRow(plan.streets[1], 1, 1, 0.0)
+    stops = _stations(front_row, stations, length=station, door=station_door, spots=spots)
+    stops += _chargers(back_row, chargers, charge_time=charge_time, spots=spots)
     bays: list[ParkingBay] = []
     if parking:
-        bays.append(parking_bay(row.take(parking_frontage(parking)), places=parking))
+        bays.append(parking_bay(back_row.take(parking_frontage(parking)), places=parking))
     faces = place_faces(plan, sides, picks, name="pick", spots=spots, offset=pick_offset)
     open_faces = [face for face, is_open in zip(faces, is_active, strict=True) if is_open]
-    return assemble(
+    return assemble_layout(
         "warehouse",
         streets=plan.streets,
         floor=plan.floor,
@@ -156,3 +129,34 @@ def warehouse(
         parking=bays,
         furniture=block_furniture(plan, open_faces, name="rack", kind="shelf", height=rack_height),
     )
+
+
+def _stations(
+    row: SideRow, count: int, *, length: float, door: float, spots: int
+) -> list[StreetStop]:
+    return [
+        room_stop(
+            row.take(length),
+            name=f"station_{i}",
+            length=length,
+            depth=STATION_DEPTH,
+            door_width=door,
+            door_offset=0.5,
+            spots=spots,
+        )
+        for i in range(count)
+    ]
+
+
+def _chargers(row: SideRow, count: int, *, charge_time: float, spots: int) -> list[StreetStop]:
+    return [
+        cabin_stop(
+            row.take(cabin_frontage(BAY, spots)),
+            name=f"charger_{i}",
+            kind="charger",
+            size=BAY,
+            service_time=charge_time,
+            spots=spots,
+        )
+        for i in range(count)
+    ]

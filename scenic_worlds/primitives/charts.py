@@ -1,9 +1,8 @@
 """Scenic's regions as images of the unit cube, uniformly.
 
 A chart maps the unit cube onto a region so that a uniform u gives a uniform point, as Scenic's
-own ``uniformPointInner`` would. Which chart a region has is decided by which class's
-``uniformPointInner`` it inherits, so a region of a user's own that samples in its own way gets
-none (and is driven by a seed instead).
+own ``uniformPointInner`` would. The class whose ``uniformPointInner`` a region inherits decides
+its chart. A user's region that samples in its own way gets none and is driven by a seed.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Chart:
 
 
 def chart_of(region: Region) -> Chart | None:
-    """Chart of a region that is not random; None if its sampling is not known.
+    """Find the chart of a region that is not random; None if its sampling is not known.
 
     The chart is kept with the region, so that a region of the layout is charted once.
     """
@@ -62,7 +61,7 @@ def chart_of(region: Region) -> Chart | None:
 
 
 def axes_of_random(region: Any) -> int | None:
-    """Number of coordinates for a region that is itself random; None if it cannot be told.
+    """Count the coordinates of a region that is itself random; None if unknown.
 
     Args:
         region: a Scenic region with random parts, or a distribution over regions.
@@ -182,7 +181,7 @@ def _point_set(region: Any) -> Chart:
 
 
 def _points(region: Any, points: Any) -> Chart:
-    """Chart onto the points ``(n, 3)`` [m]."""
+    """Chart the points ``(n, 3)`` [m]."""
 
     def point(u: Sequence[float]) -> Vector:
         return region.orient(Vector(*points[min(int(u[0] * len(points)), len(points) - 1)]))

@@ -16,11 +16,11 @@ from scenic.core.vectors import Vector
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.candidate import Dimension, SearchSpace
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives.charts import Axis
 from scenic_worlds.primitives.leaves import Coordinates, DrivenLeaf, DrivenMutator
 from scenic_worlds.primitives.naming import Found, Root, find_primitives, roots_of
-from scenic_worlds.primitives.plan import NodeRejected, Plan
+from scenic_worlds.primitives.plan import EvaluationPlan, NodeRejected
 
 #: properties of an object that decide where it is and what it touches
 GEOMETRY = (
@@ -47,7 +47,7 @@ class Unit:
 
 
 class Driver:
-    """Drives every random primitive of a scenario; changes the scenario for good.
+    """Drives every random primitive of a scenario; the scenario stays changed.
 
     Sets of units are kept as bit sets in an ``int``: bit i is unit i.
 
@@ -57,7 +57,7 @@ class Driver:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
-        self.names = object_names(scenario.objects)  #: of the objects, as in the worlds
+        self.names = names_in_worlds(scenario.objects)  #: of the objects, as in the worlds
         self.source = Coordinates()
         self._roots = roots_of(scenario)
         self._units: list[Unit] = []
@@ -73,7 +73,7 @@ class Driver:
         self.units = tuple(self._units)
         # one order for every process, also for Scenic's own sampling and serialisation
         scenario.dependencies = tuple(root.value for root in self._roots)
-        self._plan = Plan(scenario.dependencies, self._unit_of, self._mutations)
+        self._plan = EvaluationPlan(scenario.dependencies, self._unit_of, self._mutations)
 
     def _drive_leaf(self, found: Found) -> None:
         proxy = found.value._conditioned
@@ -120,7 +120,7 @@ class Driver:
     # --- evaluation ----------------------------------------------------------------------
 
     def begin(self) -> Sample:
-        """A sample of which nothing is known yet."""
+        """Begin a sample of which nothing is known yet."""
         return Sample(self.source, self._plan)
 
     def restrict(self, intervals: Mapping[int, tuple[float, float]]) -> None:
@@ -135,7 +135,7 @@ class Driver:
         self.source.intervals = dict(intervals)
 
     def value_of(self, sample: Sample, place: int) -> float | None:
-        """Value of a sample that belongs to a coordinate; None if it is no number.
+        """Look up the value that belongs to a coordinate; None if it is not a number.
 
         Args:
             sample: complete.
@@ -161,13 +161,13 @@ class Driver:
         return (1 << len(self.units)) - 1
 
     def units_of(self, value: Any) -> int:
-        """Units that a value of the program depends on, as a bit set."""
+        """Find the units that a value of the program depends on, as a bit set."""
         if not needsSampling(value):
             return 0
         return self._plan.units_of(value)
 
     def units_of_label(self, label: str) -> int:
-        """Units of an object's name, a ``param NAME`` or a ``param NAME[i]``; 0 if unknown."""
+        """Find the units of an object, ``param NAME`` or ``param NAME[i]``; 0 if unknown."""
         for item, name in self.names.items():
             if name == label:
                 return self.units_of(item)
@@ -181,7 +181,7 @@ class Driver:
         return self.units_of(value)
 
     def geometry_units(self, thing: Any) -> int:
-        """Units that decide where an object is and what it touches."""
+        """Find the units that decide where an object is and what it touches."""
         units = self._mutations.get(id(thing), 0)
         for name in GEOMETRY:
             units |= self.units_of(getattr(thing, name, None))
@@ -192,11 +192,11 @@ class Driver:
         return self._plan.depends_on(thing, other)
 
     def steps(self, needed: Iterable[Any], units: int) -> tuple[int, ...]:
-        """What to compute anew for the values ``needed`` when ``units`` change, in order."""
+        """List what to compute anew for the values ``needed`` when ``units`` change, in order."""
         return self._plan.between(needed, units)
 
     def coordinates(self, units: int) -> BoolArray:
-        """Which of the k coordinates belong to ``units``, ``(k,)``."""
+        """Mark which of the k coordinates belong to ``units``, ``(k,)``."""
         mask = np.zeros(len(self.space), dtype=np.bool_)
         for number in bits(units):
             mask[self.units[number].start : self.units[number].stop] = True
@@ -210,7 +210,7 @@ class Sample:
         values: of everything random in the program; complete unless :meth:`move` raised.
     """
 
-    def __init__(self, source: Coordinates, plan: Plan) -> None:
+    def __init__(self, source: Coordinates, plan: EvaluationPlan) -> None:
         self.values = DefaultIdentityDict()
         self._source = source
         self._plan = plan
@@ -248,7 +248,7 @@ class Sample:
 
 
 def bits(number: int) -> Iterable[int]:
-    """Positions of the bits set in ``number``, ascending."""
+    """Yield the positions of the bits set in ``number``, ascending."""
     while number:
         low = number & -number
         yield low.bit_length() - 1

@@ -93,7 +93,7 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         self.start, self.stop = start, start + len(self.axes)
 
     def sampleGiven(self, value: Any) -> Any:  # noqa: N802 - Scenic's name
-        """Value of the primitive at the coordinates it owns."""
+        """Compute the primitive's value at the coordinates it owns."""
         return self._draw(value, self._source.u[self.start : self.stop])
 
 
@@ -208,7 +208,7 @@ def _point(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
 
 
 def _point_in_random(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
-    """Point in a region that depends on other random values, charted when it is known."""
+    """Draw a point in a region that depends on other random values, charted when known."""
     region = primitive.region
     count = axes_of_random(region) or FLOOR_AXES
     _, seeded = _opaque(primitive)
@@ -223,7 +223,7 @@ def _point_in_random(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
 
 
 def _stretched(u: Sequence[float], count: int) -> Sequence[float]:
-    """``u`` with as many coordinates as wanted; further ones are drawn from a hash of ``u``."""
+    """Lengthen ``u`` to as many coordinates as wanted, drawn from a hash of ``u``."""
     if len(u) >= count:
         return u
     return (*u, *_generator(u).random(count - len(u)))
@@ -233,7 +233,7 @@ def _stretched(u: Sequence[float], count: int) -> Sequence[float]:
 
 
 def _opaque(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
-    """One coordinate that seeds Scenic's own sampling: deterministic, not smooth."""
+    """Seed Scenic's own sampling by one coordinate: deterministic, not smooth."""
 
     def draw(value: Any, u: Sequence[float]) -> Any:
         with randomness.seeded_by(_generator(u)):
@@ -243,7 +243,7 @@ def _opaque(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
 
 
 def _generator(u: Sequence[float]) -> np.random.Generator:
-    """Random generator that depends on the bits of ``u`` only."""
+    """Make a generator that depends on the bits of ``u`` only."""
     digest = hashlib.sha256(struct.pack(f"<{len(u)}d", *u)).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "little"))
 
@@ -272,7 +272,7 @@ class DrivenMutator(Mutator):  # type: ignore[misc] # Scenic has no types
         self.start, self.stop = start, start + len(self.axes)
 
     def appliedTo(self, obj: Any) -> tuple[Any, bool]:  # noqa: N802 - Scenic's name
-        """Mutated object, and whether the inherited mutator comes next."""
+        """Mutate an object; also tell whether the inherited mutator comes next."""
         u = self._source.u[self.start : self.stop]
         if self.names is None:
             with randomness.seeded_by(_generator(u)):
@@ -293,7 +293,7 @@ class DrivenMutator(Mutator):  # type: ignore[misc] # Scenic has no types
 
 
 def _noise_names(mutator: Mutator) -> list[str] | None:
-    """What the mutator adds noise to, for those whose noise is known to be normal."""
+    """Name what the mutator adds noise to, if its noise is known to be normal."""
     parts = {
         PositionMutator: ("mutation.x", "mutation.y", "mutation.z"),
         OrientationMutator: ("mutation.yaw", "mutation.pitch", "mutation.roll"),

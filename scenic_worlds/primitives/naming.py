@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -28,7 +28,7 @@ from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 from scenic.core.vectors import Vector
 
-from scenic_worlds.checking import object_names
+from scenic_worlds.checking import names_in_worlds
 from scenic_worlds.primitives.leaves import is_primitive
 
 
@@ -63,16 +63,18 @@ DERIVED = frozenset(
     f".{name}"
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
-DERIVED_DEPTH = 100
+DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
+#: what Scenic's random primitives are made of
+PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
 
 
 def roots_of(scenario: Scenario) -> tuple[Root, ...]:
-    """Everything that has to be sampled, in the order of the program.
+    """List everything that has to be sampled, in the order of the program.
 
     Objects come first, then points that only specifiers use, global parameters, what
     requirements use, and values that behaviours refer to.
     """
-    names = object_names(scenario.objects)
+    names = names_in_worlds(scenario.objects)
     objects = [Root(name, item) for item, name in names.items()]
     others = [item for item in scenario._instances if item not in names]
     roots = objects + [Root(f"point_{i + 1}", item) for i, item in enumerate(others)]
@@ -93,7 +95,7 @@ def roots_of(scenario: Scenario) -> tuple[Root, ...]:
 
 
 def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
-    """Random primitives that the roots are made of, sorted by root.
+    """Find the random primitives that the roots are made of, sorted by root.
 
     A primitive that several roots share belongs to the one that mentions it most directly, and
     to the first of those.
@@ -135,7 +137,7 @@ def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
 
 
 def _parts(value: Any) -> Iterator[tuple[str, Any]]:
-    """Suffix and value of each part; the same part may come twice."""
+    """Yield suffix and value of each part; the same part may come twice."""
     yield from _named_parts(value)
     for part in value._dependencies:
         yield "", part
@@ -146,26 +148,27 @@ def _named_parts(value: Any) -> Iterator[tuple[str, Any]]:
         for name in value.properties:
             yield f".{name}", getattr(value, name)
     elif isinstance(value, TupleDistribution):
-        for i, part in enumerate(value.coordinates):
-            yield f"[{i}]", part
+        yield from _numbered(value.coordinates)
     elif isinstance(value, Vector):
         yield from zip((".x", ".y", ".z"), value.coordinates, strict=True)
     elif isinstance(value, MultiplexerDistribution):
         yield "", value.index
-        for i, part in enumerate(value.options):
-            yield f"[{i}]", part
+        yield from _numbered(value.options)
     elif isinstance(value, UniformDistribution):
         yield "", value.selector
     elif isinstance(value, (FunctionDistribution, MethodDistribution)):
         yield from _argument_parts(value)
     elif is_primitive(value):
-        for name in ("low", "high", "mean", "stddev", "region"):
-            if name in value.__dict__:
-                yield f".{name}", value.__dict__[name]
+        own = vars(value)
+        yield from ((f".{name}", own[name]) for name in PRIMITIVE_PARTS if name in own)
+
+
+def _numbered(parts: Iterable[Any]) -> Iterator[tuple[str, Any]]:
+    return ((f"[{i}]", part) for i, part in enumerate(parts))
 
 
 def _argument_parts(value: Any) -> Iterator[tuple[str, Any]]:
-    """Arguments of a call; a single random argument given by position goes without a name."""
+    """Yield a call's arguments; a single random one given by position has no name."""
     for name, part in value.kwargs.items():
         yield f".{name}", part
     lazy = [part for part in value.arguments if needsSampling(part)]
@@ -189,7 +192,7 @@ def _parameter_names(function: Any) -> list[str]:
 
 
 def _requirement_values(scenario: Scenario) -> list[tuple[str, Samplable]]:
-    """Random values that requirements, monitors and records refer to, by name."""
+    """List random values of requirements, monitors and records, by name."""
     dynamic = scenario.dynamicScenario
     groups = (
         scenario.requirements,
@@ -212,7 +215,7 @@ def _requirement_values(scenario: Scenario) -> list[tuple[str, Samplable]]:
 
 
 def _bindings(closure: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values that a requirement was compiled with, in the order of its code."""
+    """Yield the names and values a requirement was compiled with, in the order of its code."""
     free = closure.__code__.co_freevars
     held = {
         name: cell.cell_contents for name, cell in zip(free, closure.__closure__ or (), strict=True)
@@ -226,5 +229,5 @@ def _bindings(closure: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _description(value: Any) -> str:
-    """Text of a value without its address in memory."""
+    """Describe a value without its address in memory."""
     return f"{type(value).__name__} {re.sub(r' at 0x[0-9a-f]+', '', repr(value))}"

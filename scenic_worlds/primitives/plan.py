@@ -28,7 +28,7 @@ class NodeRejected(Exception):  # noqa: N818 - a rejection, not an error
         self.done = done
 
 
-class Plan:
+class EvaluationPlan:
     """All random values of a program, parts before wholes.
 
     Sets of units are kept as bit sets in an ``int``: bit i is unit i.
@@ -61,7 +61,7 @@ class Plan:
             self._objects.append(objects)
 
     def __len__(self) -> int:
-        """Number of values."""
+        """Count the values."""
         return len(self._nodes)
 
     def evaluate(self, values: DefaultIdentityDict, numbers: Sequence[int]) -> None:
@@ -82,11 +82,11 @@ class Plan:
             raise NodeRejected(str(error) or "rejected", units, done) from None
 
     def dependents(self, units: int) -> list[int]:
-        """Numbers of the values that depend on any of ``units``, ascending."""
+        """List the values that depend on any of ``units``, by number, ascending."""
         return [i for i, needed in enumerate(self._units) if needed & units]
 
     def between(self, needed: Iterable[Any], units: int) -> tuple[int, ...]:
-        """Numbers of the values that ``needed`` is made of and that depend on ``units``."""
+        """List the values that ``needed`` is made of and that depend on ``units``, by number."""
         found: set[int] = set()
         waiting = [self._index.get(id(value)) for value in needed]
         while waiting:
@@ -99,7 +99,7 @@ class Plan:
         return tuple(sorted(found))
 
     def units_of(self, value: Any) -> int:
-        """Units that ``value`` depends on; none if it is not part of the plan."""
+        """Find the units that ``value`` depends on; none if it is not part of the plan."""
         number = self._index.get(id(value))
         return 0 if number is None else self._units[number]
 
@@ -112,7 +112,7 @@ class Plan:
 
 
 def _parts_first(roots: Sequence[Samplable]) -> list[Samplable]:
-    """Everything random that the roots are made of, each after what it depends on."""
+    """List everything random that the roots are made of, each after what it depends on."""
     order: list[Samplable] = []
     seen: set[int] = set()
     stack: list[tuple[Samplable, bool]] = [(root, False) for root in reversed(roots)]

@@ -18,8 +18,8 @@ LAST = 1.0 - 2.0**-53
 class PolygonMap:
     """Area-preserving map from the unit square onto polygons, possibly several, with holes.
 
-    The Knothe map: the first coordinate is taken to x by the inverse of the share of the area
-    that lies left of x, the second to y along the vertical cut at x. Between two corners the
+    The Knothe map. The inverse of the share of the area that lies left of x takes the first
+    coordinate to x; the second goes to y along the vertical cut at x. Between two corners the
     cut is a fixed list of edges, so both steps are closed forms. x grows with the first
     coordinate, y with the second.
 

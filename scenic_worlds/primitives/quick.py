@@ -21,7 +21,7 @@ _FROM_EULER = underlyingFunction(Orientation.fromEuler)
 
 
 def quick_compute(node: Any) -> Compute:
-    """How to compute a value of a program: by a shortcut where one is known.
+    """Choose how to compute a value of a program: by a shortcut where one is known.
 
     Args:
         node: any value that needs sampling, after conditioning.
@@ -45,7 +45,7 @@ def _is_ordinary(thing: Any) -> bool:
 
 
 def _object(thing: Any) -> Compute:
-    """Copies of the first sampled object with the random properties filled in."""
+    """Copy the first sampled object and fill in the random properties."""
     kind: Any = type(thing)
     random = [(p, getattr(thing, p)) for p in thing.properties if needsSampling(getattr(thing, p))]
     mutates = needsSampling(thing.mutationScale) or thing.mutationScale != 0

@@ -26,7 +26,7 @@ def seeded(seed: int, purpose: str) -> Iterator[None]:
 @contextmanager
 def seeded_by(numbers: np.random.Generator) -> Iterator[None]:
     """The same, with seeds drawn from ``numbers``."""
-    before = State()
+    before = GeneratorState()
     random.seed(int(numbers.integers(2**63)))
     np.random.seed(int(numbers.integers(2**32)))  # noqa: NPY002
     try:
@@ -35,7 +35,7 @@ def seeded_by(numbers: np.random.Generator) -> Iterator[None]:
         before.restore()
 
 
-class State:
+class GeneratorState:
     """State of the global generators at one moment."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class State:
         np.random.set_state(self._numpy)  # noqa: NPY002
 
     def is_current(self) -> bool:
-        """Whether nobody drew from the generators since."""
+        """Whether the generators have not been drawn from since."""
         kind, keys, *rest = np.random.get_state()  # noqa: NPY002
         then_kind, then_keys, *then_rest = self._numpy
         return (

@@ -175,19 +175,31 @@ def assert_refused(result, *parts: str) -> None:
 CASES = {
     "syntax_error": [":3: ", "invalid syntax"],
     "unknown_name": [":3: ", "'Sofabed' is not defined"],
-    "unknown_specifier": [":4: ", "'positon'"],
+    "unknown_specifier": [":4: ", "'positon'; did you mean 'position'?"],
     "wrong_value": [":3: ", '"width" of Bed'],
     "random_control_flow": [":4: ", "random"],
     "random_condition": [":4: ", "cannot depend on a random value"],
     "unsatisfiable": ["unsatisfiable.scenic:5: requirement 'chair beside bed' does not hold ("],
     "never_true": ["never_true.scenic:3: requirement does not hold", "no sample can be valid"],
     "requirement_that_fails": [":4: ", "requirement cannot be evaluated: ZeroDivisionError"],
-    "outside": ["outside.scenic", "stray bed at (100, 100) is not inside its region"],
-    "colliding": ["colliding.scenic", "second chair at (0.2, 9)", "first chair at (0, 9)"],
+    "outside": ["outside.scenic:3: ", "stray bed at (100, 100) is not inside its region"],
+    "colliding": ["colliding.scenic:4: ", "second chair at (0.2, 9)", "first chair at (0, 9)"],
     "crowded_out": ["bed_0 collides with bed_1 ("],
-    "robots_too_near": ["robots_too_near.scenic", "robot2 at (0, 2.2) stands where robot1"],
+    "robots_too_near": ["robots_too_near.scenic:3: ", "robot2 at (0, 2.2) stands where robot1"],
     "no_model": ["no_model.scenic", "has no `model scenic_worlds.model` at its top"],
-    "misspelt_model": [":1: ", "scenic_worlds.modle"],
+    "misspelt_model": [":1: ", "scenic_worlds.modle; did you mean 'scenic_worlds.model'?"],
+    "misspelt_class": [":2: ", "'Robott' is not defined; did you mean 'Robot'?"],
+    "misspelt_place": [":3: ", "'along_wal' is not defined; did you mean 'along_wall'?"],
+    "misspelt_option": [":3: ", "keyword argument 'fit'; did you mean 'fits'?"],
+    "misspelt_length": [":2: ", "hospital has no parameter 'corridor_widht'", "'corridor_width'?"],
+    "misspelt_tasks": ["has no tasks (param task is not read; did you mean 'tasks'?)"],
+    "robot_without_model": [
+        ":2: ",
+        "'Robot' is not defined",
+        "need the line `model scenic_worlds.",
+    ],
+    "parts_without_model": ["has no `model scenic_worlds.model` at its top"],
+    "in_the_wall": [":3: bookshelf_1 fits nowhere", "`on along_wall(1)`, which puts its back edge"],
     "no_robots": ["no_robots.scenic: has no robot"],
     "no_tasks": ["no_tasks.scenic: has no tasks"],
     "task_to_nowhere": ["task_to_nowhere.scenic: param tasks[1]: unknown room '17'"],
@@ -207,6 +219,8 @@ CASES = {
 #: checked with each change; the others, which take a second each, by the whole suite
 QUICK = (
     "colliding",
+    "in_the_wall",
+    "misspelt_class",
     "misspelt_model",
     "no_model",
     "syntax_error",
@@ -280,6 +294,15 @@ def test_every_command_refuses_a_program_that_samples_a_forbidden_value(cli, com
     assert f"{program}: humans[0] (moonwalker).speed is -1." in result.stderr
     assert "it must be >= 0" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["campaign", "run", "sample"])
+def test_every_command_refuses_a_misspelt_class(cli, command):
+    result = cli(command, str(BAD / "misspelt_class.scenic"), "-o", "out")
+    assert result.exit_code == 2, result.output
+    assert "misspelt_class.scenic:2: unknown name" in result.stderr
+    assert "did you mean 'Robot'?" in result.stderr
 
 
 def test_a_campaign_refuses_a_misspelt_parameter(cli, program):

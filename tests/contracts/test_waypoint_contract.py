@@ -8,7 +8,7 @@ import pytest
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import WaypointGenerator
-from scenic_worlds.layouts.ward import ward_layout
+from tests.scenes.ward import ward_layout
 
 LAYOUT = ward_layout(rooms=4, two_sided=True)
 

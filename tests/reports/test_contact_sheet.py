@@ -21,7 +21,7 @@ from mrta_falsify.core.world import (
 )
 from reports import contact_sheet, world_marks
 from reports.colours import robot_colour
-from scenic_worlds.layouts.ward import ward_layout
+from tests.scenes.ward import ward_layout
 
 
 def world_with_bed_at(x: float, **changes) -> World:

@@ -26,7 +26,7 @@ from mrta_falsify.core.world import (
     World,
 )
 from scenic_worlds.layouts import load_layout
-from scenic_worlds.layouts.ward import ward_layout
+from tests.scenes.ward import ward_layout
 
 SOUTH = -np.pi / 2  # rad
 LATE = 900.0  # s, a deadline that is never missed

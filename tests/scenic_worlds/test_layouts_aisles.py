@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.errors import ConfigError
-from scenic_worlds.layouts.store import RANGES as STORE_RANGES
-from scenic_worlds.layouts.store import department_store
+from scenic_worlds.layouts.hospital import hospital
 from scenic_worlds.layouts.warehouse import RANGES as WAREHOUSE_RANGES
 from scenic_worlds.layouts.warehouse import warehouse
 from tests.scenic_worlds.layout_checks import (
@@ -17,8 +16,6 @@ from tests.scenic_worlds.layout_checks import (
     unreachable,
 )
 
-LISTS = ("department_width", "department_depth", "opening", "opening_offset")
-
 
 @st.composite
 def parameters(draw, ranges, places):
@@ -26,8 +23,6 @@ def parameters(draw, ranges, places):
     for name, (low, high) in ranges.items():
         if isinstance(low, int) and isinstance(high, int):
             given_[name] = draw(st.integers(low, min(high, 8)))
-        elif name in LISTS:
-            given_[name] = draw(st.lists(st.floats(low, high), min_size=1, max_size=3))
         else:
             given_[name] = draw(st.floats(low, high))
     count = given_[places]
@@ -59,12 +54,6 @@ def test_every_warehouse_is_connected_and_its_lanes_are_free(lengths):
     check(warehouse(**lengths))
 
 
-@settings(max_examples=20, deadline=None)
-@given(parameters(STORE_RANGES, "departments"))
-def test_every_store_is_connected_and_its_lanes_are_free(lengths):
-    check(department_store(**lengths))
-
-
 def test_racks_are_furniture_and_fill_the_space_between_aisles():
     world = warehouse(aisles=3, picks=2, aisle_length=10.0, rack_depth=2.0)
     assert {item.kind for item in world.furniture} == {"shelf"}
@@ -86,20 +75,14 @@ def test_an_inactive_pick_is_closed_rack_and_moves_nothing():
     assert np.array_equal(everything.bounds, without.bounds)
 
 
-def test_departments_keep_their_numbers_when_others_close():
-    world = department_store(departments=3, active=[False, True, True], counters=1)
-    names = [room.name for room in world.rooms]
-    assert names == ["lift_0", "department_1", "department_2", "counter_0"]
-
-
 @pytest.mark.parametrize(
     ("make", "lengths", "words"),
     [
         (warehouse, {"aisles": 0}, "warehouse: aisles is 0; it must be between 1 and 8"),
         (warehouse, {"aisles": 2.5}, "it must be a whole number"),
         (warehouse, {"active": [True]}, "active has 1 flags"),
-        (department_store, {"opening": [2.0, 9.0]}, "opening is 9"),
-        (department_store, {"aisle_width": float("inf")}, "aisle_width is inf"),
+        (hospital, {"door_width": [1.0, 9.0]}, "door_width is 9"),
+        (warehouse, {"aisle_width": float("inf")}, "aisle_width is inf"),
     ],
 )
 def test_lengths_out_of_range_are_refused_by_name(make, lengths, words):

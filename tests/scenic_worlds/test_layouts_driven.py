@@ -8,7 +8,6 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import RobotSpec, Task
 from mrta_falsify.specs.library import build_specifications
 from scenic_worlds.layouts.hospital import hospital
-from scenic_worlds.layouts.store import department_store
 from scenic_worlds.layouts.warehouse import warehouse
 from simulator_interface.simulate import simulate
 
@@ -19,7 +18,6 @@ LAYOUTS = {
     "comb": lambda: hospital(shape="comb", rooms=4, corridor_width=1.8),
     "lift": lambda: hospital(shape="line", rooms=3, lifts=1, station=False),
     "warehouse": lambda: warehouse(picks=4, aisle_width=1.8),
-    "store": lambda: department_store(departments=4, counters=1),
 }
 
 

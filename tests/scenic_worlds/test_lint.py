@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+from pathlib import Path
+
 import pytest
 import scenic
 
 from mrta_falsify.core.candidate import Dimension, SearchSpace
 from scenic_worlds.lint import lint_program
+from scenic_worlds.lint.misspelt import RUN_PARAMS, WORLD_PARAMS
 from scenic_worlds.primitives import randomness
 from scenic_worlds.program import compile_program
 
@@ -153,3 +157,113 @@ def test_dimensions_without_an_inverse_map_are_listed_once_each(lints_of):
     (found,) = lints_of(dimensions=dimensions)
     assert (found.code, found.name) == ("opaque-dimension", "bed.position")
     assert found.where.endswith("program.scenic:3")
+
+
+# --- misspelt names ------------------------------------------------------------------------------
+
+MISSPELT = """\
+param layot = 'aws_hospital'
+model scenic_worlds.model
+class SlowRobot(Robot):
+    max_sped: 0.1
+    mood: 'calm'
+for i in range(2):
+    new SlowRobot with start_room i + 1,
+        with hieght 0.3
+new Robot with start_rooom 2
+new Human with route [0, 1], with raects False
+new Bed in corridors, with moveable True, with zest 3
+cart = new Trolley in corridors, with weight Range(1, 2), with behaviour WaitFor(3)
+require cart.weight > 0
+new Blockage with durring (3, 4)
+param horizn = Range(10, 20)
+param gap = 0.3
+param used = 0.3
+x = Range(0, 1)
+param kept = x
+require x > 0.1
+y = globalParameters.used
+param noise = 0.2
+param tasks = [(0, 0, 1, 200)]
+"""
+
+
+@pytest.fixture(scope="module")
+def misspelt(tmp_path_factory):
+    path = tmp_path_factory.mktemp("misspelt") / "program.scenic"
+    path.write_text(MISSPELT)
+    program = compile_program(path)
+    return lint_program(program.scenario, path, program.space)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "given", "nearest"),
+    [
+        (1, "unknown-param", "layot", "layout"),
+        (4, "unknown-property", "max_sped", "max_speed"),
+        (8, "unknown-property", "hieght", "height"),
+        (9, "unknown-property", "start_rooom", "start_room"),
+        (10, "unknown-property", "raects", "reacts"),
+        (11, "unknown-property", "moveable", "movable"),
+        (12, "unknown-property", "behaviour", "behavior"),
+        (14, "unknown-property", "durring", "during"),
+        (15, "unknown-param", "horizn", "horizon"),
+        (22, "unknown-param", "noise", "ray_noise"),
+    ],
+)
+def test_a_misspelt_name_is_found_with_its_line_and_the_nearest_one(
+    misspelt, line, code, given, nearest
+):
+    (found,) = [lint for lint in misspelt if lint.name.endswith((f".{given}", f" {given}"))]
+    assert found.code == code
+    assert found.where.endswith(f"program.scenic:{line}")
+    assert f"{nearest!r}" in found.message
+    assert "did you mean" in found.message
+
+
+def test_what_nothing_reads_is_found_though_nothing_is_near(misspelt):
+    names = {lint.name: lint for lint in misspelt}
+    assert "changes nothing" in names["Bed.zest"].message
+    assert "globalParameters.gap" in names["param gap"].message
+
+
+def test_names_of_the_author_that_the_program_uses_are_no_lints(misspelt):
+    assert len(misspelt) == 12
+    for name in ("weight", "mood", "used", "kept"):
+        assert not [lint for lint in misspelt if lint.name.endswith(name)]
+
+
+def test_a_library_that_is_imported_lacks_its_model_line(tmp_path):
+    path = tmp_path / "program.scenic"
+    path.write_text(
+        "param horizon = 20\nfrom scenic_worlds.model import *\n"
+        "new Robot with start_room 0\nparam tasks = [(0, 0, 1, 200)]\n"
+    )
+    program = compile_program(path)
+    (found,) = lint_program(program.scenario, path, program.space)
+    assert (found.code, found.where) == ("no-model-line", f"{path}:2")
+    assert "`model scenic_worlds.model`" in found.message
+
+
+def test_every_global_parameter_that_the_code_reads_is_known():
+    root = Path(__file__).parents[2]
+    files = [
+        *(root / "scenic_worlds").rglob("*.py"),
+        *(root / "simulator_interface" / "scenic_bridge").glob("*.py"),
+    ]
+    read = {name for file in files for name in _params_read(ast.parse(file.read_text()))}
+    known = {*WORLD_PARAMS, *RUN_PARAMS}
+    assert {name for name in read if not name.startswith("_")} == known
+
+
+def _params_read(tree):
+    """Keys of ``params["x"]`` and ``params.get("x")``."""
+    for node in ast.walk(tree):
+        holder, key = None, None
+        if isinstance(node, ast.Subscript):
+            holder, key = node.value, node.slice
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.args:
+            holder, key = node.func.value, node.args[0] if node.func.attr == "get" else None
+        name = getattr(holder, "attr", getattr(holder, "id", ""))
+        if name == "params" and isinstance(key, ast.Constant) and isinstance(key.value, str):
+            yield key.value

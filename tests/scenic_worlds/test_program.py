@@ -294,7 +294,8 @@ def test_varied_worlds_start_near_their_places(hospital_day):
 
 @pytest.mark.slow
 def test_shipped_programs_are_driven_smoothly_and_give_their_scenes_back():
-    from scenic_worlds.program import compile_program, scenario_names, scenario_path
+    from scenic_worlds.program import compile_program
+    from scenic_worlds.shipped import scenario_names, scenario_path
 
     opaque = total = 0
     for name in scenario_names():

@@ -13,7 +13,8 @@ import mrta_falsify as mf
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.protocols import Plan
 from mrta_falsify.verbs import run as app
-from scenic_worlds.program import SCENARIO_DIR, compile_program, scenario_names, scenario_path
+from scenic_worlds.program import compile_program
+from scenic_worlds.shipped import SCENARIO_DIR, scenario_names, scenario_path
 from simulator_interface.engines import bodies
 
 pytestmark = pytest.mark.filterwarnings("ignore")

@@ -369,10 +369,10 @@ def test_places_follow_a_random_floor_and_scenes_without_a_named_room_are_drawn_
             assert np.allclose(robot.pose[:2], world.rooms[i].point)
 
 
-def test_a_department_store_may_be_random_too(tmp_path):
+def test_a_warehouse_may_be_random_too(tmp_path):
     text = """
-from scenic_worlds.floors import department_store
-param layout = department_store(departments=4, counters=1, aisle_width=Range(2.4, 4.0))
+from scenic_worlds.floors import warehouse
+param layout = warehouse(aisles=4, picks=2, aisle_width=Range(2.4, 4.0))
 model scenic_worlds.model
 for i in range(2):
     new Robot with start_room i
@@ -380,7 +380,7 @@ param tasks = burst(2)
 """
     worlds = sampled(text, 3, tmp_path)
     assert len({world.bounds[2] for world in worlds}) == 3
-    assert all(any(r.kind == "elevator" for r in world.resources) for world in worlds)
+    assert all(any(r.kind == "charger" for r in world.resources) for world in worlds)
 
 
 # --- what is refused -------------------------------------------------------------------------

@@ -156,11 +156,11 @@ def test_a_world_that_needs_its_own_program_is_refused(hall, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_blockage_that_is_no_rectangle_is_refused(hall, tmp_path):
+def test_a_blockage_that_is_not_a_rectangle_is_refused(hall, tmp_path):
     wedge = Blockage(
         name="wedge", polygon=frozen_array([[5, 5], [6, 5], [5.5, 6]]), start=0.0, end=5.0
     )
-    with pytest.raises(WorldError, match="'wedge' is no rectangle"):
+    with pytest.raises(WorldError, match="'wedge' is not a rectangle"):
         write_program(dataclasses.replace(hall, events=(wedge,)), tmp_path / "no.scenic")
 
 

@@ -7,10 +7,10 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec
-from scenic_worlds.layouts.ward import ward_layout
 from simulator_interface.episode import Episode
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import simulate
+from tests.scenes.ward import ward_layout
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 

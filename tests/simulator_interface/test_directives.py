@@ -24,13 +24,13 @@ from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, World
 from scenic_worlds.layouts import load_layout
-from scenic_worlds.layouts.ward import ward_layout
 from simulator_interface.costmap_layers import build_costmap
 from simulator_interface.engines.bullet import BulletEngine
 from simulator_interface.engines.kinematic import KinematicEngine
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
 from simulator_interface.staging import Stage
+from tests.scenes.ward import ward_layout
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 BULLET = StackConfig()

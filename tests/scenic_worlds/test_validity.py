@@ -9,13 +9,13 @@ import pytest
 
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Furniture, World
-from scenic_worlds.validity import SampledWorlds
+from scenic_worlds.validity import WorldValidity
 
 
 @pytest.fixture
-def seen(hall: World) -> SampledWorlds:
+def seen(hall: World) -> WorldValidity:
     """Has passed the hall, so that the hall's own things are not looked at again."""
-    worlds = SampledWorlds("party.scenic")
+    worlds = WorldValidity("party.scenic")
     worlds.check(hall)
     return worlds
 

@@ -1,4 +1,4 @@
-"""A ward: rooms along one straight corridor, generated from a few lengths.
+"""A ward for tests: rooms along one straight corridor, generated from a few lengths.
 
 The smallest floor that has everything: doors, right-hand lanes, queue spots, parking. The
 corridor runs along x; rooms lie north of it, or on both sides.
@@ -108,7 +108,6 @@ class _Door:
         self.edge = corridor_width if self.side > 0 else 0.0
         self.middle = corridor_width / 2.0
         half_room, half_door = room_width / 2.0 - WALL / 2.0, door_width / 2.0
-        self._half_room = half_room
         inner, outer = self.at(WALL), self.at(WALL + room_depth - WALL)
         self.room_box = _box(self.x - half_room, inner, self.x + half_room, outer)
         self.gap = _box(

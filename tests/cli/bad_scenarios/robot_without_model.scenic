@@ -1,0 +1,3 @@
+param layout = 'aws_hospital'
+new Robot with start_room 0
+param tasks = [(0, 0, 1, 200)]
