@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_course import Course, line
+from control_course import Course, line, lookahead_point, remaining_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.polyline import lookahead_point, remaining_path
-from mrta_falsify.stack.control import manoeuvres as yielding
-from mrta_falsify.stack.control import qp
+from mrta_falsify.stack.control import conflicts, qp
 from mrta_falsify.stack.control.barrier import (
     OBSTACLE,
     ROBOT,
@@ -24,8 +22,9 @@ from mrta_falsify.stack.control.barrier import (
 )
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
-from mrta_falsify.stack.control.perception import _sorted_by, _without_leader
-from mrta_falsify.stack.control.state import SECTORS, remember_points
+from mrta_falsify.stack.control.perception import fill_link_loss, sorted_by
+from mrta_falsify.stack.control.predicted_motions import SAMPLES
+from mrta_falsify.stack.control.state import SECTORS, ControllerState, remember_points
 
 KINDS = kind_table(CbfOptions())
 
@@ -198,7 +197,7 @@ def test_hits_on_another_robot_are_left_to_the_pair_rows():
 @given(st.permutations(range(7)))
 @settings(deadline=None)
 def test_robots_are_ordered_by_their_keys(keys):
-    order = _sorted_by(np.array(keys, dtype=np.int64))
+    order = sorted_by(np.array(keys, dtype=np.int64))
     assert [keys[robot] for robot in order] == sorted(keys)
 
 
@@ -215,34 +214,28 @@ def test_robots_are_ordered_by_their_keys(keys):
 def test_robot_without_its_leader_repeats_then_brakes_then_goes_alone(
     remote_at, alone_before, speed, expected
 ):
-    yes, no = np.ones(1, dtype=bool), np.zeros(1, dtype=bool)
-    lost = _without_leader(
-        np.array([[speed, 0.0, 0.0]]),
-        yes,
-        yes,
-        no,
-        np.array([remote_at]),
-        np.array([alone_before]),
-        10.0,
-        0.25,
-    )
-    assert lost[:, 0].tolist() == expected
+    crew = ControllerState.fresh(np.zeros((1, 3)), 0.0).crew
+    crew["present"] = crew["heard"] = True
+    crew["remote_at"], crew["on_its_own"] = remote_at, alone_before
+    fill_link_loss(crew[0], speed, False, 10.0, 0.25)
+    robot = crew[0]
+    assert [bool(robot.hold), bool(robot.halted), bool(robot.on_its_own)] == expected
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_motions_in_boxes_apart_never_conflict(seed):
     rng = np.random.default_rng(seed)
-    steps = rng.normal(scale=0.1, size=(2, yielding.SAMPLES, 2))
+    steps = rng.normal(scale=0.1, size=(2, SAMPLES, 2))
     one, other = np.cumsum(steps, axis=1) + rng.uniform(-1.5, 1.5, (2, 1, 2))
     boxes = np.empty((2, 4))
-    yielding._fill_box(one, boxes[0])
-    yielding._fill_box(other, boxes[1])
-    if yielding._are_apart(boxes[0], boxes[1], 0.72):
-        assert yielding._conflict(one, other, 0.72) == np.inf
+    conflicts.fill_box(one, boxes[0])
+    conflicts.fill_box(other, boxes[1])
+    if conflicts.are_apart(boxes[0], boxes[1], 0.72):
+        assert conflicts.conflict(one, other, 0.72) == np.inf
     nearest = np.linalg.norm(one[:, None] - other[None], axis=2).min()
     if nearest < 0.72:
-        assert not yielding._are_apart(boxes[0], boxes[1], 0.72)
+        assert not conflicts.are_apart(boxes[0], boxes[1], 0.72)
 
 
 # --- steering ---------------------------------------------------------------------------

@@ -48,7 +48,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class FleetInputs:
     """Inputs of all robots."""
 
     inputs: Array  #: (N, 2)
@@ -68,7 +68,7 @@ def solve_fleet(
     slack_weight: float,
     solver: str = "osqp",
     always: bool = False,
-) -> Answer:
+) -> FleetInputs:
     """Inputs nearest to the reference that obey the rows, program by program.
 
     A component whose rows the reference obeys needs no solver: the reference is the answer.
@@ -84,22 +84,13 @@ def solve_fleet(
         solver: ``osqp`` or ``daqp``.
         always: call the solver even where the reference obeys all rows (for measuring).
     """
-    broken = violated_components(
-        reference,
-        rows.own,
-        rows.own_bound,
-        rows.own_count,
-        rows.pair,
-        rows.pair_row,
-        rows.pair_bound,
-        rows.component,
-    )
+    broken = violated_components(reference, rows)
     n = len(reference)
     if always:
         broken = rows.component == np.arange(n)
     heads = [robot for robot, is_broken in enumerate(broken.tolist()) if is_broken]
     if not heads:
-        return Answer(inputs=reference, slack=np.zeros(n), usable=~broken, solved=0)
+        return FleetInputs(inputs=reference, slack=np.zeros(n), usable=~broken, solved=0)
     inputs = reference.copy()
     slack = np.zeros(n)
     usable = np.ones(n, dtype=np.bool_)
@@ -110,7 +101,7 @@ def solve_fleet(
         inputs[members] = u if good else brake()[members]
         slack[members] = s
         usable[members] = good
-    return Answer(inputs=inputs, slack=slack, usable=usable, solved=len(heads))
+    return FleetInputs(inputs=inputs, slack=slack, usable=usable, solved=len(heads))
 
 
 # --- OSQP ------------------------------------------------------------------------------
