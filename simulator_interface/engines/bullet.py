@@ -25,6 +25,7 @@ from simulator_interface.engines import gaps
 from simulator_interface.engines.actuation import Actuation
 from simulator_interface.engines.bodies import RobotModel, check_starts, gather_fleet, outside
 from simulator_interface.engines.kinematic import count_substeps
+from simulator_interface.engines.pedestrians import move_people
 from simulator_interface.engines.rays import next_corners, ray_directions
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.staging import Stage
@@ -367,7 +368,7 @@ class BulletEngine:
 
     def step(self, command: Command, human_velocity: Array) -> Sensed:
         """See :class:`mrta_falsify.core.protocols.Engine`."""
-        fleet, around, observer = self._fleet, self._around, self._observer
+        around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
         walked_from = self._human.copy()
@@ -377,18 +378,13 @@ class BulletEngine:
             if around.update(time, self._is_taken):
                 self._note_changes()
             self._drive(self._actuation.advance(command.twist, time))
-            gaps.move_people(
-                self._human,
+            move_people(
+                around.people(self._human),
                 human_velocity,
-                around.human_radius,
-                around.present,
                 self._step,
                 self._pose,
-                observer.placed,
-                fleet.corners,
-                fleet.reach,
-                around.grid,
-                around.edges,
+                observer.prints,
+                around.solids,
                 touched,
             )
             self._place_people()
