@@ -58,9 +58,7 @@ def _has_company(i: int, crew: Crew) -> bool:
 
 
 @njit(cache=True)
-def _standing_near(
-    robot: np.record, people: People, min_gap_human: float
-) -> tuple[Array, Array]:
+def _standing_near(robot: np.record, people: People, min_gap_human: float) -> tuple[Array, Array]:
     """Places ``(P, 2)`` of the people who stand near a robot, and gaps ``(P,)`` to keep [m]."""
     h = people.radius.shape[0]
     place, gap = np.empty((h, 2)), np.empty(h)
@@ -125,9 +123,7 @@ def _fill_choice(
     if choice.conflict_at < np.inf:
         try_waiting(choice, i, robot, traffic)
     if choice.conflict_at < np.inf:
-        try_moving_aside(
-            choice, i, crew, clearances.robot, points, clearances.obstacle, traffic
-        )
+        try_moving_aside(choice, i, crew, clearances.robot, points, clearances.obstacle, traffic)
 
 
 @njit(cache=True)

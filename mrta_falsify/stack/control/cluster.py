@@ -22,10 +22,10 @@ from mrta_falsify.stack.control.perception import survey_crew
 from mrta_falsify.stack.control.state import (
     ControllerState,
     Crew,
-    Told,
+    CrewView,
+    crew_view,
     hear_robots,
     remember_points,
-    told_by,
 )
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
 from mrta_falsify.stack.control.wishes import settle_wishes
@@ -121,7 +121,7 @@ class ClusterCbf:
         first = np.array([0, *itertools.accumulate(map(len, view.path))], dtype=np.int64)
         crew, all_told, seen, numbers, target, figures, reverse = _decide_crew(
             last.crew,
-            told_by(view),
+            crew_view(view),
             Seen(last.point, last.seen_at, view.obstacle_points),
             Ways(np.concatenate(view.path) if first[-1] else NO_PATHS, first),
             people_in(view),
@@ -159,7 +159,7 @@ def _equal_shares(n: int) -> Array:
 
 @njit(cache=True)
 def _decide_crew(
-    last: Crew, told: Told, seen: Seen, ways: Ways, people: People, rules: Rules, is_first: bool
+    last: Crew, told: CrewView, seen: Seen, ways: Ways, people: People, rules: Rules, is_first: bool
 ) -> tuple[Crew, bool, tuple[Array, Array], IntArray, Array, Array, BoolArray]:
     """Bring the crew to this tick: perception, manoeuvres, wishes.
 

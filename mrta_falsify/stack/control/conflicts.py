@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, Leg
+from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, StraightLeg
 from mrta_falsify.stack.control.state import Crew
 
 SLACK_SAMPLES = 2  # a motion may come 0.5 s early or late
@@ -125,7 +125,7 @@ def first_conflict(i: int, motion: Array, traffic: Traffic) -> tuple[float, bool
 
 
 @njit(cache=True)
-def _comes_near(leg: Leg, dx: float, dy: float, gap: float) -> bool:
+def _comes_near(leg: StraightLeg, dx: float, dy: float, gap: float) -> bool:
     """Whether a leg comes nearer than ``gap`` to the point at offset (dx, dy) from its start.
 
     A gap larger than the present distance shrinks to it.
@@ -137,7 +137,7 @@ def _comes_near(leg: Leg, dx: float, dy: float, gap: float) -> bool:
 
 
 @njit(cache=True)
-def is_clear_of_points(leg: Leg, points: Array, gap: float) -> bool:
+def is_clear_of_points(leg: StraightLeg, points: Array, gap: float) -> bool:
     """Whether a leg keeps ``gap`` from all ``points`` ``(S, 2)`` [m], inf: none."""
     for k in range(points.shape[0]):
         dx, dy = points[k, 0] - leg.x, points[k, 1] - leg.y
@@ -147,7 +147,9 @@ def is_clear_of_points(leg: Leg, points: Array, gap: float) -> bool:
 
 
 @njit(cache=True)
-def is_clear_of_undecided(i: int, leg: Leg, crew: Crew, settled: BoolArray, gap: float) -> bool:
+def is_clear_of_undecided(
+    i: int, leg: StraightLeg, crew: Crew, settled: BoolArray, gap: float
+) -> bool:
     """Whether a leg of robot ``i`` keeps ``gap`` from where robots yet to decide are now."""
     for j in range(crew.shape[0]):
         if j == i or not crew[j].present or settled[j]:

@@ -13,9 +13,9 @@ from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
 from mrta_falsify.stack.control.state import (
     ControllerState,
+    crew_view,
     hear_robots,
     remember_points,
-    told_by,
 )
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
 
@@ -71,7 +71,7 @@ class DecentralisedCbf:
         last = self._state
         if last is None or len(last.crew) != n:
             last = ControllerState.fresh(view.pose, view.time)
-        crew, all_told = hear_robots(last.crew, told_by(view), last.tick == 0)
+        crew, all_told = hear_robots(last.crew, crew_view(view), last.tick == 0)
         pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,

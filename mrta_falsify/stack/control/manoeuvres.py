@@ -19,7 +19,7 @@ from mrta_falsify.stack.control.conflicts import (
 )
 from mrta_falsify.stack.control.predicted_motions import (
     SAMPLES,
-    Leg,
+    StraightLeg,
     fill_leg,
     fill_pursuit,
     fill_stop,
@@ -141,7 +141,7 @@ def try_passing(
         cost += LEFT_COST if step > 0 else 0.0
         if cost >= cheapest:
             continue
-        leg = Leg(x, y, np.cos(angle), np.sin(angle), PASS_LENGTHS[short])
+        leg = StraightLeg(x, y, np.cos(angle), np.sin(angle), PASS_LENGTHS[short])
         if not is_clear_of_points(leg, points, obstacle_gap + PASS_MARGIN):
             continue
         fill_leg(leg, turn, PASS_SPEED * cruise, trial)
@@ -185,7 +185,7 @@ def try_moving_aside(
         direction, length = k // len(ASIDE_LENGTHS), ASIDE_LENGTHS[k % len(ASIDE_LENGTHS)]
         back = direction == HEADINGS
         turn = np.pi if back else direction * 2.0 * np.pi / HEADINGS
-        leg = Leg(x, y, np.cos(yaw + turn), np.sin(yaw + turn), length)
+        leg = StraightLeg(x, y, np.cos(yaw + turn), np.sin(yaw + turn), length)
         turn = 0.0 if back else min(turn, 2.0 * np.pi - turn)
         cost = ASIDE_TURN_COST * turn + ASIDE_LENGTH_COST * length + (BACK_COST if back else 0.0)
         if choice.conflict_at == np.inf and cost >= cheapest:

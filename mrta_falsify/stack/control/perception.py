@@ -7,7 +7,7 @@ from numba import njit
 
 from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
-from mrta_falsify.stack.control.state import Crew, Told
+from mrta_falsify.stack.control.state import Crew, CrewView
 
 AT_REST = 0.05  # m/s
 ROUNDING = 1e-9  # s, ticks' times are sums of floats
@@ -15,7 +15,7 @@ ROUNDING = 1e-9  # s, ticks' times are sums of floats
 
 @njit(cache=True)
 def survey_crew(
-    crew: Crew, told: Told, neighbour_distance: float, command_lifetime: float
+    crew: Crew, told: CrewView, neighbour_distance: float, command_lifetime: float
 ) -> IntArray:
     """Decide for each record who its robot decides with, and who leads.
 
@@ -49,9 +49,7 @@ def survey_crew(
         robot = crew[i]
         robot.wants, robot.joint = wants[i], joint[i]
         robot.cluster, robot.leader = cluster[i], leader[i]
-        fill_link_loss(
-            robot, told.velocity[i, 0], told.leader_link[i], told.time, command_lifetime
-        )
+        fill_link_loss(robot, told.velocity[i, 0], told.leader_link[i], told.time, command_lifetime)
     return sorted_by(key)
 
 

@@ -21,7 +21,7 @@ ARRIVED = 1e-9  # m, nearer to its point than this a robot has no direction
 DRIVING = 0.05  # m/s, slower robots are predicted to stop
 
 
-class Leg(NamedTuple):
+class StraightLeg(NamedTuple):
     """A straight way."""
 
     x: float  #: start [m], map frame
@@ -86,7 +86,7 @@ def fill_pursuit(
 
 
 @njit(cache=True)
-def fill_leg(leg: Leg, turn: float, pace: float, motion: Array) -> None:
+def fill_leg(leg: StraightLeg, turn: float, pace: float, motion: Array) -> None:
     """Fill ``motion``: turn by ``turn`` [rad] on the spot, drive the leg at ``pace`` [m/s]."""
     delay = max(0.0, turn - TURN_WHILE_LEAVING) / TURN_RATE
     for k in range(SAMPLES):

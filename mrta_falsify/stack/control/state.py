@@ -21,7 +21,7 @@ SAME_POINT = 0.15  # m, a new hit this near an old point of its sector replaces 
 BODY = 0.28  # m, points this near another robot's centre are that robot
 
 #: one record a robot; it has no padding, so that equal states have equal bytes
-ROBOT = np.dtype(
+ROBOT_RECORD = np.dtype(
     (
         np.record,
         np.dtype(
@@ -57,10 +57,10 @@ ROBOT = np.dtype(
         ),
     )
 )
-Crew = NDArray[np.void]  #: (N,) of ROBOT
+Crew = NDArray[np.void]  #: (N,) of ROBOT_RECORD
 
 
-class Told(NamedTuple):
+class CrewView(NamedTuple):
     """What a :class:`ControlView` says of the robots, for compiled code."""
 
     time: float  #: [s]
@@ -77,9 +77,9 @@ class Told(NamedTuple):
     max_acceleration: Array  #: (N,)
 
 
-def told_by(view: ControlView) -> Told:
+def crew_view(view: ControlView) -> CrewView:
     """Take from a view what compiled code needs of the robots."""
-    return Told(
+    return CrewView(
         view.time,
         view.dt,
         view.pose,
@@ -99,7 +99,7 @@ def told_by(view: ControlView) -> Told:
 class ControllerState:
     """State of a controller for N robots."""
 
-    crew: Crew  #: (N,) of ROBOT
+    crew: Crew  #: (N,) of ROBOT_RECORD
     point: Array  #: (N, SECTORS, 2) nearest seen obstacle point per direction [m], inf: none
     seen_at: Array  #: (N, SECTORS) when [s]
     tick: int  #: ticks done
@@ -108,7 +108,7 @@ class ControllerState:
     def fresh(cls, pose: Array, time: float) -> ControllerState:
         """Nothing seen yet."""
         n = len(pose)
-        crew = np.zeros(n, dtype=ROBOT)
+        crew = np.zeros(n, dtype=ROBOT_RECORD)
         crew["pose"] = pose
         crew["anchor"] = pose[:, :2]
         crew["anchor_at"] = time
@@ -123,7 +123,7 @@ class ControllerState:
 
 
 @njit(cache=True)
-def hear_robots(last: Crew, told: Told, is_first: bool) -> tuple[Crew, bool]:
+def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]:
     """Copy the crew and bring it to this tick; says whether all poses are those told.
 
     A robot that is no longer heard is taken to brake along its heading, as it does. At the

@@ -18,8 +18,8 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import (
-    Kinds,
     ROBOT,
+    Kinds,
     Movers,
     Rows,
     input_box,
@@ -37,7 +37,7 @@ from mrta_falsify.stack.control.obstacles import (
     people_in,
     seen_by_wrong_robot,
 )
-from mrta_falsify.stack.control.qp import FleetInputs, solve_fleet
+from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
 from mrta_falsify.stack.control.speed_limits import Margins, margins_of, speed_limits
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
@@ -180,11 +180,8 @@ class Steering:
 
         return solve_fleet(
             program.rows,
-            program.reference,
+            Demand(program.reference, limits.low, limits.high, program.weight),
             brake,
-            limits.low,
-            limits.high,
-            program.weight,
             slack_weight=self._slack_weight,
             solver=self._solver,
             always=always,
@@ -226,9 +223,7 @@ def _constraints(
         movers.limit, movers.speed, limits.low, limits.high, dt, drives_along
     )
     own, bounds, count = own_rows(movers, box[0], box[1], things, law.kinds)
-    pair, pair_row, pair_bound, component = pair_rows(
-        movers, box[0], box[1], law.kinds[ROBOT], gap
-    )
+    pair, pair_row, pair_bound, component = pair_rows(movers, box[0], box[1], law.kinds[ROBOT], gap)
     return box, speeds, claims, (own, bounds, count, pair, pair_row, pair_bound, component)
 
 

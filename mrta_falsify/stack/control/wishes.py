@@ -7,7 +7,7 @@ from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.stack.control.manoeuvres import ASIDE, GO, PASS, SLOW, Choices
-from mrta_falsify.stack.control.state import Crew, Told
+from mrta_falsify.stack.control.state import Crew, CrewView
 
 PROGRESS = 0.3  # m, a robot that tries to move and stays within this is stuck
 TURN_FOR_MANOEUVRE = np.pi / 6  # rad, straight legs are driven with little error in heading
@@ -17,7 +17,7 @@ TURN_IN_CLUSTER = np.pi / 2  # rad, MRTA-Sim's
 
 @njit(cache=True)
 def settle_wishes(
-    crew: Crew, choices: Choices, told: Told, patience: float, leader_weight: float
+    crew: Crew, choices: Choices, told: CrewView, patience: float, leader_weight: float
 ) -> tuple[IntArray, Array, Array, BoolArray]:
     """Wishes, groups and prices that follow from the choices; robots outside go their own way.
 
