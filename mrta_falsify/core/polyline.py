@@ -1,4 +1,4 @@
-"""Points on a path: the one to steer for, and what is still ahead."""
+"""Points on a path: the closest one, and the one to steer for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TIE = 1e-12  # m^2, squared distances that differ by less are equal
 
 @njit(cache=True)
 def project_on_segment(path: Array, i: int, x: float, y: float) -> tuple[float, float]:
-    """Share (0 to 1) of segment ``i`` closest to (x, y), and the squared distance [m^2]."""
+    """Find the share (0 to 1) of segment ``i`` nearest to (x, y); gives the distance^2 too."""
     ax, ay = path[i, 0], path[i, 1]
     dx, dy = path[i + 1, 0] - ax, path[i + 1, 1] - ay
     square = dx * dx + dy * dy
@@ -49,7 +49,7 @@ def project_on_path(path: Array, x: float, y: float, first: int) -> tuple[int, f
 def point_ahead(
     path: Array, segment: int, share: float, x: float, y: float, distance: float
 ) -> tuple[float, float]:
-    """First point of ``path`` after (segment, share) that is ``distance`` [m] from (x, y)."""
+    """Find the first point of ``path`` after (segment, share) ``distance`` [m] from (x, y)."""
     last = path.shape[0] - 1
     ax = path[segment, 0] + share * (path[segment + 1, 0] - path[segment, 0])
     ay = path[segment, 1] + share * (path[segment + 1, 1] - path[segment, 1])

@@ -91,7 +91,7 @@ class SocialForce:
     The pair force is Moussaid's (calibrated on experiments; it has a side on which people
     pass). Walls push with the potential u0 exp(-d / r) of MRTA-Sim's socialforce, r = 0.2 m;
     its u0 of 10 keeps people from entering doors narrower than 1.2 m, so u0 is 2.5 here, which
-    lets them through 0.9 m. Nobody passes through a wall: the step of a tick is cut where it
+    lets them through 0.9 m. No person passes through a wall: the step of a tick is cut where it
     would come nearer to an edge than the body allows.
 
     Reference: Moussaid et al., "Experimental study of the behavioural mechanisms underlying
@@ -140,9 +140,9 @@ class SocialForce:
 def _pair_force(
     dx: float, dy: float, wx: float, wy: float, touch: float, forces: Forces
 ) -> tuple[float, float]:
-    """Acceleration by another body at offset (dx, dy) with relative velocity own - other.
+    """Compute the acceleration by another body at offset (dx, dy).
 
-    ``touch`` is the sum of the radii [m].
+    ``(wx, wy)`` is the own velocity less the other's, ``touch`` the sum of the radii [m].
     """
     distance = max(np.sqrt(dx * dx + dy * dy), NEAREST)
     ex, ey = dx / distance, dy / distance
@@ -167,7 +167,7 @@ def _pair_force(
 
 @njit(cache=True)
 def _wall_force(x: float, y: float, walls: Walls, forces: Forces) -> tuple[float, float]:
-    """Acceleration by the nearest wall point in each of four quadrants around (x, y)."""
+    """Add up the accelerations by the nearest wall point of each of four quadrants."""
     cell = cell_of(x, y, walls)
     if cell < 0:
         return 0.0, 0.0
@@ -196,7 +196,7 @@ def _wall_force(x: float, y: float, walls: Walls, forces: Forces) -> tuple[float
 def _pushes(
     i: int, people: Walkers, robots: Machines, ax: float, ay: float, forces: Forces
 ) -> tuple[float, float]:
-    """The acceleration (ax, ay) of person ``i``, and that by all other bodies [m/s^2]."""
+    """Add to the acceleration (ax, ay) of person ``i`` that by all other bodies [m/s^2]."""
     x, y = people.position[i]
     vx, vy = people.velocity[i]
     for j in range(people.position.shape[0]):
@@ -223,7 +223,7 @@ def _pushes(
 def _social_velocities(
     dt: float, people: Walkers, robots: Machines, walls: Walls, forces: Forces
 ) -> Array:
-    """Velocities ``(H, 2)`` [m/s]."""
+    """Compute the velocities ``(H, 2)`` of the next tick [m/s]."""
     h = people.position.shape[0]
     result = np.zeros((h, 2))
     for i in range(h):

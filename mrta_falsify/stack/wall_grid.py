@@ -56,7 +56,7 @@ class WallGrid:
 
 @njit(cache=True)
 def _bin_edges(edges: Array, origin: Array, shape: IntArray) -> tuple[IntArray, IntArray]:
-    """Edges that come within SIGHT of each cell, as row starts and edge numbers."""
+    """List the edges within SIGHT of each cell, as row starts and edge numbers."""
     count = np.zeros(shape[0] * shape[1] + 1, dtype=np.int64)
     members = np.empty(0, dtype=np.int64)
     radius = SIGHT + CELL * np.sqrt(0.5)
@@ -90,7 +90,7 @@ def _bin_edges(edges: Array, origin: Array, shape: IntArray) -> tuple[IntArray, 
 
 @njit(cache=True)
 def cell_of(x: float, y: float, walls: Walls) -> int:
-    """Cell number of a point, -1 outside."""
+    """Find the cell number of a point, -1 outside."""
     origin, shape = walls.origin, walls.shape
     c, r = int(np.floor((x - origin[0]) / CELL)), int(np.floor((y - origin[1]) / CELL))
     if 0 <= c < shape[0] and 0 <= r < shape[1]:
@@ -102,7 +102,7 @@ def cell_of(x: float, y: float, walls: Walls) -> int:
 def nearest_on_edge(
     x: float, y: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float]:
-    """Point of an edge nearest to (x, y)."""
+    """Find the point of an edge nearest to (x, y)."""
     dx, dy = x2 - x1, y2 - y1
     square = dx * dx + dy * dy
     t = 0.0
@@ -125,7 +125,7 @@ def _crosses(
 
 @njit(cache=True)
 def _slid(step: Stride, radius: float, walls: Walls, cell: int) -> Stride:
-    """A short step, pushed out of the edges near it along the normals at its start."""
+    """Push a short step out of the edges near it, along the normals at its start."""
     px, py, mx, my = step
     for _sweep in range(SWEEPS):
         for k in range(walls.first[cell], walls.first[cell + 1]):

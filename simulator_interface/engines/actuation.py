@@ -127,7 +127,7 @@ def _advance(
 
 @njit(cache=True)
 def slipping(forward: float, turn: float, separation: float, loss: Array) -> tuple[float, float]:
-    """Forward speed and turn rate that are left when the wheels lose shares ``loss`` ``(2,)``."""
+    """Give the speed and turn rate left when the wheels lose shares ``loss`` ``(2,)``."""
     left = (forward - 0.5 * turn * separation) * (1.0 - loss[0])
     right = (forward + 0.5 * turn * separation) * (1.0 - loss[1])
     return 0.5 * (left + right), (right - left) / separation

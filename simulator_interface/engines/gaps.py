@@ -54,7 +54,7 @@ def place_outline(outline: Array, corners: int, pose: Array, placed: Array) -> N
 
 @njit(cache=True)
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Distance of a point from a segment."""
+    """Measure the distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
     length = ex * ex + ey * ey
     t = 0.0
@@ -66,7 +66,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
 
 @njit(cache=True)
 def polygon_point_gap(polygon: Array, corners: int, px: float, py: float) -> float:
-    """Distance of a point from a convex polygon; negative depth if it is inside."""
+    """Measure the gap of a point to a convex polygon; negative depth if it is inside."""
     inside = -np.inf
     distance = np.inf
     for k in range(corners):
@@ -81,7 +81,7 @@ def polygon_point_gap(polygon: Array, corners: int, px: float, py: float) -> flo
 
 @njit(cache=True)
 def _separation(one: Array, n_one: int, other: Array, n_other: int) -> float:
-    """Largest distance of ``other`` from a side line of ``one``; negative: none separates."""
+    """Find how far ``other`` is from the best side line of ``one``; negative: none separates."""
     best = -np.inf
     for k in range(n_one):
         j = k + 1 if k + 1 < n_one else 0
@@ -97,7 +97,7 @@ def _separation(one: Array, n_one: int, other: Array, n_other: int) -> float:
 
 @njit(cache=True)
 def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: float) -> float:
-    """Gap of two convex polygons; negative: least depth. At least ``cutoff``: not exact."""
+    """Measure the gap of two convex polygons; negative: depth; from ``cutoff`` on not exact."""
     apart = max(_separation(one, n_one, other, n_other), _separation(other, n_other, one, n_one))
     if apart <= 0.0 or apart >= cutoff:
         return apart
@@ -120,7 +120,7 @@ def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: floa
 
 @njit(cache=True)
 def polygon_edge_gap(polygon: Array, corners: int, edge: Array) -> float:
-    """Gap of a convex polygon and an edge whose left side is solid; negative: depth."""
+    """Measure the gap of a convex polygon to an edge, solid on its left; negative: depth."""
     ax, ay, bx, by = edge[0], edge[1], edge[2], edge[3]
     ex, ey = bx - ax, by - ay
     length = math.sqrt(ex * ex + ey * ey)
@@ -163,7 +163,7 @@ def _edge_gap_below(
 
 @njit(cache=True)
 def blocks_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
-    """Gap [m] of a footprint around (x, y) to few solids, given by their ``edges`` ``(E, 4)``.
+    """Measure the gap [m] of a footprint around (x, y) to the ``edges`` ``(E, 4)`` of few solids.
 
     A robot in the middle of a solid, away from its edges, has the negative distance to them.
     """
@@ -188,7 +188,7 @@ def static_gap(
     reach: float,
     cutoff: float,
 ) -> float:
-    """Gap of a footprint around (x, y) to the nearest solid, if below ``cutoff``, else that.
+    """Measure the gap of a footprint to the nearest solid, if below ``cutoff``, else that.
 
     Args:
         grid: solids that stand all the time.
@@ -301,7 +301,7 @@ def fill_gaps(
 
 @njit(cache=True)
 def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
-    """Distance of a point from the nearest edge, at most ``radius``."""
+    """Measure the distance of a point from the nearest edge, at most ``radius``."""
     best = radius
     for e in range(len(extra)):
         best = min(best, _point_segment(x, y, extra[e, 0], extra[e, 1], extra[e, 2], extra[e, 3]))
@@ -320,7 +320,7 @@ def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) 
 
 @njit(cache=True)
 def first_edge_met(edges: Array, placed: Array, x: float, y: float, reach: float) -> int:
-    """Number of the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
+    """Find the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
     for e in range(len(edges)):
         if _point_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]) > reach:
             continue

@@ -34,7 +34,7 @@ from simulator_interface.engines.pedestrians import move_people
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.staging import Stage
 
-TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds nobody
+TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds no robot
 HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
 
 
@@ -65,7 +65,7 @@ class Measured(NamedTuple):
 
 
 def count_substeps(dt: float, step_size: float) -> int:
-    """Sub-steps of at most ``step_size`` [s] in a control period ``dt`` [s]."""
+    """Count the sub-steps of at most ``step_size`` [s] in a control period ``dt`` [s]."""
     return max(1, math.ceil(dt / step_size - 1e-9))
 
 
@@ -251,7 +251,7 @@ def _fill_velocity(i: int, velocity: Array, set_point: Array, drives: Drives) ->
 def _free_part(
     i: int, pose: Array, twist: Array, step: float, around: Obstructions, now: Array
 ) -> float:
-    """Largest share of a blocked step, a multiple of 1/64, that robot ``i`` may still go."""
+    """Find the largest share of a blocked step, in 64ths, that robot ``i`` may still go."""
     body, there, then = np.empty_like(around.prints.outline[i]), np.empty(3), np.zeros(4)
     part, low, high = 0.0, 0.0, 1.0
     for _ in range(HALVINGS):
@@ -307,7 +307,7 @@ def _fill_substep(
     human_velocity: Array,
     measured: Measured,
 ) -> None:
-    """People walk, robots drive, and the gaps of the tick are lowered: one call a sub-step."""
+    """Walk the people, drive the robots, lower the gaps of the tick: one call a sub-step."""
     prints, solids, people = around.prints, around.solids, around.people
     touched = np.zeros(len(pose), dtype=np.bool_)
     move_people(people, human_velocity, drives.step, pose, prints, solids, touched)

@@ -27,7 +27,7 @@ TOUCHING = 1e-6  # m; overlap that rounding makes
 
 @njit(cache=True)
 def _outward(polygon: Array, corners: int, px: float, py: float) -> tuple[float, float]:
-    """Unit vector from a convex polygon's nearest point to a point outside (or its side)."""
+    """Find the unit vector from a convex polygon's nearest point (or side) to a point."""
     best, nx, ny = np.inf, 1.0, 0.0
     deepest, mx, my = -np.inf, 1.0, 0.0
     for k in range(corners):
@@ -54,7 +54,7 @@ def _outward(polygon: Array, corners: int, px: float, py: float) -> tuple[float,
 def _least_gap(
     x: float, y: float, radius: float, pose: Array, prints: Footprints
 ) -> tuple[float, int]:
-    """Gap of a disc to the nearest robot (inf: all are far), and which it is."""
+    """Measure the gap of a disc to the nearest robot (inf: all are far); says which it is."""
     best, robot = np.inf, -1
     for i in range(len(pose)):
         apart = math.hypot(pose[i, 0] - x, pose[i, 1] - y) - prints.reach[i] - radius

@@ -91,7 +91,7 @@ Kinds = NDArray[np.void]  #: (3,) of KIND, in the order OBSTACLE, HUMAN, ROBOT
 
 
 def kind_table(options: CbfOptions) -> Kinds:
-    """Constants of the kinds.
+    """Tabulate how each kind of thing is kept clear of.
 
     Inside its gap a robot is never asked to hold a distance it does not have: the gap shrinks
     to ``share`` of the distance, down to ``floor``. Below the floor it is asked to leave.
@@ -148,7 +148,7 @@ def barrier_row(
 
 @njit(cache=True)
 def _reach(first: float, second: float, low: Array, high: Array) -> tuple[float, float]:
-    """Smallest and largest value of a row over the box of inputs."""
+    """Find the smallest and largest value of a row over the box of inputs."""
     least = min(first * low[0], first * high[0]) + min(second * low[1], second * high[1])
     most = max(first * low[0], first * high[0]) + max(second * low[1], second * high[1])
     return least, most
@@ -156,7 +156,7 @@ def _reach(first: float, second: float, low: Array, high: Array) -> tuple[float,
 
 @njit(cache=True)
 def _asked(bound: float, least: float, most: float) -> float:
-    """Bound of a row that reaches from ``least`` to ``most``, no more than can be given."""
+    """Cut the bound of a row that reaches from ``least`` to ``most`` to what can be given."""
     return float(min(bound, most - (1.0 - EFFORT) * (most - least)))
 
 
@@ -164,7 +164,7 @@ def _asked(bound: float, least: float, most: float) -> float:
 def own_rows(
     movers: Movers, low: Array, high: Array, things: Things, kinds: Kinds
 ) -> tuple[Array, Array, IntArray]:
-    """Rows that concern one robot.
+    """Write the rows that concern one robot.
 
     Args:
         movers: all robots.
@@ -213,7 +213,9 @@ def own_rows(
 def pair_rows(
     movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float
 ) -> tuple[IntArray, Array, Array, IntArray]:
-    """Rows that concern two robots of one group; arguments as of :func:`own_rows`.
+    """Write the rows that concern two robots of one group.
+
+    ``movers``, ``low`` and ``high`` are as for :func:`own_rows`.
 
     Returns:
         ``pair``, ``pair_row``, ``pair_bound`` and ``component`` of :class:`Rows`.
@@ -268,7 +270,7 @@ def _fill_joined(component: IntArray, i: int, j: int) -> None:
 def input_box(
     limit: Array, speed: Array, low_speed: Array, high_speed: Array, dt: float, along: bool
 ) -> tuple[Array, Array]:
-    """Smallest and largest inputs ``(N, 2)``: the limits, and the speed range if it binds."""
+    """Bound the inputs ``(N, 2)`` by the limits, and by the speed range if it binds."""
     n = limit.shape[0]
     low, high = -limit, limit.copy()
     if along:

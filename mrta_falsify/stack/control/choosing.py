@@ -59,7 +59,7 @@ def _has_company(i: int, crew: Crew) -> bool:
 
 @njit(cache=True)
 def _standing_near(robot: np.record, people: People, min_gap_human: float) -> tuple[Array, Array]:
-    """Places ``(P, 2)`` of the people who stand near a robot, and gaps ``(P,)`` to keep [m]."""
+    """Find who stands near a robot: places ``(P, 2)``, and gaps ``(P,)`` to keep [m]."""
     h = people.radius.shape[0]
     place, gap = np.empty((h, 2)), np.empty(h)
     count = 0
@@ -75,7 +75,7 @@ def _standing_near(robot: np.record, people: People, min_gap_human: float) -> tu
 
 @njit(cache=True)
 def _path_of(i: int, robot: np.record, ways: Ways) -> Array:
-    """Path of a robot that wants to move; the straight way to its target if it has none."""
+    """Give the path of a robot that wants to move, or the straight way to its target."""
     path = ways.points[ways.first[i] : ways.first[i + 1]]
     if path.shape[0] >= 2:
         return path
@@ -136,7 +136,7 @@ def choose_manoeuvres(
     clearances: Clearances,
     yield_margin: float,
 ) -> Choices:
-    """Choose each robot's manoeuvre, the better-placed robots' first.
+    """Choose a manoeuvre for each robot, better-placed robots first.
 
     Robots that neither want to move nor have a task may be asked to move aside. The others
     outside the joint decision are only kept clear of.

@@ -153,7 +153,7 @@ class _Decision(NamedTuple):
 
 @functools.lru_cache(maxsize=16)
 def _equal_shares(n: int) -> Array:
-    """Shares ``(N, N)`` of demands between robots of different groups: each takes it all."""
+    """Let each robot take the whole of a demand between groups: ``(N, N)`` of 1."""
     return np.ones((n, n))
 
 

@@ -55,7 +55,7 @@ def are_apart(box: Array, other: Array, gap: float) -> bool:
 
 @njit(cache=True)
 def conflict(motion: Array, other: Array, gap: float) -> float:
-    """When two motions first come nearer than ``gap`` [s], inf: never.
+    """Find when two motions first come nearer than ``gap`` [s], inf: never.
 
     A gap larger than the present distance shrinks to it: what counts is coming nearer.
     """
@@ -72,7 +72,7 @@ def conflict(motion: Array, other: Array, gap: float) -> float:
 
 @njit(cache=True)
 def _conflict_with_point(motion: Array, point: Array, gap: float) -> float:
-    """The same with something that stands at ``point`` (2,)."""
+    """Do as :func:`conflict` with something that stands at ``point`` ``(2,)``."""
     now = (motion[0, 0] - point[0]) ** 2 + (motion[0, 1] - point[1]) ** 2
     held = min(gap, KEPT_SHARE * np.sqrt(now))
     square = held * held
@@ -99,7 +99,7 @@ def _is_followed(motion: Array, other: Array) -> bool:
 
 @njit(cache=True)
 def first_conflict(i: int, motion: Array, traffic: Traffic) -> tuple[float, bool]:
-    """Time of robot ``i``'s first conflict [s], inf: none; and whether what it meets stands."""
+    """Find robot ``i``'s first conflict [s], inf: none; says whether what it meets stands."""
     first, stands = np.inf, False
     box, place = np.empty(4), np.empty(4)
     fill_box(motion, box)

@@ -63,7 +63,7 @@ class DecentralisedCbf:
         return self._decide(view)[2]
 
     def _decide(self, view: ControlView) -> tuple[ControlView, ControllerState, Scene]:
-        """What is seen, what is to be remembered, what is to be steered."""
+        """Give what is seen, what is to be remembered, and what is to be steered."""
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
             view = without_later_humans(view)

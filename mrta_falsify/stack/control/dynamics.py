@@ -51,13 +51,13 @@ class Dynamics(Protocol):
     """A kind of base: inputs ``(N, 2)`` in, twists out."""
 
     def linearise(self, view: ControlView) -> Motion:
-        """Motion of all robots at this tick."""
+        """Describe the motion of all robots at this tick."""
 
     def reference(self, view: ControlView, wish: Wish) -> Array:
-        """Inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
+        """Compute inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
-        """Body twists ``(N, 3)`` after one period of ``inputs``.
+        """Compute body twists ``(N, 3)`` after one period of ``inputs``.
 
         ``low`` and ``high`` ``(N,)`` [m/s] bound the speed along ``Motion.direction``; a
         speed beyond them is brought back at the acceleration limit.
@@ -209,7 +209,7 @@ class Holonomic:
 
 
 def _to_map(yaw: Array, twist: Array) -> Array:
-    """Velocities ``(N, 2)`` of body twists ``(N, 3)`` in the map frame."""
+    """Turn body twists ``(N, 3)`` to velocities ``(N, 2)`` in the map frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.column_stack(
         (cos * twist[:, 0] - sin * twist[:, 1], sin * twist[:, 0] + cos * twist[:, 1])
@@ -220,7 +220,7 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 def _unicycle_motion(
     pose: Array, twist: Array, max_acceleration: Array, max_turn_rate: Array
 ) -> tuple[Array, Array, Array]:
-    """Velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
+    """Give velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
     n = pose.shape[0]
     speed = np.empty(n)
     pairs = np.empty((3, n, 2))
@@ -247,7 +247,7 @@ def _unicycle_reference(
     dt: float,
     gains: UnicycleGains,
 ) -> Array:
-    """Nominal inputs ``(N, 2)``; braking takes the speed to zero within a tick if it can."""
+    """Compute nominal inputs ``(N, 2)``; braking stops within a tick if the limit allows it."""
     n = pose.shape[0]
     inputs = np.zeros((n, 2))
     for i in range(n):
@@ -285,7 +285,7 @@ def _unicycle_twist(
     max_turn_rate: Array,
     dt: float,
 ) -> Array:
-    """Twist ``(N, 3)`` one period later, within speed range and limits."""
+    """Compute the twist ``(N, 3)`` one period later, within speed range and limits."""
     n = twist.shape[0]
     after = np.zeros((n, 3))
     for i in range(n):

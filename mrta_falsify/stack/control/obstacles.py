@@ -102,7 +102,7 @@ def list_things(
 
 @njit(cache=True)
 def _members_of(group: IntArray, head: int) -> IntArray:
-    """Robots of the group whose first robot is ``head``; none if it is not the first."""
+    """List the robots of the group whose first is ``head``; none if it is not the first."""
     members = np.empty(group.shape[0], dtype=np.int64)
     count = 0
     for i in range(group.shape[0]):

@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # s, ticks' times are sums of floats
 def survey_crew(
     crew: Crew, told: CrewView, neighbour_distance: float, command_lifetime: float
 ) -> IntArray:
-    """Decide for each record who its robot decides with, and who leads.
+    """Decide for each robot with whom it decides, and who leads.
 
     Args:
         crew: robots as :func:`~mrta_falsify.stack.control.state.hear_robots` gives them; the
@@ -84,7 +84,7 @@ def fill_link_loss(
 
 @njit(cache=True)
 def sorted_by(key: IntArray) -> IntArray:
-    """Robot numbers ``(N,)`` by ascending key; keys differ (insertion sort, N is small)."""
+    """Sort robot numbers ``(N,)`` by ascending key; keys differ (insertion sort, N is small)."""
     n = key.shape[0]
     order = np.empty(n, dtype=np.int64)
     for i in range(n):

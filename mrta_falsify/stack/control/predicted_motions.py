@@ -33,7 +33,7 @@ class StraightLeg(NamedTuple):
 
 @njit(cache=True)
 def turn_between(angle: float, yaw: float) -> float:
-    """Smallest turn between two headings [rad], >= 0."""
+    """Find the smallest turn between two headings [rad], >= 0."""
     return float(abs((angle - yaw + np.pi) % (2.0 * np.pi) - np.pi))
 
 

@@ -126,7 +126,7 @@ def component_program(
 
 @functools.lru_cache(maxsize=64)
 def _blank(n: int, m: int) -> QuadraticProgram:
-    """Arrays for a program; kept only to save their allocation."""
+    """Allocate the arrays of a program; they are kept only to save time."""
     height, columns = pattern_of(n, m).shape
     return QuadraticProgram(
         hessian=np.ones(columns),
@@ -202,7 +202,7 @@ def _fill_pair_rows(
 
 @njit(cache=True)
 def _within_limits(x: Array, members: IntArray, low: Array, high: Array) -> tuple[Array, bool]:
-    """Inputs ``(n, 2)`` of a solution ``(2 n + 1,)``, clipped; and whether all of it is finite."""
+    """Clip the inputs ``(n, 2)`` of a solution ``(2 n + 1,)``; says whether all of it is finite."""
     n = members.shape[0]
     u = np.empty((n, 2))
     finite = bool(np.isfinite(x[2 * n]))

@@ -94,7 +94,7 @@ def _structure(n: int, m: int) -> _Structure:
 
 @functools.lru_cache(maxsize=64)
 def pattern_of(n: int, m: int) -> Array:
-    """Where the matrix of ``n`` robots with up to ``m`` own rows each may have entries: 1.
+    """Mark by 1 where the matrix of ``n`` robots with ``m`` own rows each may have entries.
 
     Own rows come first, robot by robot, then those of pairs (0, 1), (0, 2) ...; columns are
     two inputs a robot, then the slack.

@@ -69,7 +69,7 @@ def margins_of(options: CbfOptions) -> Margins:
 
 @njit(cache=True)
 def _along(dx: float, dy: float, ux: float, uy: float, gap: float) -> float:
-    """Way along (ux, uy) until a point at offset (dx, dy) is ``gap`` away; inf: never."""
+    """Measure the way along (ux, uy) until a point at (dx, dy) is ``gap`` away; inf: never."""
     ahead = dx * ux + dy * uy
     aside = abs(dx * uy - dy * ux)
     held = min(gap, HELD_SHARE * np.sqrt(dx * dx + dy * dy))
@@ -82,7 +82,7 @@ def _along(dx: float, dy: float, ux: float, uy: float, gap: float) -> float:
 def _human_limit(
     person: _Offset, ux: float, uy: float, contact: float, braking: float, reaction: float
 ) -> float:
-    """Speed along (ux, uy) from which the robot is at rest before it meets the person.
+    """Find the speed along (ux, uy) from which the robot stops before it meets the person.
 
     The person is taken to walk on at its speed, and may turn towards the robot.
     """

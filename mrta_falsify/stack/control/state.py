@@ -106,7 +106,7 @@ class ControllerState:
 
     @classmethod
     def fresh(cls, pose: Array, time: float) -> ControllerState:
-        """Nothing seen yet."""
+        """Begin with robots at ``pose`` ``(N, 3)`` and nothing seen."""
         n = len(pose)
         crew = np.zeros(n, dtype=ROBOT_RECORD)
         crew["pose"] = pose
@@ -154,7 +154,7 @@ def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]
 
 @njit(cache=True)
 def _sector_of(dx: float, dy: float, sectors: int) -> int:
-    """Number of the direction (dx, dy)."""
+    """Number the direction (dx, dy)."""
     return int((np.arctan2(dy, dx) + np.pi) / (2.0 * np.pi) * sectors) % sectors
 
 
@@ -179,7 +179,7 @@ def remember_points(
     now: float,
     horizon: float,
 ) -> tuple[Array, Array]:
-    """Seen points after this tick: twelve rays miss corners that a moving robot's rays swept.
+    """Keep seen points: twelve rays miss corners that a moving robot's rays swept before.
 
     Args:
         point: ``(N, SECTORS, 2)`` remembered points [m], map frame.

@@ -94,7 +94,7 @@ class BarrierProgram:
     rows: Rows
 
     def as_one(self) -> BarrierProgram:
-        """The same with all robots in one program, coupled or not (for measuring)."""
+        """Put all robots in one program, coupled or not (for measuring)."""
         together = np.zeros_like(self.rows.component)
         return dataclasses.replace(self, rows=self.rows._replace(component=together))
 
@@ -118,7 +118,7 @@ class Steering:
         self._slack_weight = options.slack_weight
 
     def steer(self, view: ControlView, scene: Scene) -> tuple[FleetInputs, Array]:
-        """Inputs and body twists ``(N, 3)`` nearest to the wishes that keep everyone clear."""
+        """Find the inputs nearest to the wishes that keep clear, and body twists ``(N, 3)``."""
         program = self.program(view, scene)
         answer = self.solve(program)
         limits = program.limits
@@ -129,7 +129,7 @@ class Steering:
         return answer, twist
 
     def program(self, view: ControlView, scene: Scene) -> BarrierProgram:
-        """Limits, rows and reference inputs of all robots."""
+        """Assemble limits, rows and reference inputs of all robots."""
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
@@ -170,7 +170,7 @@ class Steering:
         )
 
     def solve(self, program: BarrierProgram, *, always: bool = False) -> FleetInputs:
-        """Inputs nearest to the reference; ``always`` as in :func:`qp.solve_fleet`."""
+        """Find the inputs nearest to the reference; ``always`` as in :func:`qp.solve_fleet`."""
         limits = program.limits
 
         def brake() -> Array:
@@ -231,7 +231,7 @@ def _constraints(
 def _within_reach(
     wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool
 ) -> Array:
-    """Wanted inputs ``(N, 2)`` within their limits.
+    """Bring wanted inputs ``(N, 2)`` within their limits.
 
     Robots that have no room to turn on the spot turn while they drive.
     """

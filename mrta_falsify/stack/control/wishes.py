@@ -1,4 +1,4 @@
-"""From manoeuvres to wishes, and who is stuck although nothing asked it to wait."""
+"""From manoeuvres to wishes, and robots that are stuck although nothing asked them to wait."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TURN_IN_CLUSTER = np.pi / 2  # rad, MRTA-Sim's
 def settle_wishes(
     crew: Crew, choices: Choices, told: CrewView, patience: float, leader_weight: float
 ) -> tuple[IntArray, Array, Array, BoolArray]:
-    """Wishes, groups and prices that follow from the choices; robots outside go their own way.
+    """Turn choices to wishes, groups and prices; robots outside go their own way.
 
     Args:
         crew: robots, surveyed; anchors, suspended leads and times of commands are written.
@@ -70,7 +70,7 @@ def settle_wishes(
 
 @njit(cache=True)
 def _turn_threshold(kind: int, alone: bool) -> float:
-    """Heading error above which a robot turns on the spot [rad]."""
+    """Give the heading error above which a robot turns on the spot [rad]."""
     if kind in (ASIDE, PASS):
         return TURN_FOR_MANOEUVRE
     return TURN_ALONE if alone or kind == SLOW else TURN_IN_CLUSTER
