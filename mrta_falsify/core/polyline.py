@@ -1,4 +1,4 @@
-"""Points on a path: the one to steer for, and what is still ahead."""
+"""Points on a path: the closest one, and the one to steer for."""
 
 from __future__ import annotations
 
@@ -7,10 +7,24 @@ from numba import njit
 
 from mrta_falsify.core.arrays import Array
 
+TIE = 1e-12  # m^2, squared distances that differ by less are equal
+
+
+@njit(cache=True)
+def project_on_segment(path: Array, i: int, x: float, y: float) -> tuple[float, float]:
+    """Find the share (0 to 1) of segment ``i`` nearest to (x, y); gives the distance^2 too."""
+    ax, ay = path[i, 0], path[i, 1]
+    dx, dy = path[i + 1, 0] - ax, path[i + 1, 1] - ay
+    square = dx * dx + dy * dy
+    t = 0.0
+    if square > 0.0:
+        t = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
+    return t, (ax + t * dx - x) ** 2 + (ay + t * dy - y) ** 2
+
 
 @njit(cache=True)
 def project_on_path(path: Array, x: float, y: float, first: int) -> tuple[int, float]:
-    """Where on ``path`` a point is closest.
+    """Find where on ``path`` a point is closest.
 
     Args:
         path: ``(L, 2)`` polyline [m], L >= 2.
@@ -24,14 +38,8 @@ def project_on_path(path: Array, x: float, y: float, first: int) -> tuple[int, f
     best = np.inf
     segment, share = first, 0.0
     for i in range(first, path.shape[0] - 1):
-        ax, ay = path[i, 0], path[i, 1]
-        dx, dy = path[i + 1, 0] - ax, path[i + 1, 1] - ay
-        square = dx * dx + dy * dy
-        t = 0.0
-        if square > 0.0:
-            t = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
-        gap = (ax + t * dx - x) ** 2 + (ay + t * dy - y) ** 2
-        if gap < best - 1e-12:
+        t, gap = project_on_segment(path, i, x, y)
+        if gap < best - TIE:
             best = gap
             segment, share = i, t
     return segment, share
@@ -41,7 +49,7 @@ def project_on_path(path: Array, x: float, y: float, first: int) -> tuple[int, f
 def point_ahead(
     path: Array, segment: int, share: float, x: float, y: float, distance: float
 ) -> tuple[float, float]:
-    """First point of ``path`` after (segment, share) that is ``distance`` [m] from (x, y)."""
+    """Find the first point of ``path`` after (segment, share) ``distance`` [m] from (x, y)."""
     last = path.shape[0] - 1
     ax = path[segment, 0] + share * (path[segment + 1, 0] - path[segment, 0])
     ay = path[segment, 1] + share * (path[segment + 1, 1] - path[segment, 1])
@@ -61,50 +69,3 @@ def point_ahead(
             return ax + t * dx, ay + t * dy
         ax, ay = bx, by
     return path[last, 0], path[last, 1]
-
-
-@njit(cache=True)
-def lookahead_point(path: Array, position: Array, distance: float = 0.5) -> Array:
-    """Point to steer for: the first one at least ``distance`` away, after the closest one.
-
-    Args:
-        path: ``(L, 2)`` polyline [m], map frame.
-        position: ``(2,)`` [m], map frame.
-        distance: [m], > 0; MRTA-Sim uses 0.5.
-
-    Returns:
-        ``(2,)`` point on the path [m]; its end if everything ahead is nearer; nan if the
-        path is empty.
-    """
-    target = np.full(2, np.nan)
-    if path.shape[0] == 0:
-        return target
-    if path.shape[0] == 1:
-        target[:] = path[0]
-        return target
-    segment, share = project_on_path(path, position[0], position[1], 0)
-    target[0], target[1] = point_ahead(path, segment, share, position[0], position[1], distance)
-    return target
-
-
-@njit(cache=True)
-def remaining_path(path: Array, position: Array) -> Array:
-    """What of ``path`` is still ahead of ``position``.
-
-    Args:
-        path: ``(L, 2)`` polyline [m], map frame.
-        position: ``(2,)`` [m], map frame.
-
-    Returns:
-        ``(K, 2)``: the closest point of the path, then its later corners. An empty path
-        stays empty; at the end of the path only its last point is left.
-    """
-    if path.shape[0] < 2:
-        return path.copy()
-    segment, share = project_on_path(path, position[0], position[1], 0)
-    if share >= 1.0:
-        return path[segment + 1 :].copy()
-    rest = np.empty((path.shape[0] - segment, 2))
-    rest[0] = path[segment] + share * (path[segment + 1] - path[segment])
-    rest[1:] = path[segment + 1 :]
-    return rest

@@ -21,6 +21,7 @@ State = Literal["ok", "missing", "failed"]
 #: module to import -> distribution it comes in; what a default run needs
 REQUIRED = {
     "click": "click",
+    "daqp": "daqp",
     "fcl": "python-fcl",
     "imageio": "imageio",
     "jinja2": "jinja2",
@@ -41,7 +42,7 @@ REQUIRED = {
     "trimesh": "trimesh",
     "yaml": "pyyaml",
 }
-OPTIONAL = {"daqp": "daqp", "imageio_ffmpeg": "imageio-ffmpeg"}
+OPTIONAL = {"imageio_ffmpeg": "imageio-ffmpeg"}
 #: shared libraries that OpenCV (imported by Scenic) loads, with the Debian package
 SYSTEM_LIBRARIES = {"GL": "libgl1", "glib-2.0": "libglib2.0-0", "gthread-2.0": "libglib2.0-0"}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

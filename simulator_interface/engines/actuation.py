@@ -10,14 +10,36 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import RobotSpec
 from simulator_interface.engines.bodies import Fleet
 
 SLIP_TIME = 0.5  # s; slip changes over this time, whatever the control rate
 MAX_LOSS = 0.95  # share of its speed a wheel can lose
+NOW = 1e-9  # s; a sub-step's time is a product of floats
+
+
+#: what a robot's drive can do, one record a robot
+MOTOR = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("joins_at", np.float64),  # no command is obeyed before [s]
+                ("max_speed", np.float64),  # [m/s]
+                ("max_turn_rate", np.float64),  # [rad/s]
+                ("speed_change", np.float64),  # at most, per sub-step [m/s]
+                ("turn_change", np.float64),  # at most, per sub-step [rad/s]
+                ("delay", np.int64),  # sub-steps until a command arrives
+                ("holonomic", np.int64),  # 1: moves in every direction
+            ],
+            align=True,
+        ),
+    )
+)
 
 
 class Actuation:
@@ -26,22 +48,17 @@ class Actuation:
     def __init__(self, fleet: Fleet, robots: Sequence[RobotSpec], seed: int, step: float) -> None:
         """Robots at rest; ``step`` is the sub-step [s]."""
         n = len(robots)
-        self._fleet = fleet
-        self._step = step
-        self._delay = np.array(
-            [round(robot.command_latency / step) for robot in robots], dtype=np.int64
-        )
-        self._pipeline = np.zeros((int(self._delay.max(initial=0)) + 1, n, 3))
+        motor = np.zeros(n, dtype=MOTOR)
+        motor["joins_at"] = fleet.joins_at
+        motor["max_speed"] = fleet.max_speed
+        motor["max_turn_rate"] = fleet.max_turn_rate
+        motor["speed_change"] = fleet.max_acceleration * step
+        motor["turn_change"] = fleet.max_turn_acceleration * step
+        motor["delay"] = [round(robot.command_latency / step) for robot in robots]
+        motor["holonomic"] = fleet.holonomic
+        self._motor = motor
+        self._pipeline = np.zeros((int(motor["delay"].max(initial=0)) + 1, n, 3))
         self._count = 0
-        self._limits = np.stack(
-            [
-                fleet.max_speed,
-                fleet.max_turn_rate,
-                fleet.max_acceleration * step,
-                fleet.max_turn_acceleration * step,
-            ],
-            axis=1,
-        ).reshape(n, 4)
         self._spread = np.array([robot.wheel_slip for robot in robots])
         self._slipping = np.flatnonzero(self._spread).tolist()
         self._random = [stream(seed, f"wheel_slip/{robot.name}") for robot in robots]
@@ -69,18 +86,7 @@ class Actuation:
         Returns:
             ``set_point``.
         """
-        fleet = self._fleet
-        _advance(
-            command,
-            time,
-            fleet.joins_at,
-            fleet.holonomic,
-            self._limits,
-            self._delay,
-            self._pipeline,
-            self._count,
-            self.set_point,
-        )
+        _advance(command, time, self._motor, self._pipeline, self._count, self.set_point)
         self._count += 1
         return self.set_point
 
@@ -89,10 +95,7 @@ class Actuation:
 def _advance(
     command: Array,
     time: float,
-    joins_at: Array,
-    holonomic: IntArray,
-    limits: Array,
-    delay: IntArray,
+    motors: NDArray[np.void],
     pipeline: Array,
     count: int,
     set_point: Array,
@@ -100,30 +103,31 @@ def _advance(
     """Take in ``command`` and move ``set_point`` towards the one that is due."""
     slots = len(pipeline)
     for i in range(len(command)):
+        motor = motors[i]
         for k in range(3):
             pipeline[count % slots, i, k] = command[i, k]
         forward, left, turn = 0.0, 0.0, 0.0
-        if time >= joins_at[i] - 1e-9:
-            due = pipeline[(count + slots - delay[i]) % slots, i]
+        if time >= motor.joins_at - NOW:
+            due = pipeline[(count + slots - motor.delay) % slots, i]
             forward, left, turn = due[0], due[1], due[2]
-        if holonomic[i] == 0:
+        if motor.holonomic == 0:
             left = 0.0
         speed = math.sqrt(forward * forward + left * left)
-        if speed > limits[i, 0]:
-            forward, left = forward * limits[i, 0] / speed, left * limits[i, 0] / speed
-        turn = min(limits[i, 1], max(-limits[i, 1], turn))
+        if speed > motor.max_speed:
+            forward, left = forward * motor.max_speed / speed, left * motor.max_speed / speed
+        turn = min(motor.max_turn_rate, max(-motor.max_turn_rate, turn))
         df, dl = forward - set_point[i, 0], left - set_point[i, 1]
         change = math.sqrt(df * df + dl * dl)
-        share = 1.0 if change <= limits[i, 2] else limits[i, 2] / change
+        share = 1.0 if change <= motor.speed_change else motor.speed_change / change
         set_point[i, 0] += share * df
         set_point[i, 1] += share * dl
         dw = turn - set_point[i, 2]
-        set_point[i, 2] += min(limits[i, 3], max(-limits[i, 3], dw))
+        set_point[i, 2] += min(motor.turn_change, max(-motor.turn_change, dw))
 
 
 @njit(cache=True)
 def slipping(forward: float, turn: float, separation: float, loss: Array) -> tuple[float, float]:
-    """Forward speed and turn rate that are left when the wheels lose shares ``loss`` ``(2,)``."""
+    """Give the speed and turn rate left when the wheels lose shares ``loss`` ``(2,)``."""
     left = (forward - 0.5 * turn * separation) * (1.0 - loss[0])
     right = (forward + 0.5 * turn * separation) * (1.0 - loss[1])
     return 0.5 * (left + right), (right - left) / separation

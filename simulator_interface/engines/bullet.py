@@ -21,6 +21,7 @@ from simulator_interface.engines.bodies import check_start_footprints, gather_fl
 from simulator_interface.engines.bullet_client import GHOST, ROBOT, SOLID, BulletClient, pybullet
 from simulator_interface.engines.bullet_people import BulletPeople
 from simulator_interface.engines.bullet_robots import BulletRobots
+from simulator_interface.engines.pedestrians import move_people
 from simulator_interface.engines.rays import ray_directions
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.engines.substeps import count_substeps
@@ -169,7 +170,7 @@ class BulletEngine:
 
     def step(self, command: Command, human_velocity: Array) -> Sensed:
         """See :class:`mrta_falsify.core.protocols.Engine`."""
-        fleet, around, observer = self._fleet, self._around, self._observer
+        around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
         walked_from = self._human.copy()
@@ -180,18 +181,13 @@ class BulletEngine:
                 self._note_changes()
             set_point = self._actuation.advance(command.twist, time)
             self._robots.drive(set_point, self._actuation.loss, self._pose)
-            gaps.move_people(
-                self._human,
+            move_people(
+                around.people(self._human),
                 human_velocity,
-                around.human_radius,
-                around.present,
                 self._step,
                 self._pose,
-                observer.placed,
-                fleet.corners,
-                fleet.reach,
-                around.grid,
-                around.edges,
+                observer.prints,
+                around.solids,
                 touched,
             )
             self._people.place(self._human, self._pose)

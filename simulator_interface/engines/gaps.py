@@ -7,6 +7,7 @@ Footprints are convex polygons, people are discs, solids are edges with the soli
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,8 +16,31 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from simulator_interface.engines.rays import EdgeGrid
 
 FAR = 5.0  # m; gaps beyond are reported as inf
-STRAIGHT_ON = 0.02  # m; who walks past a robot's centre this near walks straight at it
 ROBOT, HUMAN, STATIC = 0, 1, 2  # columns of ``gap``
+
+
+class Footprints(NamedTuple):
+    """Footprints of all robots; V corners at most."""
+
+    outline: Array  #: (N, V, 2) in the robot frame [m]
+    corners: IntArray  #: (N,) corners that count
+    reach: Array  #: (N,) largest distance of a corner from the robot's origin [m]
+    placed: Array  #: (N, V, 2) as placed last, map frame [m]
+
+
+class Solids(NamedTuple):
+    """What stands."""
+
+    grid: EdgeGrid  #: all the time
+    extra: Array  #: (E, 4) edges of what stands now: blockages, furniture that moves [m]
+
+
+class Pedestrians(NamedTuple):
+    """People as discs."""
+
+    position: Array  #: (H, 2) [m]
+    radius: Array  #: (H,) [m]
+    present: BoolArray  #: (H,) who is in the building
 
 
 @njit(cache=True)
@@ -30,7 +54,7 @@ def place_outline(outline: Array, corners: int, pose: Array, placed: Array) -> N
 
 @njit(cache=True)
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Distance of a point from a segment."""
+    """Measure the distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
     length = ex * ex + ey * ey
     t = 0.0
@@ -42,7 +66,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
 
 @njit(cache=True)
 def polygon_point_gap(polygon: Array, corners: int, px: float, py: float) -> float:
-    """Distance of a point from a convex polygon; negative depth if it is inside."""
+    """Measure the gap of a point to a convex polygon; negative depth if it is inside."""
     inside = -np.inf
     distance = np.inf
     for k in range(corners):
@@ -57,7 +81,7 @@ def polygon_point_gap(polygon: Array, corners: int, px: float, py: float) -> flo
 
 @njit(cache=True)
 def _separation(one: Array, n_one: int, other: Array, n_other: int) -> float:
-    """Largest distance of ``other`` from a side line of ``one``; negative: none separates."""
+    """Find how far ``other`` is from the best side line of ``one``; negative: none separates."""
     best = -np.inf
     for k in range(n_one):
         j = k + 1 if k + 1 < n_one else 0
@@ -73,7 +97,7 @@ def _separation(one: Array, n_one: int, other: Array, n_other: int) -> float:
 
 @njit(cache=True)
 def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: float) -> float:
-    """Gap of two convex polygons; negative: least depth. At least ``cutoff``: not exact."""
+    """Measure the gap of two convex polygons; negative: depth; from ``cutoff`` on not exact."""
     apart = max(_separation(one, n_one, other, n_other), _separation(other, n_other, one, n_one))
     if apart <= 0.0 or apart >= cutoff:
         return apart
@@ -96,7 +120,7 @@ def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: floa
 
 @njit(cache=True)
 def polygon_edge_gap(polygon: Array, corners: int, edge: Array) -> float:
-    """Gap of a convex polygon and an edge whose left side is solid; negative: depth."""
+    """Measure the gap of a convex polygon to an edge, solid on its left; negative: depth."""
     ax, ay, bx, by = edge[0], edge[1], edge[2], edge[3]
     ex, ey = bx - ax, by - ay
     length = math.sqrt(ex * ex + ey * ey)
@@ -139,7 +163,7 @@ def _edge_gap_below(
 
 @njit(cache=True)
 def blocks_gap(edges: Array, placed: Array, corners: int, x: float, y: float) -> float:
-    """Gap [m] of a footprint around (x, y) to few solids, given by their ``edges`` ``(E, 4)``.
+    """Measure the gap [m] of a footprint around (x, y) to the ``edges`` ``(E, 4)`` of few solids.
 
     A robot in the middle of a solid, away from its edges, has the negative distance to them.
     """
@@ -164,7 +188,7 @@ def static_gap(
     reach: float,
     cutoff: float,
 ) -> float:
-    """Gap of a footprint around (x, y) to the nearest solid, if below ``cutoff``, else that.
+    """Measure the gap of a footprint to the nearest solid, if below ``cutoff``, else that.
 
     Args:
         grid: solids that stand all the time.
@@ -207,17 +231,33 @@ def static_gap(
 
 
 @njit(cache=True)
+def _fill_robot_gaps(
+    i: int, pose: Array, prints: Footprints, gap: Array, nearest: IntArray
+) -> None:
+    """Lower the gaps between robot ``i`` and those of larger numbers."""
+    for j in range(i + 1, len(pose)):
+        apart = math.hypot(pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1])
+        apart = apart - prints.reach[i] - prints.reach[j]
+        cutoff = max(gap[i, ROBOT], gap[j, ROBOT])
+        if apart >= cutoff:
+            continue
+        found = polygon_gap(
+            prints.placed[i], prints.corners[i], prints.placed[j], prints.corners[j], cutoff
+        )
+        if found < gap[i, ROBOT]:
+            gap[i, ROBOT] = found
+            nearest[i, ROBOT] = j
+        if found < gap[j, ROBOT]:
+            gap[j, ROBOT] = found
+            nearest[j, ROBOT] = i
+
+
+@njit(cache=True)
 def fill_gaps(
     pose: Array,
-    outline: Array,
-    corners: IntArray,
-    reach: Array,
-    placed: Array,
-    grid: EdgeGrid,
-    extra: Array,
-    human_position: Array,
-    human_radius: Array,
-    present: BoolArray,
+    prints: Footprints,
+    solids: Solids,
+    people: Pedestrians,
     gap: Array,
     nearest: IntArray,
 ) -> float:
@@ -225,15 +265,9 @@ def fill_gaps(
 
     Args:
         pose: ``(N, 3)``.
-        outline: ``(N, V, 2)`` footprints in the robot frame.
-        corners: ``(N,)`` corners that count.
-        reach: ``(N,)`` [m].
-        placed: ``(N, V, 2)`` receives the footprints in the map frame.
-        grid: solids that stand all the time.
-        extra: ``(E, 4)`` edges of the blockages that stand now.
-        human_position: ``(H, 2)``.
-        human_radius: ``(H,)`` [m].
-        present: ``(H,)`` who is in the building.
+        prints: footprints; they are placed at ``pose``.
+        solids: what stands.
+        people: who is about.
         gap: ``(N, 3)`` running least gap to robot, human, static; lowered.
         nearest: ``(N, 2)`` robot and human of these gaps; updated.
 
@@ -242,33 +276,23 @@ def fill_gaps(
     """
     n = len(pose)
     least = np.inf
+    placed, corners, reach = prints.placed, prints.corners, prints.reach
     for i in range(n):
-        place_outline(outline[i], corners[i], pose[i], placed[i])
+        place_outline(prints.outline[i], corners[i], pose[i], placed[i])
     for i in range(n):
         x, y = pose[i, 0], pose[i, 1]
-        for j in range(i + 1, n):
-            apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y) - reach[i] - reach[j]
-            cutoff = max(gap[i, ROBOT], gap[j, ROBOT])
-            if apart >= cutoff:
+        _fill_robot_gaps(i, pose, prints, gap, nearest)
+        for h in range(len(people.position)):
+            hx, hy = people.position[h, 0], people.position[h, 1]
+            apart = math.hypot(hx - x, hy - y) - reach[i] - people.radius[h]
+            if not people.present[h] or apart >= gap[i, HUMAN]:
                 continue
-            found = polygon_gap(placed[i], corners[i], placed[j], corners[j], cutoff)
-            if found < gap[i, ROBOT]:
-                gap[i, ROBOT] = found
-                nearest[i, ROBOT] = j
-            if found < gap[j, ROBOT]:
-                gap[j, ROBOT] = found
-                nearest[j, ROBOT] = i
-        for h in range(len(human_position)):
-            hx, hy = human_position[h, 0], human_position[h, 1]
-            apart = math.hypot(hx - x, hy - y) - reach[i] - human_radius[h]
-            if not present[h] or apart >= gap[i, HUMAN]:
-                continue
-            found = polygon_point_gap(placed[i], corners[i], hx, hy) - human_radius[h]
+            found = polygon_point_gap(placed[i], corners[i], hx, hy) - people.radius[h]
             if found < gap[i, HUMAN]:
                 gap[i, HUMAN] = found
                 nearest[i, HUMAN] = h
         gap[i, STATIC] = static_gap(
-            grid, extra, placed[i], corners[i], x, y, reach[i], gap[i, STATIC]
+            solids.grid, solids.extra, placed[i], corners[i], x, y, reach[i], gap[i, STATIC]
         )
     for i in range(n):
         least = min(least, gap[i, ROBOT], gap[i, HUMAN], gap[i, STATIC])
@@ -276,33 +300,8 @@ def fill_gaps(
 
 
 @njit(cache=True)
-def _outward(polygon: Array, corners: int, px: float, py: float) -> tuple[float, float]:
-    """Unit vector from a convex polygon's nearest point to a point outside (or its side)."""
-    best, nx, ny = np.inf, 1.0, 0.0
-    deepest, mx, my = -np.inf, 1.0, 0.0
-    for k in range(corners):
-        j = k + 1 if k + 1 < corners else 0
-        ax, ay = polygon[k, 0], polygon[k, 1]
-        ex, ey = polygon[j, 0] - ax, polygon[j, 1] - ay
-        length = math.sqrt(ex * ex + ey * ey)
-        side = ((px - ax) * ey - (py - ay) * ex) / length
-        if side > deepest:
-            deepest, mx, my = side, ey / length, -ex / length
-        t = min(1.0, max(0.0, ((px - ax) * ex + (py - ay) * ey) / (length * length)))
-        dx, dy = px - ax - t * ex, py - ay - t * ey
-        distance = math.sqrt(dx * dx + dy * dy)
-        if distance < best:
-            best = distance
-            if distance > 1e-9:
-                nx, ny = dx / distance, dy / distance
-    if deepest <= 1e-9:
-        return mx, my
-    return nx, ny
-
-
-@njit(cache=True)
 def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
-    """Distance of a point from the nearest edge, at most ``radius``."""
+    """Measure the distance of a point from the nearest edge, at most ``radius``."""
     best = radius
     for e in range(len(extra)):
         best = min(best, _point_segment(x, y, extra[e, 0], extra[e, 1], extra[e, 2], extra[e, 3]))
@@ -320,90 +319,8 @@ def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) 
 
 
 @njit(cache=True)
-def _least_gap(
-    x: float, y: float, radius: float, placed: Array, corners: IntArray, pose: Array, reach: Array
-) -> tuple[float, int]:
-    """Gap of a disc to the nearest robot (inf: all are far), and which it is."""
-    best, robot = np.inf, -1
-    for i in range(len(pose)):
-        if math.hypot(pose[i, 0] - x, pose[i, 1] - y) - reach[i] - radius > 0.1:
-            continue
-        found = polygon_point_gap(placed[i], corners[i], x, y) - radius
-        if found < best:
-            best, robot = found, i
-    return best, robot
-
-
-@njit(cache=True)
-def move_people(
-    position: Array,
-    velocity: Array,
-    radius: Array,
-    present: BoolArray,
-    step: float,
-    pose: Array,
-    placed: Array,
-    corners: IntArray,
-    reach: Array,
-    grid: EdgeGrid,
-    extra: Array,
-    touched: BoolArray,
-) -> None:
-    """Walk all people for one sub-step; nobody walks into a robot.
-
-    A step that would end inside a robot leads along its surface instead, round the nearer
-    side; if the other bodies leave no room there, the other way; else the person stands.
-
-    Args:
-        position: ``(H, 2)`` [m]; updated.
-        velocity: ``(H, 2)`` wanted [m/s].
-        radius: ``(H,)`` [m].
-        present: ``(H,)``.
-        step: [s].
-        pose: ``(N, 3)`` of the robots.
-        placed: ``(N, V, 2)`` their footprints, map frame.
-        corners: ``(N,)``.
-        reach: ``(N,)`` [m].
-        grid: solids that stand all the time.
-        extra: ``(E, 4)`` edges of the blockages that stand now.
-        touched: ``(N,)`` set where a person was held up by the robot.
-    """
-    for h in range(len(position)):
-        if not present[h]:
-            continue
-        x, y, r = position[h, 0], position[h, 1], radius[h]
-        dx, dy = velocity[h, 0] * step, velocity[h, 1] * step
-        after, robot = _least_gap(x + dx, y + dy, r, placed, corners, pose, reach)
-        if after >= 0.0:
-            position[h, 0], position[h, 1] = x + dx, y + dy
-            continue
-        before = polygon_point_gap(placed[robot], corners[robot], x, y) - r
-        if after >= before:  # already overlapping, and leaving
-            position[h, 0], position[h, 1] = x + dx, y + dy
-            continue
-        touched[robot] = True
-        length = math.sqrt(dx * dx + dy * dy)
-        nx, ny = _outward(placed[robot], corners[robot], x, y)
-        turn = (x - pose[robot, 0]) * dy - (y - pose[robot, 1]) * dx
-        way = -1.0 if turn < -STRAIGHT_ON * length else 1.0  # straight on: pass on the right
-        free_before = disc_clear(grid, extra, x, y, r)
-        for _ in range(2):
-            sx, sy = x - way * ny * length, y + way * nx * length
-            gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
-            if gap < 0.0 and other == robot:  # round a corner: step back out to the surface
-                ox, oy = _outward(placed[robot], corners[robot], sx, sy)
-                sx, sy = sx - gap * ox, sy - gap * oy
-                gap, other = _least_gap(sx, sy, r, placed, corners, pose, reach)
-            free = disc_clear(grid, extra, sx, sy, r)
-            if gap >= min(before, 0.0) - 1e-6 and (free >= r or free >= free_before):
-                position[h, 0], position[h, 1] = sx, sy
-                break
-            way = -way
-
-
-@njit(cache=True)
 def first_edge_met(edges: Array, placed: Array, x: float, y: float, reach: float) -> int:
-    """Number of the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
+    """Find the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
     for e in range(len(edges)):
         if _point_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]) > reach:
             continue

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,19 +21,48 @@ from simulator_interface.engines import gaps
 from simulator_interface.engines.actuation import Actuation, slipping
 from simulator_interface.engines.bodies import check_start_footprints, gather_fleet, outside
 from simulator_interface.engines.gaps import (
+    Footprints,
+    Pedestrians,
+    Solids,
     blocks_gap,
     place_outline,
     polygon_gap,
     polygon_point_gap,
     static_gap,
 )
-from simulator_interface.engines.rays import EdgeGrid
+from simulator_interface.engines.pedestrians import move_people
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.engines.substeps import count_substeps
 from simulator_interface.staging import Stage
 
-TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds nobody
+TRAPPED = 0.005  # m; deeper overlap means that something appeared here, and holds no robot
 HALVINGS = 6  # a step that is blocked is shortened to a multiple of 1/64
+
+
+class Drives(NamedTuple):
+    """How the robots follow their set points."""
+
+    response: Array  #: (N,) time constant of the lag [s], 0: none
+    separation: Array  #: (N,) of the wheels [m]
+    holonomic: IntArray  #: (N,) 1: moves in every direction
+    loss: Array  #: (N, 2) share of speed lost to slip
+    step: float  #: sub-step [s]
+
+
+class Obstructions(NamedTuple):
+    """Everything that a robot may run into."""
+
+    prints: Footprints
+    solids: Solids
+    people: Pedestrians
+
+
+class Measured(NamedTuple):
+    """What is measured of a tick, sub-step after sub-step."""
+
+    contact: BoolArray  #: (N, 3) touched robot, human, static
+    gap: Array  #: (N, 3) least gap [m]
+    nearest: IntArray  #: (N, 2) robot, human
 
 
 class KinematicEngine:
@@ -66,8 +96,13 @@ class KinematicEngine:
         self._around = Surroundings(world)
         rays = RayOptions(count=self._options.ray_count, max_range=self._options.ray_range)
         self._observer = Observer(fleet, self._around, rays)
-        self._response = np.array([model.response_time for model in fleet.models])
-        self._separation = np.array([model.wheel_separation for model in fleet.models])
+        self._drives = Drives(
+            response=np.array([model.response_time for model in fleet.models]),
+            separation=np.array([model.wheel_separation for model in fleet.models]),
+            holonomic=fleet.holonomic,
+            loss=self._actuation.loss,
+            step=self._step,
+        )
         n = len(world.robots)
         self._pose = np.array([robot.pose for robot in world.robots]).reshape(n, 3)
         self._velocity = np.zeros((n, 3))
@@ -80,10 +115,11 @@ class KinematicEngine:
 
     def step(self, command: Command, human_velocity: Array) -> Sensed:
         """See :class:`mrta_falsify.core.protocols.Engine`."""
-        fleet, around, observer = self._fleet, self._around, self._observer
+        around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
         walked_from = self._human.copy()
+        measured = Measured(observer.contact, observer.gap, observer.nearest)
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
             around.update(time, self._is_taken)
@@ -92,24 +128,10 @@ class KinematicEngine:
                 self._pose,
                 self._velocity,
                 set_point,
-                self._actuation.loss,
-                self._response,
-                self._separation,
-                fleet.holonomic,
-                self._step,
-                fleet.outline,
-                fleet.corners,
-                fleet.reach,
-                observer.placed,
-                around.grid,
-                around.edges,
-                self._human,
+                self._drives,
+                Obstructions(observer.prints, around.solids, around.people(self._human)),
                 human_velocity,
-                around.human_radius,
-                around.present,
-                observer.contact,
-                observer.gap,
-                observer.nearest,
+                measured,
             )
         self._tick += 1
         around.update(self._tick * self._dt, self._is_taken)
@@ -153,48 +175,37 @@ class KinematicEngine:
 
 @njit(cache=True)
 def _fill_hindrance(
-    i: int,
-    pose: Array,
-    outline: Array,
-    corners: IntArray,
-    reach: Array,
-    placed: Array,
-    body: Array,
-    grid: EdgeGrid,
-    extra: Array,
-    human: Array,
-    human_radius: Array,
-    present: BoolArray,
-    where: Array,
-    depth: Array,
+    i: int, pose: Array, where: Array, around: Obstructions, body: Array, depth: Array
 ) -> int:
     """Write gaps below 0 of robot ``i`` at pose ``where`` to ``depth``.
 
-    Its entries are robot, human, permanent static, blockage.
+    Its entries are robot, human, permanent static, blockage. ``body`` receives the footprint.
 
     Returns:
         The robot it overlaps most, -1: none.
     """
+    prints, people, solids = around.prints, around.people, around.solids
+    corners, reach = prints.corners[i], prints.reach[i]
     depth[:] = 0.0
     hit = -1
     x, y = where[0], where[1]
-    place_outline(outline[i], corners[i], where, body)
+    place_outline(prints.outline[i], corners, where, body)
     for j in range(len(pose)):
         apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
-        if j == i or apart >= reach[i] + reach[j]:
+        if j == i or apart >= reach + prints.reach[j]:
             continue
-        gap = polygon_gap(body, corners[i], placed[j], corners[j], 0.0)
+        gap = polygon_gap(body, corners, prints.placed[j], prints.corners[j], 0.0)
         if gap < depth[0]:
             depth[0] = gap
             hit = j
-    for h in range(len(human)):
-        apart = math.hypot(human[h, 0] - x, human[h, 1] - y)
-        if present[h] and apart < reach[i] + human_radius[h]:
-            gap = polygon_point_gap(body, corners[i], human[h, 0], human[h, 1]) - human_radius[h]
+    for h in range(len(people.position)):
+        hx, hy, radius = people.position[h, 0], people.position[h, 1], people.radius[h]
+        if people.present[h] and math.hypot(hx - x, hy - y) < reach + radius:
+            gap = polygon_point_gap(body, corners, hx, hy) - radius
             depth[1] = min(depth[1], gap)
-    depth[2] = static_gap(grid, extra[:0], body, corners[i], x, y, reach[i], 0.0)
-    if len(extra):
-        depth[3] = blocks_gap(extra, body, corners[i], x, y)
+    depth[2] = static_gap(solids.grid, solids.extra[:0], body, corners, x, y, reach, 0.0)
+    if len(solids.extra):
+        depth[3] = blocks_gap(solids.extra, body, corners, x, y)
     return hit
 
 
@@ -218,73 +229,68 @@ def _fill_moved(pose: Array, twist: Array, step: float, out: Array) -> None:
 
 
 @njit(cache=True)
+def _fill_velocity(i: int, velocity: Array, set_point: Array, drives: Drives) -> None:
+    """Bring the velocity of robot ``i`` towards its set point, as far as slip and lag allow."""
+    wanted, loss = set_point[i].copy(), drives.loss[i]
+    if drives.holonomic[i] == 1:
+        wanted[:2] *= 1.0 - loss[0]
+        wanted[2] *= 1.0 - loss[1]
+    else:
+        wanted[0], wanted[2] = slipping(wanted[0], wanted[2], drives.separation[i], loss)
+    lag = drives.response[i]
+    share = 1.0 - math.exp(-drives.step / lag) if lag > 0.0 else 1.0
+    for k in range(3):
+        velocity[i, k] += share * (wanted[k] - velocity[i, k])
+
+
+@njit(cache=True)
+def _free_part(
+    i: int, pose: Array, twist: Array, step: float, around: Obstructions, now: Array
+) -> float:
+    """Find the largest share of a blocked step, in 64ths, that robot ``i`` may still go."""
+    body, there, then = np.empty_like(around.prints.outline[i]), np.empty(3), np.zeros(4)
+    part, low, high = 0.0, 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        _fill_moved(pose[i], twist, middle * step, there)
+        _fill_hindrance(i, pose, there, around, body, then)
+        if _is_held(now, then):
+            high = middle
+        else:
+            part = low = middle
+    return part
+
+
+@njit(cache=True)
 def _drive(
     pose: Array,
     velocity: Array,
     set_point: Array,
-    loss: Array,
-    response: Array,
-    separation: Array,
-    holonomic: IntArray,
-    step: float,
-    outline: Array,
-    corners: IntArray,
-    reach: Array,
-    placed: Array,
-    grid: EdgeGrid,
-    extra: Array,
-    human: Array,
-    human_radius: Array,
-    present: BoolArray,
+    drives: Drives,
+    around: Obstructions,
     contact: BoolArray,
 ) -> None:
     """Move all robots, one after the other, for one sub-step."""
-    body = np.empty_like(outline[0]) if len(outline) else np.empty((0, 2))
+    prints = around.prints
+    body = np.empty_like(prints.outline[0]) if len(pose) else np.empty((0, 2))
     there = np.empty(3)
     now, then = np.zeros(4), np.zeros(4)
     for i in range(len(pose)):
-        wanted = set_point[i].copy()
-        if holonomic[i] == 1:
-            wanted[:2] *= 1.0 - loss[i, 0]
-            wanted[2] *= 1.0 - loss[i, 1]
-        else:
-            wanted[0], wanted[2] = slipping(wanted[0], wanted[2], separation[i], loss[i])
-        share = 1.0 - math.exp(-step / response[i]) if response[i] > 0.0 else 1.0
-        for k in range(3):
-            velocity[i, k] += share * (wanted[k] - velocity[i, k])
-        _fill_moved(pose[i], velocity[i], step, there)
-        hit = _fill_hindrance(
-            i, pose, outline, corners, reach, placed, body, grid, extra,
-            human, human_radius, present, there, then,
-        )  # fmt: skip
-        held = False
+        _fill_velocity(i, velocity, set_point, drives)
+        _fill_moved(pose[i], velocity[i], drives.step, there)
+        hit = _fill_hindrance(i, pose, there, around, body, then)
         if then.min() < 0.0:
-            _fill_hindrance(
-                i, pose, outline, corners, reach, placed, body, grid, extra,
-                human, human_radius, present, pose[i], now,
-            )  # fmt: skip
-            held = _is_held(now, then)
             for k in range(4):
                 contact[i, min(k, 2)] = contact[i, min(k, 2)] or then[k] < 0.0
             if then[0] < 0.0:
                 contact[hit, 0] = True
-        if held:
-            part, low, high = 0.0, 0.0, 1.0
-            for _ in range(HALVINGS):
-                middle = 0.5 * (low + high)
-                _fill_moved(pose[i], velocity[i], middle * step, there)
-                _fill_hindrance(
-                    i, pose, outline, corners, reach, placed, body, grid, extra,
-                    human, human_radius, present, there, then,
-                )  # fmt: skip
-                if _is_held(now, then):
-                    high = middle
-                else:
-                    part = low = middle
-            _fill_moved(pose[i], velocity[i], part * step, there)
-            velocity[i] *= part
+            _fill_hindrance(i, pose, pose[i], around, body, now)
+            if _is_held(now, then):
+                part = _free_part(i, pose, velocity[i], drives.step, around, now)
+                _fill_moved(pose[i], velocity[i], part * drives.step, there)
+                velocity[i] *= part
         pose[i] = there
-        place_outline(outline[i], corners[i], pose[i], placed[i])
+        place_outline(prints.outline[i], prints.corners[i], pose[i], prints.placed[i])
 
 
 @njit(cache=True)
@@ -292,38 +298,16 @@ def _fill_substep(
     pose: Array,
     velocity: Array,
     set_point: Array,
-    loss: Array,
-    response: Array,
-    separation: Array,
-    holonomic: IntArray,
-    step: float,
-    outline: Array,
-    corners: IntArray,
-    reach: Array,
-    placed: Array,
-    grid: EdgeGrid,
-    extra: Array,
-    human: Array,
+    drives: Drives,
+    around: Obstructions,
     human_velocity: Array,
-    human_radius: Array,
-    present: BoolArray,
-    contact: BoolArray,
-    gap: Array,
-    nearest: IntArray,
+    measured: Measured,
 ) -> None:
-    """People walk, robots drive, and the gaps of the tick are lowered: one call a sub-step."""
+    """Walk the people, drive the robots, lower the gaps of the tick: one call a sub-step."""
+    prints, solids, people = around.prints, around.solids, around.people
     touched = np.zeros(len(pose), dtype=np.bool_)
-    gaps.move_people(
-        human, human_velocity, human_radius, present, step, pose, placed, corners, reach, grid,
-        extra, touched,
-    )  # fmt: skip
+    move_people(people, human_velocity, drives.step, pose, prints, solids, touched)
     for i in range(len(pose)):
-        contact[i, gaps.HUMAN] = contact[i, gaps.HUMAN] or touched[i]
-    _drive(
-        pose, velocity, set_point, loss, response, separation, holonomic, step, outline, corners,
-        reach, placed, grid, extra, human, human_radius, present, contact,
-    )  # fmt: skip
-    gaps.fill_gaps(
-        pose, outline, corners, reach, placed, grid, extra, human, human_radius, present, gap,
-        nearest,
-    )  # fmt: skip
+        measured.contact[i, gaps.HUMAN] = measured.contact[i, gaps.HUMAN] or touched[i]
+    _drive(pose, velocity, set_point, drives, around, measured.contact)
+    gaps.fill_gaps(pose, prints, solids, people, measured.gap, measured.nearest)

@@ -64,6 +64,11 @@ class Surroundings:
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
         self.owner = np.zeros(0, dtype=np.int64)  #: (E,) -1: they belong to no robot
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
+        self.solids = gaps.Solids(self.grid, self.edges)  #: walls and what stands now
+
+    def people(self, position: Array) -> gaps.Pedestrians:
+        """People at ``position`` ``(H, 2)`` [m]."""
+        return gaps.Pedestrians(position, self.human_radius, self.present)
 
     def update(self, time: float, is_taken: IsTaken) -> bool:
         """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
@@ -115,6 +120,7 @@ class Surroundings:
         poses = zip(self.pieces, self.furniture_pose, strict=True)
         outlines += [piece.at(pose) for piece, pose in poses]
         self.edges = rays.polygon_edges(outlines)
+        self.solids = gaps.Solids(self.grid, self.edges)
         self.owner = np.full(len(self.edges), -1, dtype=np.int64)
 
 
@@ -133,10 +139,18 @@ class Observer:
         self._anchor = np.full((n, 2), np.inf)
         self._since = np.zeros(n)
         self._sweep = 0  #: of SWEEP ray directions, the one of this tick
-        self.placed = np.zeros_like(fleet.outline)  #: (N, V, 2) footprints, map frame [m]
+        #: footprints, placed as observed last
+        self.prints = gaps.Footprints(
+            fleet.outline, fleet.corners, fleet.reach, np.zeros_like(fleet.outline)
+        )
         self.gap = np.full((n, 3), np.inf)  #: (N, 3) least gap to robot, human, static [m]
         self.nearest = np.full((n, 2), -1, dtype=np.int64)  #: (N, 2) robot, human
         self.contact = np.zeros((n, 3), dtype=np.bool_)  #: (N, 3) touched robot, human, static
+
+    @property
+    def placed(self) -> Array:
+        """Footprints ``(N, V, 2)``, map frame [m], as observed last."""
+        return self.prints.placed
 
     def begin_tick(self) -> None:
         """Forget the last tick's gaps and contacts."""
@@ -150,20 +164,9 @@ class Observer:
         Returns:
             Least gap of any robot so far in this tick [m].
         """
-        fleet, around = self._fleet, self._surroundings
+        around = self._surroundings
         least: float = gaps.fill_gaps(
-            pose,
-            fleet.outline,
-            fleet.corners,
-            fleet.reach,
-            self.placed,
-            around.grid,
-            around.edges,
-            human_position,
-            around.human_radius,
-            around.present,
-            self.gap,
-            self.nearest,
+            pose, self.prints, around.solids, around.people(human_position), self.gap, self.nearest
         )
         return least
 
@@ -203,10 +206,12 @@ class Observer:
 
     def exact_distances(self, pose: Array, parked: BoolArray) -> Array:
         """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing."""
-        around, fleet = self._surroundings, self._fleet
+        around = self._surroundings
         extra, owner = around.edges, around.owner
         if True in parked.tolist():
-            extra, owner = rays.with_bodies(extra, owner, self.placed, fleet.corners, parked)
+            extra, owner = rays.with_bodies(
+                extra, owner, self.prints.placed, self.prints.corners, parked
+            )
         options = self._options
         return rays.cast_rays(
             around.grid, extra, owner, pose, options.count, options.max_range, self._turned()

@@ -18,7 +18,6 @@ from matplotlib.patheffects import withStroke
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import Phase
-from mrta_falsify.core.polyline import remaining_path
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import INK, robot_colour
@@ -26,6 +25,7 @@ from reports.figure_floor import draw_floor
 from reports.figure_motion import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
+from tests.stack.control_course import remaining_path
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures" / "scenes"
 TRAIL = 6.0  # s

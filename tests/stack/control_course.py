@@ -7,11 +7,39 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.polyline import lookahead_point, remaining_path
+from mrta_falsify.core.polyline import point_ahead, project_on_path
 from mrta_falsify.core.protocols import ControlView
 
 BODY = np.array([[-0.1965, -0.1525], [0.0685, -0.1525], [0.0685, 0.1525], [-0.1965, 0.1525]])
 NO_PATH = np.zeros((0, 2))
+
+
+def lookahead_point(path: np.ndarray, position: np.ndarray, distance: float = 0.5) -> np.ndarray:
+    """Point ``(2,)`` of ``path`` ``(L, 2)`` to steer for; nan if the path is empty [m].
+
+    It is the first one at least ``distance`` away, after the closest one; the end if everything
+    ahead is nearer.
+    """
+    if len(path) == 0:
+        return np.full(2, np.nan)
+    if len(path) == 1:
+        return path[0].copy()
+    segment, share = project_on_path(path, position[0], position[1], 0)
+    return np.array(point_ahead(path, segment, share, position[0], position[1], distance))
+
+
+def remaining_path(path: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """What of ``path`` ``(L, 2)`` is still ahead: the closest point, then the later corners.
+
+    An empty path stays empty; at the end of the path only its last point is left.
+    """
+    if len(path) < 2:
+        return path.copy()
+    segment, share = project_on_path(path, position[0], position[1], 0)
+    if share >= 1.0:
+        return path[segment + 1 :].copy()
+    beside = path[segment] + share * (path[segment + 1] - path[segment])
+    return np.concatenate((beside[None], path[segment + 1 :]))
 
 
 def line(*points: tuple[float, float], spacing: float = 0.1) -> np.ndarray:

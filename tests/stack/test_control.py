@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_course import Course, line
+from control_course import Course, line, lookahead_point, remaining_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.polyline import lookahead_point, remaining_path
-from mrta_falsify.stack.control import manoeuvres as yielding
-from mrta_falsify.stack.control import qp
+from mrta_falsify.stack.control import conflicts, qp
 from mrta_falsify.stack.control.barrier import (
     OBSTACLE,
     ROBOT,
@@ -24,8 +22,10 @@ from mrta_falsify.stack.control.barrier import (
 )
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
-from mrta_falsify.stack.control.perception import _sorted_by, _without_leader
-from mrta_falsify.stack.control.state import SECTORS, remember_points
+from mrta_falsify.stack.control.perception import fill_link_loss, sorted_by
+from mrta_falsify.stack.control.predicted_motions import SAMPLES
+from mrta_falsify.stack.control.solvers import Solution
+from mrta_falsify.stack.control.state import SECTORS, ControllerState, remember_points
 
 KINDS = kind_table(CbfOptions())
 
@@ -198,7 +198,7 @@ def test_hits_on_another_robot_are_left_to_the_pair_rows():
 @given(st.permutations(range(7)))
 @settings(deadline=None)
 def test_robots_are_ordered_by_their_keys(keys):
-    order = _sorted_by(np.array(keys, dtype=np.int64))
+    order = sorted_by(np.array(keys, dtype=np.int64))
     assert [keys[robot] for robot in order] == sorted(keys)
 
 
@@ -215,34 +215,28 @@ def test_robots_are_ordered_by_their_keys(keys):
 def test_robot_without_its_leader_repeats_then_brakes_then_goes_alone(
     remote_at, alone_before, speed, expected
 ):
-    yes, no = np.ones(1, dtype=bool), np.zeros(1, dtype=bool)
-    lost = _without_leader(
-        np.array([[speed, 0.0, 0.0]]),
-        yes,
-        yes,
-        no,
-        np.array([remote_at]),
-        np.array([alone_before]),
-        10.0,
-        0.25,
-    )
-    assert lost[:, 0].tolist() == expected
+    crew = ControllerState.fresh(np.zeros((1, 3)), 0.0).crew
+    crew["present"] = crew["heard"] = True
+    crew["remote_at"], crew["on_its_own"] = remote_at, alone_before
+    fill_link_loss(crew[0], speed, False, 10.0, 0.25)
+    robot = crew[0]
+    assert [bool(robot.hold), bool(robot.halted), bool(robot.on_its_own)] == expected
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_motions_in_boxes_apart_never_conflict(seed):
     rng = np.random.default_rng(seed)
-    steps = rng.normal(scale=0.1, size=(2, yielding.SAMPLES, 2))
+    steps = rng.normal(scale=0.1, size=(2, SAMPLES, 2))
     one, other = np.cumsum(steps, axis=1) + rng.uniform(-1.5, 1.5, (2, 1, 2))
     boxes = np.empty((2, 4))
-    yielding._fill_box(one, boxes[0])
-    yielding._fill_box(other, boxes[1])
-    if yielding._are_apart(boxes[0], boxes[1], 0.72):
-        assert yielding._conflict(one, other, 0.72) == np.inf
+    conflicts.fill_box(one, boxes[0])
+    conflicts.fill_box(other, boxes[1])
+    if conflicts.are_apart(boxes[0], boxes[1], 0.72):
+        assert conflicts.conflict(one, other, 0.72) == np.inf
     nearest = np.linalg.norm(one[:, None] - other[None], axis=2).min()
     if nearest < 0.72:
-        assert not yielding._are_apart(boxes[0], boxes[1], 0.72)
+        assert not conflicts.are_apart(boxes[0], boxes[1], 0.72)
 
 
 # --- steering ---------------------------------------------------------------------------
@@ -307,19 +301,28 @@ def random_rows(rng, n, m=4):
     )
 
 
-def solve(rows, reference, **options):
+def demand(reference):
     n = len(reference)
     limit = np.tile([1.0, 2.0], (n, 1))
-    return qp.solve_fleet(
-        rows,
-        reference,
-        lambda: np.zeros((n, 2)),
-        -limit,
-        limit,
-        np.ones(n),
-        slack_weight=50.0,
-        **options,
-    )
+    return qp.Demand(reference, -limit, limit, np.ones(n))
+
+
+def solve(rows, reference, **options):
+    nowhere = np.zeros_like(reference)
+    return qp.solve_fleet(rows, demand(reference), lambda: nowhere, slack_weight=50.0, **options)
+
+
+def worst_break(rows, answer):
+    """Largest amount by which an answer breaks a row of :func:`random_rows` [m/s^2]."""
+    found = [0.0]
+    for i, u in enumerate(answer.inputs):
+        m = rows.own_count[i]
+        value = rows.own[i, :m] @ u + rows.own_coupling[i, :m] * answer.slack[i]
+        found += list(rows.own_bound[i, :m] - value)
+    for (i, j), row, bound in zip(rows.pair, rows.pair_row, rows.pair_bound, strict=True):
+        value = row[:2] @ answer.inputs[i] + row[2:] @ answer.inputs[j] + answer.slack[i]
+        found.append(bound - value)
+    return max(found)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
@@ -337,22 +340,51 @@ def test_osqp_agrees_with_a_general_optimiser():
     rng = np.random.default_rng(7)
     for _ in range(5):
         rows, reference = random_rows(rng, 2), rng.uniform(-1, 1, (2, 2)) * [1, 2]
-        limit = np.tile([1.0, 2.0], (2, 1))
-        p = qp.component_problem(
-            rows, np.arange(2), reference, -limit, limit, np.ones(2), slack_weight=50.0
-        )
+
+        def broken(z, rows=rows):
+            u = z[:-1].reshape(2, 2)
+            own = [rows.own[i, :4] @ u[i] + rows.own_coupling[i, :4] * z[-1] for i in range(2)]
+            pair = rows.pair_row @ z[:-1] + z[-1]
+            bounds = [*rows.own_bound[:, :4], rows.pair_bound]
+            return np.concatenate([*own, pair]) - np.concatenate(bounds)
+
         best = minimize(
-            lambda z, p=p: 0.5 * np.sum((z[:-1] - p.reference) ** 2) + 25.0 * z[-1] ** 2,
-            np.append(p.reference, 3.0),
-            bounds=[*zip(p.low, p.high, strict=True), (0, None)],
-            constraints={
-                "type": "ineq",
-                "fun": lambda z, p=p: p.rows @ z[:-1] + p.coupling * z[-1] - p.bound,
-            },
+            lambda z, r=reference: 0.5 * np.sum((z[:-1] - r.ravel()) ** 2) + 25.0 * z[-1] ** 2,
+            np.append(reference, 3.0),
+            bounds=[*[(-1.0, 1.0), (-2.0, 2.0)] * 2, (0, None)],
+            constraints={"type": "ineq", "fun": broken},
             method="SLSQP",
             options={"maxiter": 500, "ftol": 1e-12},
         )
         np.testing.assert_allclose(solve(rows, reference).inputs.ravel(), best.x[:-1], atol=2e-3)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_program_that_osqp_does_not_solve_is_solved_by_daqp(n, monkeypatch):
+    rng = np.random.default_rng(n)
+    rows, reference = random_rows(rng, n), rng.uniform(-1, 1, (n, 2)) * [1, 2]
+
+    def stalled(program, n, m):
+        return Solution(np.full(2 * n + 1, np.nan), solved=False)
+
+    monkeypatch.setattr(qp, "solve_by_osqp", stalled)
+    answer, exact = solve(rows, reference), solve(rows, reference, solver="daqp")
+    assert answer.usable.all()
+    np.testing.assert_array_equal(answer.inputs, exact.inputs)
+
+
+def test_robots_brake_where_no_solver_answers(monkeypatch):
+    rows, reference = random_rows(np.random.default_rng(0), 2), np.ones((2, 2))
+
+    def failed(program, *size):
+        return Solution(np.full(5, np.nan), solved=False)
+
+    monkeypatch.setattr(qp, "solve_by_osqp", failed)
+    monkeypatch.setattr(qp, "solve_by_daqp", failed)
+    answer = solve(rows, reference, always=True)
+    assert not answer.usable.any()
+    np.testing.assert_array_equal(answer.inputs, np.zeros((2, 2)))
+    np.testing.assert_array_equal(answer.slack, np.zeros(2))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
@@ -363,11 +395,7 @@ def test_answer_obeys_rows_and_hard_limits(seed, n):
     answer = solve(rows, reference)
     assert answer.usable.all()
     assert (np.abs(answer.inputs) <= [1.0, 2.0]).all()
-    problem = qp.component_problem(
-        rows, np.arange(n), reference, reference, reference, np.ones(n), 1.0
-    )
-    value = problem.rows @ answer.inputs.ravel() + problem.coupling * answer.slack[0]
-    assert (value >= problem.bound - 5e-3).all()
+    assert worst_break(rows, answer) <= 5e-3
 
 
 def test_answer_does_not_depend_on_what_was_solved_before():

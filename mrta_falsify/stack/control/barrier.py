@@ -12,22 +12,54 @@ Reference: Xiao & Belta, "High-order control barrier functions", IEEE TAC 2022.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 
 OBSTACLE, HUMAN, ROBOT = 0, 1, 2  #: kinds of things
-KIND_FIELDS = 5  #: a, b [1/s], floor of the gap [m], share of the distance, slack coupling
 GRIP = 0.1  # m/s^2, rows that all inputs together move by less are left out: nothing to gain
 EFFORT = 0.98  # no row asks for more than this share of what the inputs can give
+NEAREST = 1e-6  # m, distances below count as this: a direction is needed
+BROKEN = 1e-9  # m/s^2, by how much a row must be broken to count: rounding is less
+
+BODY_MARGIN = 0.01  # m, beyond the body, the least gap to an obstacle that is asked for
+PAIR_MARGIN = 0.04  # m, beyond two bodies, the least gap to a robot that is asked for
+OBSTACLE_SHARE = 0.95  # of the distance, so that a robot inside the gap may leave along a wall
+OBSTACLE_COUPLING = 0.25  # obstacle rows take a quarter of the slack that the others take
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rows:
+class Movers(NamedTuple):
+    """All robots, as rows and speed limits see them."""
+
+    pose: Array  #: (N, 3) as the fleet knows it
+    velocity: Array  #: (N, 2) [m/s], map frame
+    direction: Array  #: (N, 2) unit vectors of travel
+    speed: Array  #: (N,) along ``direction`` [m/s]
+    effect: Array  #: (N, 2, 2) acceleration per input
+    limit: Array  #: (N, 2) largest absolute inputs
+    max_speed: Array  #: (N,) [m/s]
+    max_acceleration: Array  #: (N,) [m/s^2]
+    known: BoolArray  #: (N,) robots that are there and of which the others know
+    group: IntArray  #: (N,) robots of equal number >= 0 decide together; < 0: no rows at all
+
+
+class Things(NamedTuple):
+    """What each robot must keep clear of by itself; T entries per robot."""
+
+    position: Array  #: (N, T, 2) [m]
+    velocity: Array  #: (N, T, 2) [m/s]
+    gap: Array  #: (N, T) distance to keep, centre to centre [m]
+    kind: IntArray  #: (N, T) OBSTACLE, HUMAN or ROBOT; -1: no entry
+    share: Array  #: (N, T) part of the demand that this robot takes
+    seen_from: IntArray  #: (N, T) robot whose state enters the row: the robot itself
+
+
+class Rows(NamedTuple):
     """Linear constraints on the inputs; those that no input could violate are left out."""
 
     own: Array  #: (N, T, 2) coefficients of rows that concern one robot
@@ -40,21 +72,40 @@ class Rows:
     component: IntArray  #: (N,) smallest number of the robots coupled by rows
 
 
-def kind_table(options: CbfOptions) -> Array:
-    """Constants ``(3, 5)`` of the kinds, in the order OBSTACLE, HUMAN, ROBOT.
+#: how a kind of thing is kept clear of
+KIND = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                ("a", np.float64),  # gain [1/s]
+                ("b", np.float64),  # gain [1/s]
+                ("floor", np.float64),  # gap that is asked for from however near [m]
+                ("share", np.float64),  # of the present distance, to which a larger gap shrinks
+                ("coupling", np.float64),  # of the slack in its rows
+            ]
+        ),
+    )
+)
+Kinds = NDArray[np.void]  #: (3,) of KIND, in the order OBSTACLE, HUMAN, ROBOT
+
+
+def kind_table(options: CbfOptions) -> Kinds:
+    """Tabulate how each kind of thing is kept clear of.
 
     Inside its gap a robot is never asked to hold a distance it does not have: the gap shrinks
     to ``share`` of the distance, down to ``floor``. Below the floor it is asked to leave.
-    Obstacle rows give way to the common slack least, so that nobody is pushed into a wall.
+    Obstacle rows give way to the common slack least, so that no robot is pushed into a wall.
     """
     body = options.body_radius
-    return np.array(
-        [
-            [*options.gains_obstacle, min(body + 0.01, options.min_gap_obstacle), 0.95, 0.25],
-            [*options.gains_human, 0.0, 1.0, 1.0],
-            [*options.gains_robot, min(2.0 * body + 0.04, options.min_gap_robot), 1.0, 1.0],
-        ]
-    )
+    obstacle_floor = min(body + BODY_MARGIN, options.min_gap_obstacle)
+    robot_floor = min(2.0 * body + PAIR_MARGIN, options.min_gap_robot)
+    rows = [
+        (*options.gains_obstacle, obstacle_floor, OBSTACLE_SHARE, OBSTACLE_COUPLING),
+        (*options.gains_human, 0.0, 1.0, 1.0),
+        (*options.gains_robot, robot_floor, 1.0, 1.0),
+    ]
+    return np.array(rows, dtype=KIND)
 
 
 @njit(cache=True)
@@ -65,9 +116,9 @@ def barrier_row(
     other: Array,
     other_velocity: Array,
     gap: float,
-    constants: Array,
+    kind: np.record,
 ) -> tuple[float, float, float, float, float]:
-    """Row of one robot against one thing.
+    """Write the row of one robot against one thing.
 
     Args:
         position: ``(2,)`` robot [m], map frame.
@@ -76,17 +127,17 @@ def barrier_row(
         other: ``(2,)`` thing [m].
         other_velocity: ``(2,)`` thing [m/s].
         gap: distance to keep [m].
-        constants: a row of :func:`kind_table`.
+        kind: of the thing.
 
     Returns:
         Two coefficients, the bound [m/s^2], and the unit vector from thing to robot.
     """
     dx, dy = position[0] - other[0], position[1] - other[1]
-    distance = max(np.sqrt(dx * dx + dy * dy), 1e-6)
+    distance = max(np.sqrt(dx * dx + dy * dy), NEAREST)
     ux, uy = dx / distance, dy / distance
     wx, wy = velocity[0] - other_velocity[0], velocity[1] - other_velocity[1]
-    a, b = constants[0], constants[1]
-    held = min(gap, max(constants[2], constants[3] * distance))
+    a, b = kind.a, kind.b
+    held = min(gap, max(kind.floor, kind.share * distance))
     h_half = 0.5 * (distance * distance - held * held)
     demand = -((wx * wx + wy * wy) / distance + (a + b) * (ux * wx + uy * wy))
     bound = demand - a * b * h_half / distance
@@ -97,103 +148,100 @@ def barrier_row(
 
 @njit(cache=True)
 def _reach(first: float, second: float, low: Array, high: Array) -> tuple[float, float]:
-    """Smallest and largest value of a row over the box of inputs."""
+    """Find the smallest and largest value of a row over the box of inputs."""
     least = min(first * low[0], first * high[0]) + min(second * low[1], second * high[1])
     most = max(first * low[0], first * high[0]) + max(second * low[1], second * high[1])
     return least, most
 
 
 @njit(cache=True)
-def assemble_rows(
-    position: Array,
-    velocity: Array,
-    effect: Array,
-    low: Array,
-    high: Array,
-    group: IntArray,
-    thing_position: Array,
-    thing_velocity: Array,
-    thing_gap: Array,
-    thing_kind: IntArray,
-    thing_share: Array,
-    seen_from: IntArray,
-    kinds: Array,
-    min_gap_robot: float,
-) -> tuple[Array, Array, IntArray, IntArray, Array, Array]:
-    """Fields of :class:`Rows` for all robots, in few arrays: each that leaves compiled code costs.
+def _asked(bound: float, least: float, most: float) -> float:
+    """Cut the bound of a row that reaches from ``least`` to ``most`` to what can be given."""
+    return float(min(bound, most - (1.0 - EFFORT) * (most - least)))
+
+
+@njit(cache=True)
+def own_rows(
+    movers: Movers, low: Array, high: Array, things: Things, kinds: Kinds
+) -> tuple[Array, Array, IntArray]:
+    """Write the rows that concern one robot.
 
     Args:
-        position: ``(N, 2)`` [m].
-        velocity: ``(N, 2)`` [m/s].
-        effect: ``(N, 2, 2)``.
+        movers: all robots.
         low: ``(N, 2)`` smallest inputs.
         high: ``(N, 2)`` largest inputs.
-        group: ``(N,)`` robots of equal number >= 0 decide together; < 0: no rows at all.
-        thing_position: ``(N, T, 2)``, as from ``surroundings.list_things``, like the next five.
-        thing_velocity: ``(N, T, 2)``.
-        thing_gap: ``(N, T)``.
-        thing_kind: ``(N, T)``.
-        thing_share: ``(N, T)``.
-        seen_from: ``(N, T)``.
-        kinds: see :func:`kind_table`.
-        min_gap_robot: [m].
+        things: what they keep clear of.
+        kinds: how.
 
     Returns:
-        ``own``; ``own_bound`` and ``own_coupling`` ``(2, N, T)``; ``own_count`` and
-        ``component`` ``(2, N)``; ``pair``, ``pair_row``, ``pair_bound``.
+        ``own``; ``own_bound`` and ``own_coupling`` ``(2, N, T)``; ``own_count``, of :class:`Rows`.
     """
-    n, t = thing_kind.shape
-    own = np.zeros((n, t, 2))
-    figures = np.zeros((2, n, t))
+    n, t = things.kind.shape
+    own, figures = np.zeros((n, t, 2)), np.zeros((2, n, t))
     own_bound, own_coupling = figures
-    numbers = np.zeros((2, n), dtype=np.int64)
-    own_count, component = numbers
+    count = np.zeros(n, dtype=np.int64)
     for i in range(n):
-        if group[i] < 0:
+        if movers.group[i] < 0:
             continue
         for k in range(t):
-            kind = thing_kind[i, k]
-            if kind < 0:
+            if things.kind[i, k] < 0:
                 continue
-            s = seen_from[i, k]
+            kind = kinds[things.kind[i, k]]
+            s = things.seen_from[i, k]
             first, second, bound, _, _ = barrier_row(
-                position[s],
-                velocity[s],
-                effect[s],
-                thing_position[i, k],
-                thing_velocity[i, k],
-                thing_gap[i, k],
-                kinds[kind],
+                movers.pose[s],
+                movers.velocity[s],
+                movers.effect[s],
+                things.position[i, k],
+                things.velocity[i, k],
+                things.gap[i, k],
+                kind,
             )
-            bound *= thing_share[i, k]
+            bound *= things.share[i, k]
             least, most = _reach(first, second, low[i], high[i])
             if least >= bound or most - least < GRIP:
                 continue
-            c = own_count[i]
+            c = count[i]
             own[i, c, 0], own[i, c, 1] = first, second
-            own_bound[i, c] = min(bound, most - (1.0 - EFFORT) * (most - least))
-            own_coupling[i, c] = kinds[kind, 4]
-            own_count[i] = c + 1
+            own_bound[i, c] = _asked(bound, least, most)
+            own_coupling[i, c] = kind.coupling
+            count[i] = c + 1
+    return own, figures, count
+
+
+@njit(cache=True)
+def pair_rows(
+    movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float
+) -> tuple[IntArray, Array, Array, IntArray]:
+    """Write the rows that concern two robots of one group.
+
+    ``movers``, ``low`` and ``high`` are as for :func:`own_rows`.
+
+    Returns:
+        ``pair``, ``pair_row``, ``pair_bound`` and ``component`` of :class:`Rows`.
+    """
+    n = movers.group.shape[0]
     pair = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
     pair_row = np.empty((n * (n - 1) // 2, 4))
     pair_bound = np.empty(n * (n - 1) // 2)
-    component[:] = np.arange(n)
+    component = np.arange(n)
     p = 0
     for i in range(n):
         for j in range(i + 1, n):
-            if group[i] < 0 or group[i] != group[j]:
+            if movers.group[i] < 0 or movers.group[i] != movers.group[j]:
                 continue
             first, second, bound, ux, uy = barrier_row(
-                position[i],
-                velocity[i],
-                effect[i],
-                position[j],
-                velocity[j],
-                min_gap_robot,
-                kinds[ROBOT],
+                movers.pose[i],
+                movers.velocity[i],
+                movers.effect[i],
+                movers.pose[j],
+                movers.velocity[j],
+                min_gap,
+                kind,
             )
-            third = -(ux * effect[j, 0, 0] + uy * effect[j, 1, 0])
-            fourth = -(ux * effect[j, 0, 1] + uy * effect[j, 1, 1])
+            effect = movers.effect[j]
+            third = -(ux * effect[0, 0] + uy * effect[1, 0])
+            fourth = -(ux * effect[0, 1] + uy * effect[1, 1])
             least_i, most_i = _reach(first, second, low[i], high[i])
             least_j, most_j = _reach(third, fourth, low[j], high[j])
             least, most = least_i + least_j, most_i + most_j
@@ -202,21 +250,27 @@ def assemble_rows(
             pair[p, 0], pair[p, 1] = i, j
             pair_row[p, 0], pair_row[p, 1] = first, second
             pair_row[p, 2], pair_row[p, 3] = third, fourth
-            pair_bound[p] = min(bound, most - (1.0 - EFFORT) * (most - least))
+            pair_bound[p] = _asked(bound, least, most)
             p += 1
-            a, b = min(component[i], component[j]), max(component[i], component[j])
-            if a != b:
-                for k in range(n):
-                    if component[k] == b:
-                        component[k] = a
-    return own, figures, numbers, pair[:p], pair_row[:p], pair_bound[:p]
+            _fill_joined(component, i, j)
+    return pair[:p], pair_row[:p], pair_bound[:p], component
+
+
+@njit(cache=True)
+def _fill_joined(component: IntArray, i: int, j: int) -> None:
+    """Give the components of robots ``i`` and ``j`` the smaller of their numbers."""
+    a, b = min(component[i], component[j]), max(component[i], component[j])
+    if a != b:
+        for k in range(component.shape[0]):
+            if component[k] == b:
+                component[k] = a
 
 
 @njit(cache=True)
 def input_box(
     limit: Array, speed: Array, low_speed: Array, high_speed: Array, dt: float, along: bool
 ) -> tuple[Array, Array]:
-    """Smallest and largest inputs ``(N, 2)``: the limits, and the speed range if it binds."""
+    """Bound the inputs ``(N, 2)`` by the limits, and by the speed range if it binds."""
     n = limit.shape[0]
     low, high = -limit, limit.copy()
     if along:
@@ -229,29 +283,21 @@ def input_box(
 
 
 @njit(cache=True)
-def violated_components(
-    inputs: Array,
-    own: Array,
-    own_bound: Array,
-    own_count: IntArray,
-    pair: IntArray,
-    pair_row: Array,
-    pair_bound: Array,
-    component: IntArray,
-) -> BoolArray:
+def violated_components(inputs: Array, rows: Rows) -> BoolArray:
     """Whether ``inputs`` ``(N, 2)`` break a row of the component of that number ``(N,)``."""
     n = inputs.shape[0]
     broken = np.zeros(n, dtype=np.bool_)
     for i in range(n):
-        for k in range(own_count[i]):
-            value = own[i, k, 0] * inputs[i, 0] + own[i, k, 1] * inputs[i, 1]
-            if value < own_bound[i, k] - 1e-9:
-                broken[component[i]] = True
+        for k in range(rows.own_count[i]):
+            value = rows.own[i, k, 0] * inputs[i, 0] + rows.own[i, k, 1] * inputs[i, 1]
+            if value < rows.own_bound[i, k] - BROKEN:
+                broken[rows.component[i]] = True
                 break
-    for p in range(pair.shape[0]):
-        i, j = pair[p]
-        value = pair_row[p, 0] * inputs[i, 0] + pair_row[p, 1] * inputs[i, 1]
-        value += pair_row[p, 2] * inputs[j, 0] + pair_row[p, 3] * inputs[j, 1]
-        if value < pair_bound[p] - 1e-9:
-            broken[component[i]] = True
+    for p in range(rows.pair.shape[0]):
+        i, j = rows.pair[p]
+        row = rows.pair_row[p]
+        value = row[0] * inputs[i, 0] + row[1] * inputs[i, 1]
+        value += row[2] * inputs[j, 0] + row[3] * inputs[j, 1]
+        if value < rows.pair_bound[p] - BROKEN:
+            broken[rows.component[i]] = True
     return broken

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,25 +15,47 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
+from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
 from mrta_falsify.stack.control.dynamics import Wish
-from mrta_falsify.stack.control.manoeuvres import (
-    ASIDE,
-    GO,
-    PASS,
-    SLOW,
-    WAIT,
-    Manoeuvres,
-    choose_manoeuvres,
+from mrta_falsify.stack.control.obstacles import Clearances, People, clearances_of, people_in
+from mrta_falsify.stack.control.perception import survey_crew
+from mrta_falsify.stack.control.state import (
+    ControllerState,
+    Crew,
+    CrewView,
+    crew_view,
+    hear_robots,
+    remember_points,
 )
-from mrta_falsify.stack.control.perception import Survey, survey_fleet
-from mrta_falsify.stack.control.state import Memory
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
+from mrta_falsify.stack.control.wishes import settle_wishes
 
 NO_PATHS = np.zeros((0, 2))
 
 
+class Rules(NamedTuple):
+    """Options of the joint decision."""
+
+    neighbour_distance: float  #: [m]
+    obstacle_memory: float  #: [s]
+    command_lifetime: float  #: [s]
+    patience: float  #: [s]
+    leader_weight: float
+    yield_margin: float  #: [m]
+    followers_brake: bool
+    clearances: Clearances
+
+
+class Seen(NamedTuple):
+    """Obstacle points before this tick, and what the rays hit at it."""
+
+    point: Array  #: (N, SECTORS, 2) [m]
+    seen_at: Array  #: (N, SECTORS) [s]
+    hits: Array  #: (N, A, 2) [m]
+
+
 class ClusterCbf:
-    """MRTA-Sim's scheme, with followers that keep going where they are in nobody's way.
+    """MRTA-Sim's scheme, with followers that keep going unless they are in the way.
 
     Robots nearer than ``neighbour_distance`` form clusters; the best-ranked active robot of a
     cluster solves the barrier program of all its robots and sends the others their commands.
@@ -54,254 +76,134 @@ class ClusterCbf:
         yield_margin: float = quantity(low=0.0, unit="m", default=0.12)  #: beyond min_gap_robot
 
     def __init__(self, options: Options) -> None:
-        self._options = options
         self.steering = Steering(options)
-        self._memory: Memory | None = None
+        self._state: ControllerState | None = None
         braking = options.followers == "brake" or "fixed_priority_starves" in options.defects
-        self._followers_brake = braking
-        self._patience = np.inf if braking else options.patience
+        self._rules = Rules(
+            neighbour_distance=options.neighbour_distance,
+            obstacle_memory=options.obstacle_memory,
+            command_lifetime=options.command_lifetime,
+            patience=np.inf if braking else options.patience,
+            leader_weight=options.leader_weight,
+            yield_margin=options.yield_margin,
+            followers_brake=braking,
+            clearances=clearances_of(options),
+        )
+        self._sees_two_people = "humans_unseen_beyond_two" in options.defects
+        self._followers_disobey = "follower_zero_command" in options.defects
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
-        view, survey, scene, memory = self._decide(view)
-        answer, twist = self.steering.steer(view, scene)
-        disobeys = "follower_zero_command" in self._options.defects and memory.tick % 2 == 0
-        _fill_orders(
-            twist, survey.hold, memory.last_twist, view.present, survey.leader, bool(disobeys)
-        )
-        memory.last_twist = twist
-        self._memory = memory
+        decision = self._decide(view)
+        answer, twist = self.steering.steer(decision.view, decision.scene)
+        state = decision.state
+        disobeys = self._followers_disobey and state.tick % 2 == 0
+        _fill_orders(twist, state.crew, disobeys)
+        self._state = state
         return ControlResult(
             command=Command(twist=twist),
-            cluster=survey.cluster,
-            leader=survey.leader,
+            cluster=decision.cluster,
+            leader=decision.leader,
             slack=answer.slack,
             fallback=~answer.usable,
         )
 
     def scene(self, view: ControlView) -> Scene:
-        """What :meth:`control` would steer at this tick; nothing is remembered of it."""
-        return self._decide(view)[2]
+        """Give what :meth:`control` would steer at this tick; nothing of it is remembered."""
+        return self._decide(view).scene
 
-    def _decide(self, view: ControlView) -> tuple[ControlView, Survey, Scene, Memory]:
-        """What is seen, who is where, what is to be steered, what is to be remembered.
-
-        The memory is that of the next tick, but for the command, which is still the last one.
-        """
-        options = self._options
-        if "humans_unseen_beyond_two" in options.defects:
+    def _decide(self, view: ControlView) -> _Decision:
+        if self._sees_two_people:
             view = without_later_humans(view)
-        memory = self._memory
-        if memory is None or len(memory.pose) != len(view.pose):
-            memory = Memory.fresh(view.pose, view.time)
-        survey = survey_fleet(
-            view,
-            memory,
-            neighbour_distance=options.neighbour_distance,
-            obstacle_memory=options.obstacle_memory,
-            command_lifetime=options.command_lifetime,
+        last = self._state
+        if last is None or len(last.crew) != len(view.pose):
+            last = ControllerState.fresh(view.pose, view.time)
+        first = np.array([0, *itertools.accumulate(map(len, view.path))], dtype=np.int64)
+        crew, all_told, seen, numbers, target, figures, reverse = _decide_crew(
+            last.crew,
+            crew_view(view),
+            Seen(last.point, last.seen_at, view.obstacle_points),
+            Ways(np.concatenate(view.path) if first[-1] else NO_PATHS, first),
+            people_in(view),
+            self._rules,
+            last.tick == 0,
         )
-        moves = self._manoeuvres(view, survey)
-        group, (target, anchor), figures = _follow_up(
-            moves.kind,
-            moves.target,
-            moves.speed,
-            survey.pose,
-            survey.wants,
-            survey.joint,
-            survey.cluster,
-            survey.leader,
-            survey.halted,
-            view.target,
-            view.present,
-            view.leader_link,
-            view.max_speed,
-            memory.anchor,
-            memory.anchor_at,
-            memory.demoted_until,
-            memory.remote_at,
-            view.time,
-            self._patience,
-            options.leader_weight,
-        )
-        speed, turn_first, weight, anchor_at, demoted_until, remote_at = figures
+        (point, seen_at), (group, cluster, leader) = seen, numbers
+        speed, turn_first, weight = figures
         scene = Scene(
-            pose=survey.pose,
-            points=survey.points,
+            pose=view.pose if all_told else np.ascontiguousarray(crew["pose"]),
+            points=point,
             known=view.present,
             group=group,
             share=_equal_shares(len(group)),
-            wish=Wish(target=target, speed=speed, reverse=moves.reverse, turn_first=turn_first),
+            wish=Wish(target=target, speed=speed, reverse=reverse, turn_first=turn_first),
             weight=weight,
         )
-        after = Memory(
-            point=survey.points,
-            seen_at=survey.seen_at,
-            pose=survey.pose,
-            speed=survey.speed,
-            anchor=anchor,
-            anchor_at=anchor_at,
-            demoted_until=demoted_until,
-            remote_at=remote_at,
-            last_twist=memory.last_twist,
-            on_its_own=survey.on_its_own,
-            tick=memory.tick + 1,
-        )
-        return view, survey, scene, after
+        state = ControllerState(crew=crew, point=point, seen_at=seen_at, tick=last.tick + 1)
+        return _Decision(view, scene, cluster, leader, state)
 
-    def _manoeuvres(self, view: ControlView, survey: Survey) -> Manoeuvres:
-        options = self._options
-        if self._followers_brake:
-            n = len(view.pose)
-            goes = survey.wants & (survey.leader == np.arange(n))
-            return Manoeuvres(
-                kind=np.where(goes, GO, WAIT),
-                target=np.where(goes[:, None], view.target, np.nan),
-                speed=view.max_speed,
-                reverse=np.zeros(n, dtype=np.bool_),
-            )
-        first = np.array([0, *itertools.accumulate(map(len, view.path))], dtype=np.int64)
-        kind, target, pace, reverse = choose_manoeuvres(
-            survey.pose,
-            survey.speed,
-            view.target,
-            np.concatenate(view.path) if first[-1] else NO_PATHS,
-            first,
-            survey.order,
-            survey.joint,
-            survey.wants,
-            view.active,
-            view.present,
-            view.max_speed,
-            view.max_acceleration,
-            survey.points,
-            view.human_position,
-            view.human_velocity,
-            view.human_radius,
-            options.min_gap_human,
-            0.75,
-            options.min_gap_robot + options.yield_margin,
-            options.min_gap_robot,
-            options.min_gap_obstacle,
-            3.5,
-        )
-        return Manoeuvres(kind=kind, target=target, speed=pace, reverse=reverse)
+
+class _Decision(NamedTuple):
+    view: ControlView  #: what is seen
+    scene: Scene  #: what is to be steered
+    cluster: IntArray  #: (N,)
+    leader: IntArray  #: (N,)
+    state: ControllerState  #: of the next tick, but for the commands, which are still the last
 
 
 @functools.lru_cache(maxsize=16)
 def _equal_shares(n: int) -> Array:
-    """Shares ``(N, N)`` of demands between robots of different groups: each takes it all."""
+    """Let each robot take the whole of a demand between groups: ``(N, N)`` of 1."""
     return np.ones((n, n))
 
 
 @njit(cache=True)
-def _follow_up(
-    kind: IntArray,
-    target: Array,
-    pace: Array,
-    pose: Array,
-    wants: BoolArray,
-    joint: BoolArray,
-    cluster: IntArray,
-    leader: IntArray,
-    halted: BoolArray,
-    own_target: Array,
-    present: BoolArray,
-    leader_link: BoolArray,
-    max_speed: Array,
-    anchor: Array,
-    anchor_at: Array,
-    demoted_until: Array,
-    remote_at: Array,
-    now: float,
-    patience: float,
-    leader_weight: float,
-) -> tuple[IntArray, Array, Array]:
-    """What follows from the manoeuvres: wishes, groups, prices, and what is to be remembered.
-
-    Robots outside the joint decision go their own way.
+def _decide_crew(
+    last: Crew, told: CrewView, seen: Seen, ways: Ways, people: People, rules: Rules, is_first: bool
+) -> tuple[Crew, bool, tuple[Array, Array], IntArray, Array, Array, BoolArray]:
+    """Bring the crew to this tick: perception, manoeuvres, wishes.
 
     Returns:
-        Group ``(N,)`` of the scene; target of the wishes and anchor ``(2, N, 2)``; speed and
-        turn threshold of the wishes, weight of the scene, time of the anchor, suspended leads
-        and time of the last remote command for the memory ``(6, N)``. Few arrays, because each
-        that leaves compiled code costs as much as filling ten.
+        The crew; whether all poses are those told; obstacle points and their times; then as
+        :func:`~mrta_falsify.stack.control.wishes.settle_wishes`.
     """
-    n = kind.shape[0]
-    crew = np.zeros(n, dtype=np.int64)
-    points, figures = np.empty((2, n, 2)), np.empty((6, n))
-    wish, place = points
-    speed, turn_first, weight, placed_at, suspended_until, commanded_at = figures
-    group = np.empty(n, dtype=np.int64)
-    tries = np.empty(n, dtype=np.bool_)
-    for i in range(n):
-        crew[cluster[i]] += 1
-    for i in range(n):
-        outside = wants[i] and not joint[i]
-        does = GO if outside else kind[i]
-        tries[i] = wants[i] and (does in (GO, PASS))
-        for c in range(2):
-            wish[i, c] = own_target[i, c] if outside else target[i, c]
-            if halted[i]:
-                wish[i, c] = np.nan
-        speed[i] = min(pace[i], max_speed[i])
-        turn_first[i] = _turn_threshold(does, crew[cluster[i]] < 2)
-        group[i] = -1
-        if present[i]:
-            group[i] = cluster[i] if joint[i] else i
-        weight[i] = leader_weight if leader[i] == i else 1.0
-        commanded_at[i] = now
-        if leader[i] == i:
-            commanded_at[i] = -np.inf if leader_link[i] else remote_at[i]
-    place[:], placed_at[:], suspended_until[:] = anchor, anchor_at, demoted_until
-    _fill_progress(place, placed_at, suspended_until, pose, tries, now, patience)
-    return group, points, figures
+    crew, all_told = hear_robots(last, told, is_first)
+    order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
+    position = np.empty((crew.shape[0], 2))
+    for i in range(crew.shape[0]):
+        position[i, 0], position[i, 1] = crew[i].pose[0], crew[i].pose[1]
+    points, seen_at = remember_points(
+        seen.point,
+        seen.seen_at,
+        seen.hits,
+        position,
+        told.present,
+        told.time,
+        rules.obstacle_memory,
+    )
+    if rules.followers_brake:
+        choices = let_leaders_go(crew)
+    else:
+        choices = choose_manoeuvres(
+            crew, order, ways, points, people, rules.clearances, rules.yield_margin
+        )
+    numbers, target, figures, reverse = settle_wishes(
+        crew, choices, told, rules.patience, rules.leader_weight
+    )
+    return crew, all_told, (points, seen_at), numbers, target, figures, reverse
 
 
 @njit(cache=True)
-def _turn_threshold(kind: int, alone: bool) -> float:
-    """Heading error above which a robot turns on the spot: MRTA-Sim's pi/4, pi/2 in clusters."""
-    if kind in (ASIDE, PASS):
-        return np.pi / 6
-    return np.pi / 4 if alone or kind == SLOW else np.pi / 2
-
-
-@njit(cache=True)
-def _fill_progress(
-    anchor: Array,
-    anchor_at: Array,
-    demoted_until: Array,
-    pose: Array,
-    trying: BoolArray,
-    now: float,
-    patience: float,
-) -> None:
-    """Who is stuck although nobody asked it to wait; after ``patience`` its lead is suspended."""
-    for i in range(pose.shape[0]):
-        dx, dy = pose[i, 0] - anchor[i, 0], pose[i, 1] - anchor[i, 1]
-        if not trying[i] or dx * dx + dy * dy > 0.09:
-            anchor[i, 0], anchor[i, 1] = pose[i, 0], pose[i, 1]
-            anchor_at[i] = now
-        elif now - anchor_at[i] >= patience:
-            demoted_until[i] = now + patience
-            anchor_at[i] = now
-
-
-@njit(cache=True)
-def _fill_orders(
-    twist: Array,
-    hold: BoolArray,
-    last_twist: Array,
-    present: BoolArray,
-    leader: IntArray,
-    disobeys: bool,
-) -> None:
-    """Repeated commands, and none for robots that are not there.
+def _fill_orders(twist: Array, crew: Crew, disobeys: bool) -> None:
+    """Repeat commands, stop robots that are not there, and remember what was sent.
 
     ``disobeys``: planted defect, followers' own zero commands fight the leader's.
     """
     for i in range(twist.shape[0]):
-        if hold[i]:
-            twist[i, :] = last_twist[i, :]
-        if not present[i] or (disobeys and leader[i] != i):
-            twist[i, :] = 0.0
+        robot = crew[i]
+        for c in range(3):
+            if robot.hold:
+                twist[i, c] = robot.twist[c]
+            if not robot.present or (disobeys and robot.leader != i):
+                twist[i, c] = 0.0
+            robot.twist[c] = twist[i, c]

@@ -11,17 +11,24 @@ from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
-from mrta_falsify.stack.control.state import Memory, remember_points, track_robots
+from mrta_falsify.stack.control.state import (
+    ControllerState,
+    crew_view,
+    hear_robots,
+    remember_points,
+)
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
+
+TURN_FIRST = np.pi / 4  # rad, heading error above which a robot turns on the spot, MRTA-Sim's
 
 
 class DecentralisedCbf:
     """No leaders and no commands: each robot avoids the others on its own.
 
     Two robots share the acceleration that keeps them apart, the better-ranked one taking the
-    smaller part. Nobody plans for two, so robots that meet head-on may wait for each other for
-    ever (a known weakness that the search is meant to find). A robot that lost the others'
-    states stops.
+    smaller part. No robot plans for two, so robots that meet head-on may wait for each other
+    without end (a known weakness that the search is meant to find). A robot that lost the
+    others' states stops.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,15 +41,14 @@ class DecentralisedCbf:
     def __init__(self, options: Options) -> None:
         self._options = options
         self.steering = Steering(options)
-        self._memory: Memory | None = None
+        self._state: ControllerState | None = None
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
-        view, memory, scene = self._decide(view)
+        view, state, scene = self._decide(view)
         answer, twist = self.steering.steer(view, scene)
         twist[~view.present] = 0.0
-        memory.last_twist = twist
-        self._memory = memory
+        self._state = state
         n = len(view.pose)
         return ControlResult(
             command=Command(twist=twist),
@@ -53,37 +59,30 @@ class DecentralisedCbf:
         )
 
     def scene(self, view: ControlView) -> Scene:
-        """What :meth:`control` would steer at this tick; nothing is remembered of it."""
+        """Give what :meth:`control` would steer at this tick; nothing of it is remembered."""
         return self._decide(view)[2]
 
-    def _decide(self, view: ControlView) -> tuple[ControlView, Memory, Scene]:
-        """What is seen, what is to be remembered, what is to be steered."""
+    def _decide(self, view: ControlView) -> tuple[ControlView, ControllerState, Scene]:
+        """Give what is seen, what is to be remembered, and what is to be steered."""
         options = self._options
         if "humans_unseen_beyond_two" in options.defects:
             view = without_later_humans(view)
         n = len(view.pose)
-        last = self._memory
-        if last is None or len(last.pose) != n:
-            last = Memory.fresh(view.pose, view.time)
-        heard = view.present & view.states_link
-        pose, speed = track_robots(
-            view.pose,
-            view.velocity[:, 0].copy(),
-            last.pose,
-            last.speed,
-            heard | (last.tick == 0),
-            view.max_acceleration,
-            view.dt,
-        )
+        last = self._state
+        if last is None or len(last.crew) != n:
+            last = ControllerState.fresh(view.pose, view.time)
+        crew, all_told = hear_robots(last.crew, crew_view(view), last.tick == 0)
+        pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,
             last.seen_at,
             view.obstacle_points,
-            np.ascontiguousarray(pose[:, :2]),
+            pose,
             view.present,
             view.time,
             options.obstacle_memory,
         )
+        heard = view.present & view.states_link
         better = view.rank[:, None] < view.rank[None, :]
         scene = Scene(
             pose=pose,
@@ -95,10 +94,9 @@ class DecentralisedCbf:
                 target=np.where(heard[:, None], view.target, np.nan),
                 speed=view.max_speed,
                 reverse=np.zeros(n, dtype=np.bool_),
-                turn_first=np.full(n, np.pi / 4),
+                turn_first=np.full(n, TURN_FIRST),
             ),
             weight=np.ones(n),
         )
-        memory = Memory.fresh(pose, view.time)
-        memory.point, memory.seen_at, memory.speed, memory.tick = points, seen_at, speed, 1
-        return view, memory, scene
+        state = ControllerState(crew=crew, point=points, seen_at=seen_at, tick=1)
+        return view, state, scene

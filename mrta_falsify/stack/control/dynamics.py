@@ -6,7 +6,7 @@ A robot's position obeys ``p'' = effect @ input``; that is all a barrier of seco
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numba import njit
@@ -28,8 +28,7 @@ class Motion:
     drives_along: bool  #: the first input is the acceleration along ``direction``
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Wish:
+class Wish(NamedTuple):
     """What the robots would do if nothing stood in their way."""
 
     target: Array  #: (N, 2) point to drive to [m], nan: brake
@@ -38,18 +37,27 @@ class Wish:
     turn_first: Array  #: (N,) heading error above which it turns on the spot [rad]
 
 
+class UnicycleGains(NamedTuple):
+    """Gains of the unicycle's nominal law."""
+
+    k_x: float  #: [1/s]
+    k_v: float  #: [1/s]
+    k_omega: float  #: [1/s]
+    stop_distance: float  #: [m]
+
+
 @runtime_checkable
 class Dynamics(Protocol):
     """A kind of base: inputs ``(N, 2)`` in, twists out."""
 
     def linearise(self, view: ControlView) -> Motion:
-        """Motion of all robots at this tick."""
+        """Describe the motion of all robots at this tick."""
 
     def reference(self, view: ControlView, wish: Wish) -> Array:
-        """Inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
+        """Compute inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
-        """Body twists ``(N, 3)`` after one period of ``inputs``.
+        """Compute body twists ``(N, 3)`` after one period of ``inputs``.
 
         ``low`` and ``high`` ``(N,)`` [m/s] bound the speed along ``Motion.direction``; a
         speed beyond them is brought back at the acceleration limit.
@@ -73,7 +81,9 @@ class Unicycle:
         stop_distance: float = quantity(low=0.0, unit="m", default=0.1)
 
     def __init__(self, options: Options) -> None:
-        self._options = options
+        self._gains = UnicycleGains(
+            options.k_x, options.k_v, options.k_omega, options.stop_distance
+        )
 
     def linearise(self, view: ControlView) -> Motion:
         """See :class:`Dynamics`."""
@@ -91,19 +101,14 @@ class Unicycle:
 
     def reference(self, view: ControlView, wish: Wish) -> Array:
         """See :class:`Dynamics`."""
-        gains = self._options
         return _unicycle_reference(
             view.pose,
             view.velocity,
-            view.goal,
-            wish.target,
-            wish.speed,
-            wish.reverse,
-            wish.turn_first,
+            wish,
             view.max_acceleration,
             view.max_turn_rate,
             view.dt,
-            (gains.k_x, gains.k_v, gains.k_omega, gains.stop_distance),
+            self._gains,
         )
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
@@ -204,7 +209,7 @@ class Holonomic:
 
 
 def _to_map(yaw: Array, twist: Array) -> Array:
-    """Velocities ``(N, 2)`` of body twists ``(N, 3)`` in the map frame."""
+    """Turn body twists ``(N, 3)`` to velocities ``(N, 2)`` in the map frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.column_stack(
         (cos * twist[:, 0] - sin * twist[:, 1], sin * twist[:, 0] + cos * twist[:, 1])
@@ -215,7 +220,7 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 def _unicycle_motion(
     pose: Array, twist: Array, max_acceleration: Array, max_turn_rate: Array
 ) -> tuple[Array, Array, Array]:
-    """Velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
+    """Give velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
     n = pose.shape[0]
     speed = np.empty(n)
     pairs = np.empty((3, n, 2))
@@ -236,18 +241,13 @@ def _unicycle_motion(
 def _unicycle_reference(
     pose: Array,
     twist: Array,
-    goal: Array,
-    target: Array,
-    speed: Array,
-    reverse: BoolArray,
-    turn_first: Array,
+    wish: Wish,
     max_acceleration: Array,
     max_turn_rate: Array,
     dt: float,
-    gains: tuple[float, float, float, float],
+    gains: UnicycleGains,
 ) -> Array:
-    """Nominal inputs ``(N, 2)``; braking takes the speed to zero within a tick if it can."""
-    k_x, k_v, k_omega, stop_distance = gains
+    """Compute nominal inputs ``(N, 2)``; braking stops within a tick if the limit allows it."""
     n = pose.shape[0]
     inputs = np.zeros((n, 2))
     for i in range(n):
@@ -255,22 +255,22 @@ def _unicycle_reference(
         limit, turn_limit = max_acceleration[i], max_turn_rate[i]
         brake = min(limit, max(-limit, -v / dt))
         inputs[i, 0] = brake
-        dx, dy = target[i, 0] - pose[i, 0], target[i, 1] - pose[i, 1]
+        dx, dy = wish.target[i, 0] - pose[i, 0], wish.target[i, 1] - pose[i, 1]
         distance = np.sqrt(dx * dx + dy * dy)
-        if not distance >= stop_distance:  # also when the target is nan
+        if not distance >= gains.stop_distance:  # also when the target is nan
             continue
         heading = np.arctan2(dy, dx)
-        if reverse[i]:
+        if wish.reverse[i]:
             heading += np.pi
         error = (heading - pose[i, 2] + np.pi) % (2.0 * np.pi) - np.pi
-        inputs[i, 1] = min(turn_limit, max(-turn_limit, k_omega * error))
-        if abs(error) > turn_first[i]:
+        inputs[i, 1] = min(turn_limit, max(-turn_limit, gains.k_omega * error))
+        if abs(error) > wish.turn_first[i]:
             continue
-        wanted = min(k_x * distance * np.cos(error), speed[i])
+        wanted = min(gains.k_x * distance * np.cos(error), wish.speed[i])
         wanted = max(wanted, 0.0)
-        if reverse[i]:
+        if wish.reverse[i]:
             wanted = -wanted
-        inputs[i, 0] = min(limit, max(-limit, k_v * (wanted - v)))
+        inputs[i, 0] = min(limit, max(-limit, gains.k_v * (wanted - v)))
     return inputs
 
 
@@ -285,7 +285,7 @@ def _unicycle_twist(
     max_turn_rate: Array,
     dt: float,
 ) -> Array:
-    """Twist ``(N, 3)`` one period later, within speed range and limits."""
+    """Compute the twist ``(N, 3)`` one period later, within speed range and limits."""
     n = twist.shape[0]
     after = np.zeros((n, 3))
     for i in range(n):

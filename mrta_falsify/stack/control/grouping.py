@@ -10,7 +10,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 
 @njit(cache=True)
 def connected_clusters(position: Array, connected: BoolArray, distance: float) -> IntArray:
-    """Clusters of robots that are neighbours, or neighbours of neighbours.
+    """Cluster robots that are neighbours, or neighbours of neighbours.
 
     Args:
         position: ``(N, 2)`` [m], map frame.
@@ -39,7 +39,7 @@ def connected_clusters(position: Array, connected: BoolArray, distance: float) -
 
 @njit(cache=True)
 def precedence(active: BoolArray, wants: BoolArray, demoted: BoolArray, rank: IntArray) -> IntArray:
-    """Key ``(N,)`` by which robots of one cluster go before each other; smaller goes first.
+    """Give the key ``(N,)`` by which robots of one cluster take precedence; smallest first.
 
     Active robots that want to move, then others that want to move (to a waiting spot, to a
     parking spot), then active robots at rest, then idle ones; within each group by rank,
@@ -59,9 +59,9 @@ def precedence(active: BoolArray, wants: BoolArray, demoted: BoolArray, rank: In
 def elect_leaders(
     label: IntArray, eligible: BoolArray, active: BoolArray, key: IntArray
 ) -> IntArray:
-    """Leader ``(N,)`` of each robot's cluster.
+    """Elect the leader ``(N,)`` of each robot's cluster.
 
-    The best by ``key`` of the eligible robots, active ones before all others. Robots that
+    It is the best by ``key`` of the eligible robots, active ones before all others. Robots that
     are not eligible (they cannot receive remote commands) lead themselves.
     """
     n = label.shape[0]

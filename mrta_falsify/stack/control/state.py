@@ -1,4 +1,4 @@
-"""What a controller remembers between ticks: seen points, lost robots, progress, remote commands.
+"""What a controller remembers between ticks: one record a robot, and the points they saw.
 
 Plain arrays, so that a stack can be copied, hashed and forked.
 """
@@ -6,51 +6,167 @@ Plain arrays, so that a stack can be copied, hashed and forked.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.protocols import ControlView
 
 SECTORS = 36  #: directions in which a seen point is kept, 10 degrees each
 RANGE = 3.0  # m, farther points never matter: a robot stops within 1.5 m
 SAME_POINT = 0.15  # m, a new hit this near an old point of its sector replaces it
 BODY = 0.28  # m, points this near another robot's centre are that robot
 
+#: one record a robot; it has no padding, so that equal states have equal bytes
+ROBOT_RECORD = np.dtype(
+    (
+        np.record,
+        np.dtype(
+            [
+                # told by the view; while the robot is not heard, extrapolated
+                ("pose", np.float64, (3,)),  # x [m], y [m], yaw [rad], map frame
+                ("speed", np.float64),  # forward [m/s]
+                # told by the view
+                ("target", np.float64, (2,)),  # look-ahead point [m], nan: nowhere to go
+                ("max_speed", np.float64),  # [m/s]
+                ("max_acceleration", np.float64),  # [m/s^2]
+                # remembered
+                ("anchor", np.float64, (2,)),  # where it last counted as making progress [m]
+                ("anchor_at", np.float64),  # when [s]
+                ("demoted_until", np.float64),  # its lead is suspended until then [s]
+                ("remote_at", np.float64),  # of its last remote command [s], -inf: leads itself
+                ("twist", np.float64, (3,)),  # last command: forward, left [m/s], turn [rad/s]
+                # decided
+                ("cluster", np.int64),  # smallest robot number of its cluster
+                ("leader", np.int64),  # robot that decides for this one
+                # told by the view
+                ("active", np.bool_),  # has a task and does not wait in a queue
+                ("present", np.bool_),  # has joined
+                ("heard", np.bool_),  # present, and its state is known to the others
+                # decided
+                ("wants", np.bool_),  # has somewhere to go
+                ("joint", np.bool_),  # takes part in the joint decision
+                ("hold", np.bool_),  # lost its leader a moment ago: repeats the last command
+                ("halted", np.bool_),  # brakes for want of a link
+                ("on_its_own", np.bool_),  # lost its leader, controls itself alone
+            ],
+            align=True,
+        ),
+    )
+)
+Crew = NDArray[np.void]  #: (N,) of ROBOT_RECORD
+
+
+class CrewView(NamedTuple):
+    """What a :class:`ControlView` says of the robots, for compiled code."""
+
+    time: float  #: [s]
+    dt: float  #: control period [s]
+    pose: Array  #: (N, 3)
+    velocity: Array  #: (N, 3)
+    target: Array  #: (N, 2)
+    active: BoolArray  #: (N,)
+    present: BoolArray  #: (N,)
+    rank: IntArray  #: (N,)
+    states_link: BoolArray  #: (N,)
+    leader_link: BoolArray  #: (N,)
+    max_speed: Array  #: (N,)
+    max_acceleration: Array  #: (N,)
+
+
+def crew_view(view: ControlView) -> CrewView:
+    """Take from a view what compiled code needs of the robots."""
+    return CrewView(
+        view.time,
+        view.dt,
+        view.pose,
+        view.velocity,
+        view.target,
+        view.active,
+        view.present,
+        view.rank,
+        view.states_link,
+        view.leader_link,
+        view.max_speed,
+        view.max_acceleration,
+    )
+
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Memory:
+class ControllerState:
     """State of a controller for N robots."""
 
+    crew: Crew  #: (N,) of ROBOT_RECORD
     point: Array  #: (N, SECTORS, 2) nearest seen obstacle point per direction [m], inf: none
     seen_at: Array  #: (N, SECTORS) when [s]
-    pose: Array  #: (N, 3) last pose heard of, then extrapolated while the states link is down
-    speed: Array  #: (N,) the same for the forward speed [m/s]
-    anchor: Array  #: (N, 2) where the robot last counted as making progress [m]
-    anchor_at: Array  #: (N,) when [s]
-    demoted_until: Array  #: (N,) its lead is suspended until then [s]
-    remote_at: Array  #: (N,) when its last remote command came [s], -inf: it leads itself
-    last_twist: Array  #: (N, 3) last command
-    on_its_own: BoolArray  #: (N,) link to the leader lost, controls itself alone
-    tick: int
+    tick: int  #: ticks done
 
     @classmethod
-    def fresh(cls, pose: Array, time: float) -> Memory:
-        """Nothing seen yet."""
+    def fresh(cls, pose: Array, time: float) -> ControllerState:
+        """Begin with robots at ``pose`` ``(N, 3)`` and nothing seen."""
         n = len(pose)
+        crew = np.zeros(n, dtype=ROBOT_RECORD)
+        crew["pose"] = pose
+        crew["anchor"] = pose[:, :2]
+        crew["anchor_at"] = time
+        crew["demoted_until"] = -np.inf
+        crew["remote_at"] = -np.inf
         return cls(
+            crew=crew,
             point=np.full((n, SECTORS, 2), np.inf),
             seen_at=np.full((n, SECTORS), -np.inf),
-            pose=pose.copy(),
-            speed=np.zeros(n),
-            anchor=pose[:, :2].copy(),
-            anchor_at=np.full(n, time),
-            demoted_until=np.full(n, -np.inf),
-            remote_at=np.full(n, -np.inf),
-            last_twist=np.zeros((n, 3)),
-            on_its_own=np.zeros(n, dtype=np.bool_),
             tick=0,
         )
+
+
+@njit(cache=True)
+def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]:
+    """Copy the crew and bring it to this tick; says whether all poses are those told.
+
+    A robot that is no longer heard is taken to brake along its heading, as it does. At the
+    first tick all poses are told.
+    """
+    crew = last.copy()
+    all_told = True
+    for i in range(crew.shape[0]):
+        robot = crew[i]
+        robot.active, robot.present = told.active[i], told.present[i]
+        robot.heard = told.present[i] and told.states_link[i]
+        robot.max_speed = told.max_speed[i]
+        robot.max_acceleration = told.max_acceleration[i]
+        robot.target[0], robot.target[1] = told.target[i, 0], told.target[i, 1]
+        if robot.heard or is_first:
+            for c in range(3):
+                robot.pose[c] = told.pose[i, c]
+            robot.speed = told.velocity[i, 0]
+            continue
+        all_told = False
+        v = robot.speed
+        robot.pose[0] += v * told.dt * np.cos(robot.pose[2])
+        robot.pose[1] += v * told.dt * np.sin(robot.pose[2])
+        step = robot.max_acceleration * told.dt
+        robot.speed = max(v - step, 0.0) if v >= 0.0 else min(v + step, 0.0)
+    return crew, all_told
+
+
+@njit(cache=True)
+def _sector_of(dx: float, dy: float, sectors: int) -> int:
+    """Number the direction (dx, dy)."""
+    return int((np.arctan2(dy, dx) + np.pi) / (2.0 * np.pi) * sectors) % sectors
+
+
+@njit(cache=True)
+def _is_on_another(i: int, x: float, y: float, position: Array, known: BoolArray) -> bool:
+    """Whether (x, y) is on the body of a robot other than ``i``."""
+    for j in range(position.shape[0]):
+        if j != i and known[j]:
+            dx, dy = x - position[j, 0], y - position[j, 1]
+            if dx * dx + dy * dy < BODY * BODY:
+                return True
+    return False
 
 
 @njit(cache=True)
@@ -63,13 +179,13 @@ def remember_points(
     now: float,
     horizon: float,
 ) -> tuple[Array, Array]:
-    """Seen points after this tick: twelve rays miss corners that a moving robot's rays swept.
+    """Keep seen points: twelve rays miss corners that a moving robot's rays swept before.
 
     Args:
         point: ``(N, SECTORS, 2)`` remembered points [m], map frame.
         seen_at: ``(N, SECTORS)`` [s].
         hits: ``(N, A, 2)`` this tick's ray hits [m], inf: none.
-        position: ``(N, 2)`` robots [m].
+        position: ``(N, 2)`` robots [m]; further columns are not read.
         known: ``(N,)`` robots whose position the others know; hits on them are left out.
         now: [s].
         horizon: older points are forgotten [s].
@@ -77,16 +193,17 @@ def remember_points(
     n, sectors = seen_at.shape
     new_point = np.full((n, sectors, 2), np.inf)
     new_seen = np.full((n, sectors), -np.inf)
+    nearest = np.empty(sectors)
     for i in range(n):
-        x, y = position[i]
-        nearest = np.full(sectors, RANGE)
+        x, y = position[i, 0], position[i, 1]
+        nearest[:] = RANGE
         for k in range(sectors):
             px, py = point[i, k]
             if now - seen_at[i, k] > horizon or not np.isfinite(px):
                 continue
             dx, dy = px - x, py - y
             distance = np.sqrt(dx * dx + dy * dy)
-            sector = int((np.arctan2(dy, dx) + np.pi) / (2.0 * np.pi) * sectors) % sectors
+            sector = _sector_of(dx, dy, sectors)
             if distance < nearest[sector]:
                 nearest[sector] = distance
                 new_point[i, sector] = point[i, k]
@@ -97,16 +214,9 @@ def remember_points(
                 continue
             dx, dy = px - x, py - y
             distance = np.sqrt(dx * dx + dy * dy)
-            if distance >= RANGE:
+            if distance >= RANGE or _is_on_another(i, px, py, position, known):
                 continue
-            hidden = False
-            for j in range(n):
-                if j != i and known[j]:
-                    ex, ey = px - position[j, 0], py - position[j, 1]
-                    hidden = hidden or ex * ex + ey * ey < BODY * BODY
-            if hidden:
-                continue
-            sector = int((np.arctan2(dy, dx) + np.pi) / (2.0 * np.pi) * sectors) % sectors
+            sector = _sector_of(dx, dy, sectors)
             old_x, old_y = new_point[i, sector]
             same = (old_x - px) ** 2 + (old_y - py) ** 2 < SAME_POINT * SAME_POINT
             if same or distance < nearest[sector]:
@@ -114,31 +224,3 @@ def remember_points(
                 new_point[i, sector, 0], new_point[i, sector, 1] = px, py
                 new_seen[i, sector] = now
     return new_point, new_seen
-
-
-@njit(cache=True)
-def track_robots(
-    pose: Array,
-    speed: Array,
-    last_pose: Array,
-    last_speed: Array,
-    heard: BoolArray,
-    max_acceleration: Array,
-    dt: float,
-) -> tuple[Array, Array]:
-    """Poses ``(N, 3)`` and speeds ``(N,)`` as the fleet knows them.
-
-    A robot that is no longer heard is taken to brake along its heading, as it does.
-    """
-    known_pose, known_speed = last_pose.copy(), last_speed.copy()
-    for i in range(pose.shape[0]):
-        if heard[i]:
-            known_pose[i] = pose[i]
-            known_speed[i] = speed[i]
-            continue
-        v = last_speed[i]
-        known_pose[i, 0] += v * dt * np.cos(last_pose[i, 2])
-        known_pose[i, 1] += v * dt * np.sin(last_pose[i, 2])
-        step = max_acceleration[i] * dt
-        known_speed[i] = max(v - step, 0.0) if v >= 0.0 else min(v + step, 0.0)
-    return known_pose, known_speed

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,20 +17,34 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import ControlView
-from mrta_falsify.stack.control.barrier import Rows, assemble_rows, input_box, kind_table
+from mrta_falsify.stack.control.barrier import (
+    ROBOT,
+    Kinds,
+    Movers,
+    Rows,
+    input_box,
+    kind_table,
+    own_rows,
+    pair_rows,
+)
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
 from mrta_falsify.stack.control.obstacles import (
+    Clearances,
+    People,
+    clearances_of,
     list_things,
+    people_in,
     seen_by_wrong_robot,
-    speed_limits,
 )
-from mrta_falsify.stack.control.qp import Answer, solve_fleet
+from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
+from mrta_falsify.stack.control.speed_limits import Margins, margins_of, speed_limits
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most
 TIGHT_SPEED = 0.15  # m/s
 TIGHT_TURN = 0.05  # rad/s, where there is no room to drive either
+TURNING = 0.05  # rad/s, slower turns are none
 HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in view
 
 
@@ -46,8 +61,28 @@ class Scene:
     weight: Array  #: (N,) price of moving a robot away from its wish
 
 
+class InputLimits(NamedTuple):
+    """What each robot's inputs and speed must stay within, whatever the rows ask."""
+
+    low: Array  #: (N, 2) smallest inputs
+    high: Array  #: (N, 2) largest inputs
+    low_speed: Array  #: (N,) along the direction of travel [m/s]
+    high_speed: Array  #: (N,) [m/s]
+    halt: BoolArray  #: (N,) must stop at once for a person
+    tight: BoolArray  #: (N,) has no room to turn on the spot
+
+
+class Law(NamedTuple):
+    """What is kept clear of, and how."""
+
+    kinds: Kinds  #: (3,) of KIND
+    clearances: Clearances
+    margins: Margins
+    rows_of_wrong_robot: bool  #: planted defect
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Program:
+class BarrierProgram:
     """The barrier program of a tick: what the robots would like, and what they must obey."""
 
     view: ControlView  #: with poses as the fleet knows them
@@ -55,18 +90,13 @@ class Program:
     motion: Motion
     reference: Array  #: (N, 2) wanted inputs, within the limits
     weight: Array  #: (N,)
-    low: Array  #: (N, 2) smallest inputs
-    high: Array  #: (N, 2) largest inputs
-    low_speed: Array  #: (N,) along the direction of travel [m/s]
-    high_speed: Array  #: (N,) [m/s]
-    halt: BoolArray  #: (N,) must stop at once for a person
-    tight: BoolArray  #: (N,) has no room to turn on the spot
+    limits: InputLimits
     rows: Rows
 
-    def as_one(self) -> Program:
-        """The same with all robots in one program, coupled or not (for measuring)."""
+    def as_one(self) -> BarrierProgram:
+        """Put all robots in one program, coupled or not (for measuring)."""
         together = np.zeros_like(self.rows.component)
-        return dataclasses.replace(self, rows=dataclasses.replace(self.rows, component=together))
+        return dataclasses.replace(self, rows=self.rows._replace(component=together))
 
 
 class Steering:
@@ -78,229 +108,142 @@ class Steering:
             Choice(options.dynamics, dict(options.dynamics_options)),
             where="stack.controller",
         )
-        self._kinds = kind_table(options)
-        self._gaps = (options.min_gap_obstacle, options.min_gap_human, options.min_gap_robot)
-        self._margins = (
-            options.body_radius,
-            options.human_clearance,
-            options.human_stop,
-            options.reaction_time,
-            options.braking_share,
-            options.reverse_speed,
+        self._law = Law(
+            kinds=kind_table(options),
+            clearances=clearances_of(options),
+            margins=margins_of(options),
+            rows_of_wrong_robot="cluster_rows_wrong_robot" in options.defects,
         )
         self._solver = options.solver
         self._slack_weight = options.slack_weight
-        self._rows_of_wrong_robot = "cluster_rows_wrong_robot" in options.defects
 
-    def steer(self, view: ControlView, scene: Scene) -> tuple[Answer, Array]:
-        """Inputs and body twists ``(N, 3)`` nearest to the wishes that keep everyone clear."""
+    def steer(self, view: ControlView, scene: Scene) -> tuple[FleetInputs, Array]:
+        """Find the inputs nearest to the wishes that keep clear, and body twists ``(N, 3)``."""
         program = self.program(view, scene)
         answer = self.solve(program)
+        limits = program.limits
         twist = self._dynamics.twist(
-            program.view, answer.inputs, program.low_speed, program.high_speed
+            program.view, answer.inputs, limits.low_speed, limits.high_speed
         )
-        _fill_restraint(twist, program.tight, program.halt, program.motion.drives_along)
+        _fill_restraint(twist, limits.tight, limits.halt, program.motion.drives_along)
         return answer, twist
 
-    def program(self, view: ControlView, scene: Scene) -> Program:
-        """Limits, rows and reference inputs of all robots."""
+    def program(self, view: ControlView, scene: Scene) -> BarrierProgram:
+        """Assemble limits, rows and reference inputs of all robots."""
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
-        (low_speed, high_speed), (halt, tight), (low, high), fields = _constraints(
+        movers = Movers(
+            pose=scene.pose,
+            velocity=motion.velocity,
+            direction=motion.direction,
+            speed=motion.speed,
+            effect=motion.effect,
+            limit=motion.limit,
+            max_speed=view.max_speed,
+            max_acceleration=view.max_acceleration,
+            known=scene.known,
+            group=scene.group,
+        )
+        (low, high), (low_speed, high_speed), (halt, tight), fields = _constraints(
+            movers,
             scene.points,
-            view.human_position,
-            view.human_velocity,
-            view.human_radius,
-            scene.pose,
-            motion.velocity,
-            motion.direction,
-            motion.speed,
-            motion.effect,
-            motion.limit,
-            motion.drives_along,
-            scene.known,
-            scene.group,
+            people_in(view),
             scene.share,
-            view.max_speed,
-            view.max_acceleration,
-            self._kinds,
-            self._gaps,
-            self._margins,
-            self._rows_of_wrong_robot,
-            view.dt,
-        )
-        own, figures, numbers, pair, pair_row, pair_bound = fields
-        (own_bound, own_coupling), (own_count, component) = figures, numbers
-        reference = _within_reach(
-            self._dynamics.reference(view, scene.wish),
-            low,
-            high,
-            tight,
-            motion.speed,
-            low_speed,
-            high_speed,
-            view.dt,
+            self._law,
             motion.drives_along,
+            view.dt,
         )
-        return Program(
+        limits = InputLimits(low, high, low_speed, high_speed, halt, tight)
+        own, (own_bound, own_coupling), own_count, pair, pair_row, pair_bound, component = fields
+        wanted = self._dynamics.reference(view, scene.wish)
+        return BarrierProgram(
             view=view,
             wish=scene.wish,
             motion=motion,
-            reference=reference,
+            reference=_within_reach(wanted, limits, motion.speed, view.dt, motion.drives_along),
             weight=scene.weight,
-            low=low,
-            high=high,
-            low_speed=low_speed,
-            high_speed=high_speed,
-            halt=halt,
-            tight=tight,
+            limits=limits,
             rows=Rows(
-                own=own,
-                own_bound=own_bound,
-                own_coupling=own_coupling,
-                own_count=own_count,
-                pair=pair,
-                pair_row=pair_row,
-                pair_bound=pair_bound,
-                component=component,
+                own, own_bound, own_coupling, own_count, pair, pair_row, pair_bound, component
             ),
         )
 
-    def solve(self, program: Program, *, always: bool = False) -> Answer:
-        """Inputs nearest to the reference; ``always`` as in :func:`qp.solve_fleet`."""
+    def solve(self, program: BarrierProgram, *, always: bool = False) -> FleetInputs:
+        """Find the inputs nearest to the reference; ``always`` as in :func:`qp.solve_fleet`."""
+        limits = program.limits
 
         def brake() -> Array:
-            nowhere = np.full_like(program.wish.target, np.nan)
-            wish = dataclasses.replace(program.wish, target=nowhere)
-            reference = self._dynamics.reference(program.view, wish)
-            return np.clip(reference, program.low, program.high)
+            nowhere = program.wish._replace(target=np.full_like(program.wish.target, np.nan))
+            reference = self._dynamics.reference(program.view, nowhere)
+            return np.clip(reference, limits.low, limits.high)
 
         return solve_fleet(
             program.rows,
-            program.reference,
+            Demand(program.reference, limits.low, limits.high, program.weight),
             brake,
-            program.low,
-            program.high,
-            program.weight,
             slack_weight=self._slack_weight,
             solver=self._solver,
             always=always,
         )
 
 
+_RowFields = tuple[Array, Array, IntArray, IntArray, Array, Array, IntArray]
+
+
 @njit(cache=True)
 def _constraints(
+    movers: Movers,
     points: Array,
-    human_position: Array,
-    human_velocity: Array,
-    human_radius: Array,
-    pose: Array,
-    velocity: Array,
-    direction: Array,
-    speed: Array,
-    effect: Array,
-    limit: Array,
-    drives_along: bool,
-    known: BoolArray,
-    group: IntArray,
+    people: People,
     share: Array,
-    max_speed: Array,
-    max_acceleration: Array,
-    kinds: Array,
-    gaps: tuple[float, float, float],
-    margins: tuple[float, float, float, float, float, float],
-    rows_of_wrong_robot: bool,
+    law: Law,
+    drives_along: bool,
     dt: float,
-) -> tuple[Array, BoolArray, Array, tuple[Array, Array, IntArray, IntArray, Array, Array]]:
-    """What limits the robots.
+) -> tuple[Array, Array, BoolArray, _RowFields]:
+    """Find what limits the robots; one entry, because each call from Python costs.
 
     Returns:
-        Lowest and highest speeds ``(2, N)``; who must halt and who stands tight ``(2, N)``;
-        smallest and largest inputs ``(2, N, 2)``; what :func:`assemble_rows` gives.
+        Smallest and largest inputs ``(2, N, 2)``; lowest and highest speeds ``(2, N)``; who
+        must halt and who stands tight ``(2, N)``; fields of :class:`Rows`.
     """
-    n = pose.shape[0]
-    position = np.empty((n, 2))
-    for i in range(n):
-        position[i, 0], position[i, 1] = pose[i, 0], pose[i, 1]
-    where, moving, gap, kind, part, seen_from = list_things(
-        points,
-        human_position,
-        human_velocity,
-        human_radius,
-        position,
-        velocity,
-        known,
-        group,
-        share,
-        gaps,
-    )
-    if rows_of_wrong_robot:
-        seen_from = seen_by_wrong_robot(seen_from, kind, group)
+    n = points.shape[0]
+    things = list_things(movers, points, people, share, law.clearances)
+    if law.rows_of_wrong_robot:
+        wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
+        things.seen_from[:] = wrong
     speeds, box = np.empty((2, n)), np.empty((2, n, 2))
     claims = np.empty((2, n), dtype=np.bool_)
-    speeds[0], speeds[1], claims[0], nearest = speed_limits(
-        position,
-        velocity,
-        direction,
-        known,
-        max_speed,
-        max_acceleration,
-        where,
-        moving,
-        gap,
-        kind,
-        seen_from,
-        human_radius,
-        gaps[2],
-        margins,
-        dt,
-    )
+    gap = law.clearances.robot
+    limits = speed_limits(movers, things, people.radius, gap, law.margins, dt)
+    speeds[0], speeds[1], claims[0] = limits.low, limits.high, limits.halt
     for i in range(n):
-        claims[1, i] = nearest[i] < margins[0] + TIGHT
-    box[0], box[1] = input_box(limit, speed, speeds[0], speeds[1], dt, drives_along)
-    rows = assemble_rows(
-        position,
-        velocity,
-        effect,
-        box[0],
-        box[1],
-        group,
-        where,
-        moving,
-        gap,
-        kind,
-        part,
-        seen_from,
-        kinds,
-        gaps[2],
+        claims[1, i] = limits.nearest[i] < law.margins.body_radius + TIGHT
+    box[0], box[1] = input_box(
+        movers.limit, movers.speed, limits.low, limits.high, dt, drives_along
     )
-    return speeds, claims, box, rows
+    own, bounds, count = own_rows(movers, box[0], box[1], things, law.kinds)
+    pair, pair_row, pair_bound, component = pair_rows(movers, box[0], box[1], law.kinds[ROBOT], gap)
+    return box, speeds, claims, (own, bounds, count, pair, pair_row, pair_bound, component)
 
 
 @njit(cache=True)
 def _within_reach(
-    wanted: Array,
-    low: Array,
-    high: Array,
-    tight: BoolArray,
-    speed: Array,
-    low_speed: Array,
-    high_speed: Array,
-    dt: float,
-    drives_along: bool,
+    wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool
 ) -> Array:
-    """Wanted inputs ``(N, 2)`` within their limits.
+    """Bring wanted inputs ``(N, 2)`` within their limits.
 
     Robots that have no room to turn on the spot turn while they drive.
     """
     inputs = np.empty_like(wanted)
+    low, high = limits.low, limits.high
     for i in range(wanted.shape[0]):
         first, second = wanted[i, 0], wanted[i, 1]
-        turns = drives_along and tight[i] and abs(second) > 0.05 and abs(speed[i]) < TIGHT_SPEED
-        if turns and high_speed[i] > 0.5 * TIGHT_SPEED:
+        turns = drives_along and limits.tight[i]
+        turns = turns and abs(second) > TURNING and abs(speed[i]) < TIGHT_SPEED
+        if turns and limits.high_speed[i] > 0.5 * TIGHT_SPEED:
             first = (TIGHT_SPEED - speed[i]) / dt
-        elif turns and low_speed[i] < -0.5 * TIGHT_SPEED:
+        elif turns and limits.low_speed[i] < -0.5 * TIGHT_SPEED:
             first = (-TIGHT_SPEED - speed[i]) / dt
         inputs[i, 0] = min(max(first, low[i, 0]), high[i, 0])
         inputs[i, 1] = min(max(second, low[i, 1]), high[i, 1])

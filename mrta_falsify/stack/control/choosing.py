@@ -1,0 +1,201 @@
+"""Who waits, who moves aside, who goes on: each robot chooses a manoeuvre.
+
+In order of precedence each robot picks the first of these that keeps clear of what the
+better-placed robots are about to do in the next seconds: go on; go on slowly; pass beside a
+standing body; wait; move aside. Robots without a way of their own stay where they are, or
+move aside. If nothing keeps clear, the manoeuvre whose conflict is farthest away is taken;
+the barrier rows of the joint program take care of the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.stack.control.conflicts import Traffic, fill_box
+from mrta_falsify.stack.control.manoeuvres import (
+    CHOICE,
+    GO,
+    STAY,
+    WAIT,
+    Choices,
+    fill_initial,
+    try_going_on,
+    try_moving_aside,
+    try_passing,
+    try_waiting,
+)
+from mrta_falsify.stack.control.obstacles import HUMAN_RADIUS, Clearances, People
+from mrta_falsify.stack.control.predicted_motions import SAMPLES, fill_drift, fill_stop
+from mrta_falsify.stack.control.state import Crew
+
+COMPANY = 6.0  # m, robots farther apart cannot meet within the predicted time
+NEAR = 3.5  # m, people farther from a robot than this do not matter to its choice
+STANDING = 0.15  # m/s, slower people are passed like furniture
+PEOPLE_MARGIN = 0.1  # m, beyond the gap to people, so that no barrier row stops a pass halfway
+
+
+class Ways(NamedTuple):
+    """Paths of all robots, one after the other."""
+
+    points: Array  #: (sum L, 2) [m]
+    first: IntArray  #: (N + 1,) where each path begins
+
+
+@njit(cache=True)
+def _has_company(i: int, crew: Crew) -> bool:
+    """Whether another robot is near enough to matter within the predicted time."""
+    x, y = crew[i].pose[0], crew[i].pose[1]
+    for j in range(crew.shape[0]):
+        if j != i and crew[j].present:
+            dx, dy = crew[j].pose[0] - x, crew[j].pose[1] - y
+            if dx * dx + dy * dy < COMPANY * COMPANY:
+                return True
+    return False
+
+
+@njit(cache=True)
+def _standing_near(robot: np.record, people: People, min_gap_human: float) -> tuple[Array, Array]:
+    """Find who stands near a robot: places ``(P, 2)``, and gaps ``(P,)`` to keep [m]."""
+    h = people.radius.shape[0]
+    place, gap = np.empty((h, 2)), np.empty(h)
+    count = 0
+    for k in range(h):
+        dx, dy = people.position[k, 0] - robot.pose[0], people.position[k, 1] - robot.pose[1]
+        pace = people.velocity[k, 0] ** 2 + people.velocity[k, 1] ** 2
+        if pace < STANDING * STANDING and dx * dx + dy * dy < NEAR * NEAR:
+            place[count, 0], place[count, 1] = people.position[k]
+            gap[count] = people.radius[k] - HUMAN_RADIUS + min_gap_human + PEOPLE_MARGIN
+            count += 1
+    return place[:count], gap[:count]
+
+
+@njit(cache=True)
+def _path_of(i: int, robot: np.record, ways: Ways) -> Array:
+    """Give the path of a robot that wants to move, or the straight way to its target."""
+    path = ways.points[ways.first[i] : ways.first[i + 1]]
+    if path.shape[0] >= 2:
+        return path
+    direct = np.empty((2, 2))
+    direct[0, 0], direct[0, 1] = robot.pose[0], robot.pose[1]
+    direct[1, 0], direct[1, 1] = robot.target[0], robot.target[1]
+    return direct
+
+
+@njit(cache=True)
+def _fill_unasked(robot: np.record, motion: Array) -> None:
+    """Predict a robot that cannot move now, or one that decides for itself."""
+    if robot.joint:
+        fill_stop(robot, motion)
+    else:
+        fill_drift(robot, motion)
+
+
+@njit(cache=True)
+def _fill_alone(choice: np.record, robot: np.record) -> None:
+    """Go on if the robot has somewhere to go."""
+    if robot.wants:
+        choice.kind = GO
+        choice.point[0], choice.point[1] = robot.target[0], robot.target[1]
+
+
+@njit(cache=True)
+def _fill_choice(
+    choice: np.record,
+    i: int,
+    crew: Crew,
+    ways: Ways,
+    points: Array,
+    clearances: Clearances,
+    traffic: Traffic,
+) -> None:
+    """Choose for robot ``i``, which has company or people beside it."""
+    robot = crew[i]
+    choice.conflict_at = -1.0
+    if robot.wants:
+        path = _path_of(i, robot, ways)
+        stands = try_going_on(choice, i, robot, path, traffic)
+        if stands and choice.conflict_at < np.inf:
+            try_passing(choice, i, robot, path, points, clearances.obstacle, traffic)
+    if choice.conflict_at < np.inf:
+        try_waiting(choice, i, robot, traffic)
+    if choice.conflict_at < np.inf:
+        try_moving_aside(choice, i, crew, clearances.robot, points, clearances.obstacle, traffic)
+
+
+@njit(cache=True)
+def choose_manoeuvres(
+    crew: Crew,
+    order: IntArray,
+    ways: Ways,
+    points: Array,
+    people: People,
+    clearances: Clearances,
+    yield_margin: float,
+) -> Choices:
+    """Choose a manoeuvre for each robot, better-placed robots first.
+
+    Robots that neither want to move nor have a task may be asked to move aside. The others
+    outside the joint decision are only kept clear of.
+
+    Args:
+        crew: robots, surveyed.
+        order: ``(N,)`` robot numbers, the one that goes first in front.
+        ways: paths; a robot that wants to move and has none goes straight to its target.
+        points: ``(N, S, 2)`` obstacle points [m], inf: none.
+        people: who is about.
+        clearances: distances that the barrier rows keep.
+        yield_margin: robots nearer than this beyond their barrier distance conflict [m].
+
+    Returns:
+        ``(N,)`` of CHOICE; STAY for robots that this does not decide for.
+    """
+    n = crew.shape[0]
+    choices = np.empty(n, dtype=CHOICE)
+    motion, box = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
+    stuck, decides = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+    settled = np.empty(n, dtype=np.bool_)
+    gap = clearances.robot + yield_margin
+    for _ in range(2):
+        for i in range(n):
+            robot = crew[i]
+            may_move = robot.wants or not robot.active
+            decides[i] = robot.present and robot.joint and not stuck[i] and may_move
+            settled[i] = robot.present and not decides[i]
+            if settled[i]:
+                _fill_unasked(robot, motion[i])
+                fill_box(motion[i], box[i])
+        stuck_before = stuck.sum()
+        for i in order:
+            fill_initial(choices[i], crew[i])
+            if not decides[i]:
+                continue
+            place, people_gap = _standing_near(crew[i], people, clearances.human)
+            if len(place) == 0 and not _has_company(i, crew):
+                _fill_alone(choices[i], crew[i])
+                fill_stop(crew[i], motion[i])
+            else:
+                traffic = Traffic(motion, box, settled, gap, place, people_gap)
+                _fill_choice(choices[i], i, crew, ways, points[i], clearances, traffic)
+                # Nowhere to go: in a second round the others have to find a way round it.
+                stuck[i] = choices[i].conflict_at < np.inf and choices[i].kind == STAY
+            fill_box(motion[i], box[i])
+            settled[i] = True
+        if stuck.sum() == stuck_before:
+            break
+    return choices
+
+
+@njit(cache=True)
+def let_leaders_go(crew: Crew) -> Choices:
+    """Choose as MRTA-Sim does: leaders go on, the others wait."""
+    choices = np.empty(crew.shape[0], dtype=CHOICE)
+    for i in range(crew.shape[0]):
+        fill_initial(choices[i], crew[i])
+        choices[i].kind = WAIT
+        if crew[i].leader == i:
+            _fill_alone(choices[i], crew[i])
+    return choices

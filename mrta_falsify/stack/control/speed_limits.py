@@ -1,0 +1,197 @@
+"""How fast each robot may go, so that it can always stop in time.
+
+Barriers of second order ask for more deceleration than a robot has when it meets a wall at
+full speed; these limits keep them feasible.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, Movers, Things
+from mrta_falsify.stack.control.barrier_options import CbfOptions
+from mrta_falsify.stack.control.obstacles import ROBOT_RANGE
+
+#: of the present distance: a robot inside a gap may come no nearer, but may leave sideways
+HELD_SHARE = 0.98
+NEAREST = 1e-6  # m, distances below count as this: a direction is needed
+WALKING = 0.05  # m/s, slower people stand
+#: cosine; who walks past may turn: at right angles it counts with 0.3 / 1.3, a quarter of its
+#: speed, walking away at more than 107 degrees with none
+TURNING = 0.3
+BESIDE = 0.17  # cosine of 80 degrees: a person farther round is beside the robot
+TOUCH = 0.05  # m, nearer people who walk make a robot stop, wherever they walk
+NO_BRAKING = 1e-9  # m per (m/s)^2, less way to brake is none
+
+
+class Margins(NamedTuple):
+    """What keeps robots able to stop."""
+
+    body_radius: float  #: [m]
+    human_clearance: float  #: a robot is at rest before this gap to a person [m]
+    human_stop: float  #: it stops at once if a person comes nearer than this [m]
+    reaction_time: float  #: beyond one period [s]
+    braking_share: float  #: of the acceleration limit
+    reverse_speed: float  #: [m/s]
+
+
+class SpeedRange(NamedTuple):
+    """Speeds ``(N,)`` allowed along the direction of travel, and how near things are."""
+
+    low: Array  #: most negative [m/s]
+    high: Array  #: largest [m/s]
+    halt: BoolArray  #: must stop at once for a person
+    nearest: Array  #: distance of the nearest obstacle point [m], inf: none
+
+
+class _Offset(NamedTuple):
+    dx: float  #: of a thing from the robot [m]
+    dy: float
+    vx: float  #: of the thing [m/s]
+    vy: float
+
+
+def margins_of(options: CbfOptions) -> Margins:
+    """Take the margins from a controller's options."""
+    return Margins(
+        body_radius=options.body_radius,
+        human_clearance=options.human_clearance,
+        human_stop=options.human_stop,
+        reaction_time=options.reaction_time,
+        braking_share=options.braking_share,
+        reverse_speed=options.reverse_speed,
+    )
+
+
+@njit(cache=True)
+def _along(dx: float, dy: float, ux: float, uy: float, gap: float) -> float:
+    """Measure the way along (ux, uy) until a point at (dx, dy) is ``gap`` away; inf: never."""
+    ahead = dx * ux + dy * uy
+    aside = abs(dx * uy - dy * ux)
+    held = min(gap, HELD_SHARE * np.sqrt(dx * dx + dy * dy))
+    if ahead <= 0.0 or aside >= held:
+        return np.inf
+    return float(max(ahead - np.sqrt(held * held - aside * aside), 0.0))
+
+
+@njit(cache=True)
+def _human_limit(
+    person: _Offset, ux: float, uy: float, contact: float, braking: float, reaction: float
+) -> float:
+    """Find the speed along (ux, uy) from which the robot stops before it meets the person.
+
+    The person is taken to walk on at its speed, and may turn towards the robot.
+    """
+    dx, dy, hvx, hvy = person
+    distance = max(np.sqrt(dx * dx + dy * dy), NEAREST)
+    rx, ry = dx / distance, dy / distance
+    gap = distance - contact
+    pace = np.sqrt(hvx * hvx + hvy * hvy)
+    approach = 0.0
+    if pace > WALKING:
+        cosine = -(hvx * rx + hvy * ry) / pace
+        approach = pace * max(0.0, (cosine + TURNING) / (1.0 + TURNING))
+    ahead = max(0.0, ux * rx + uy * ry)
+    quadratic = 0.5 * ahead / braking
+    linear = approach / braking + reaction * ahead
+    spare = gap - reaction * approach
+    if spare <= 0.0:
+        # A person at rest beside or behind does not keep the robot from leaving.
+        return 0.0 if approach > 0.0 or ahead > BESIDE else np.inf
+    if quadratic < NO_BRAKING:
+        return spare / linear if linear > NO_BRAKING else np.inf
+    root = np.sqrt(linear * linear + 4.0 * quadratic * spare)
+    return float((root - linear) / (2.0 * quadratic))
+
+
+@njit(cache=True)
+def _must_halt(person: _Offset, contact: float, stop_gap: float) -> bool:
+    """Whether a person touches the robot, or comes towards it from near by."""
+    dx, dy, hvx, hvy = person
+    distance = np.sqrt(dx * dx + dy * dy)
+    closing = -(hvx * dx + hvy * dy) / max(distance, NEAREST)
+    pace = np.sqrt(hvx * hvx + hvy * hvy)
+    touching = distance < contact + TOUCH and pace > WALKING
+    return bool(touching or (distance < contact + stop_gap and closing > WALKING))
+
+
+@njit(cache=True)
+def _fill_limits_by_robots(
+    i: int, movers: Movers, limits: SpeedRange, min_gap: float, share: float
+) -> None:
+    """Lower the limits of robot ``i`` by the ways that it and the others brake."""
+    ux, uy = movers.direction[i]
+    braking = share * movers.max_acceleration[i]
+    for j in range(movers.known.shape[0]):
+        if j == i or not movers.known[j]:
+            continue
+        dx = movers.pose[j, 0] - movers.pose[i, 0]
+        dy = movers.pose[j, 1] - movers.pose[i, 1]
+        if dx * dx + dy * dy > ROBOT_RANGE * ROBOT_RANGE:
+            continue
+        other = movers.velocity[j, 0] * ux + movers.velocity[j, 1] * uy
+        rest = other * abs(other) / (2.0 * share * movers.max_acceleration[j])
+        way = _along(dx, dy, ux, uy, min_gap)
+        limits.high[i] = min(limits.high[i], np.sqrt(2.0 * braking * max(way + rest, 0.0)))
+        way = _along(dx, dy, -ux, -uy, min_gap)
+        limits.low[i] = max(limits.low[i], -np.sqrt(2.0 * braking * max(way - rest, 0.0)))
+
+
+@njit(cache=True)
+def speed_limits(
+    movers: Movers,
+    things: Things,
+    human_radius: Array,
+    min_gap_robot: float,
+    margins: Margins,
+    dt: float,
+) -> SpeedRange:
+    """Find how fast each robot may go.
+
+    Args:
+        movers: all robots.
+        things: what they keep clear of.
+        human_radius: ``(H,)`` [m].
+        min_gap_robot: [m].
+        margins: what keeps them able to stop.
+        dt: control period [s].
+    """
+    n, t = things.kind.shape
+    sectors = t - human_radius.shape[0] - n
+    limits = SpeedRange(
+        -np.minimum(movers.max_speed, margins.reverse_speed),
+        movers.max_speed.copy(),
+        np.zeros(n, dtype=np.bool_),
+        np.full(n, np.inf),
+    )
+    delay = margins.reaction_time + dt
+    for i in range(n):
+        braking = margins.braking_share * movers.max_acceleration[i]
+        ux, uy = movers.direction[i]
+        for k in range(t):
+            kind, s = things.kind[i, k], things.seen_from[i, k]
+            if kind not in (OBSTACLE, HUMAN):
+                continue
+            dx = things.position[i, k, 0] - movers.pose[s, 0]
+            dy = things.position[i, k, 1] - movers.pose[s, 1]
+            if kind == OBSTACLE:
+                limits.nearest[i] = min(limits.nearest[i], np.sqrt(dx * dx + dy * dy))
+                gap = things.gap[i, k]
+                front = np.sqrt(2.0 * braking * _along(dx, dy, ux, uy, gap))
+                back = np.sqrt(2.0 * braking * _along(dx, dy, -ux, -uy, gap))
+            else:
+                person = _Offset(dx, dy, things.velocity[i, k, 0], things.velocity[i, k, 1])
+                contact = margins.body_radius + human_radius[k - sectors]
+                held = contact + margins.human_clearance
+                front = _human_limit(person, ux, uy, held, braking, delay)
+                back = _human_limit(person, -ux, -uy, held, braking, delay)
+                if _must_halt(person, contact, margins.human_stop):
+                    limits.halt[i] = True
+            limits.high[i] = min(limits.high[i], front)
+            limits.low[i] = max(limits.low[i], -back)
+        _fill_limits_by_robots(i, movers, limits, min_gap_robot, margins.braking_share)
+    return limits
