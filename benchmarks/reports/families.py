@@ -23,7 +23,7 @@ from benchmarks.reports.stored_failures import (
     study_options,
 )
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.family.finding import find_family, rule_lines
+from mrta_falsify.verbs.family import find_family
 
 STUDY = "families"
 
@@ -60,7 +60,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int, fresh: int) -> dict[
         "no_scene": found.no_scene,
         "elsewhere": list(found.elsewhere),
         "simulations": found.learning_runs + measured.trials,
-        "rule": rule_lines(found),
+        "rule": list(found.rule),
         "cpu_s": round(cpu_seconds() - began, 1),
     }
 

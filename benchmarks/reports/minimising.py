@@ -31,9 +31,10 @@ from mrta_falsify.campaigns.attribution import members_of, waited_for
 from mrta_falsify.campaigns.signature import leading, signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.minimize.minimising import Minimised, minimise, share_removed
+from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.worker import specifications_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts
@@ -53,7 +54,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
     began = cpu_seconds()
     try:
         apart = case.kept_apart(folder)
-        found = minimise(apart, case.record, max_runs=max_runs)
+        found = minimize(apart, case.record, max_runs=max_runs)
     except InputError as error:
         return {**case.facts(), "error": str(error)}
     spent = cpu_seconds() - began
@@ -75,10 +76,10 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
         "horizon_s": round(world.horizon, 1),
         "cycle": len(members_of(verdict)),
         "waited_for": len(waited_for(verdict, again.outcome.trace)),
-        "share_removed": round(share_removed(found), 4),
+        "share_removed": round(found.share_removed, 4),
         "runs": found.runs,
         "finished": found.one_minimal,
-        "verified": again.outcome.trace.digest == found.judged.outcome.trace.digest,
+        "verified": again.outcome.trace.digest == found.trace_digest,
         "kept": signature(again.verdicts) == case.record.signature == found.signature,
         "spare": spare,
         "program": program_fails(files / "world.min.scenic", job, found),
@@ -132,7 +133,7 @@ def taken_away(world: World, group: str, number: int) -> World:
     return dataclasses.replace(world, robots=tuple(kept), events=tuple(events))
 
 
-def program_fails(path: Path, job: Job, found: Minimised) -> str:
+def program_fails(path: Path, job: Job, found: Minimisation) -> str:
     """``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
     if not path.is_file():
         return "no program"
@@ -140,7 +141,7 @@ def program_fails(path: Path, job: Job, found: Minimised) -> str:
         judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
     except InputError as error:
         return f"does not run: {error}"
-    if judged.outcome.trace.digest == found.judged.outcome.trace.digest:
+    if judged.outcome.trace.digest == found.trace_digest:
         return "identical"
     return "same failure" if signature(judged.verdicts) == found.signature else "other"
 
