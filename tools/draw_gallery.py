@@ -16,6 +16,7 @@ import json
 import shlex
 import shutil
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,7 @@ class GalleryCase:
     specifications: tuple[str, ...] = ()  #: those of campaigns if empty
 
     def words(self) -> list[str]:
-        """The command that runs the campaign, without its output."""
+        """List the words of the command that runs the campaign, without its output."""
         words = ["mrta-falsify", "campaign", self.scenario, "--sampler", self.sampler]
         words += ["--seed", str(self.seed), "--budget", str(self.trial + 1)]
         for setting in self.settings:
@@ -92,7 +93,7 @@ class GalleryCase:
         return words
 
     def config(self) -> StackConfig:
-        """The stack under test."""
+        """Build the stack under test."""
         config = StackConfig()
         for setting in self.settings:
             config = apply_setting(config, setting)
@@ -112,7 +113,7 @@ class Told:
 
 
 def read_cases(path: Path = CASES) -> list[GalleryCase]:
-    """The list of cases.
+    """Read the list of cases.
 
     Raises:
         InputError: not such a list.
@@ -122,7 +123,7 @@ def read_cases(path: Path = CASES) -> list[GalleryCase]:
 
 
 def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
-    """The campaign of a case up to its trial; one that is there already is not run again.
+    """Run the campaign of a case up to its trial, or open it if it was run before.
 
     Raises:
         StoreError: the directory holds another campaign.
@@ -159,7 +160,7 @@ def is_made(case: GalleryCase, directory: Path) -> bool:
 
 
 def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
-    """Everything about a case; what is kept beside the trial is not computed again."""
+    """Gather everything about a case; what is kept beside the trial is not computed again."""
     folder = campaign.folder(record)
     verified = read_finding(folder, ReplayCheck)
     if verified is None:
@@ -189,7 +190,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     )
 
 
-def _leading(verdicts: Any) -> Verdict:
+def _leading(verdicts: Sequence[Verdict]) -> Verdict:
     verdict = leading(verdicts)
     if verdict is None:
         raise InputError("the trial violates nothing; choose another one")
@@ -197,7 +198,7 @@ def _leading(verdicts: Any) -> Verdict:
 
 
 def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
-    """The smallest world and its stack, to be run from the gallery."""
+    """Copy the smallest world and its stack, to be run from the gallery."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in FILES:
         source = campaign.folder(record) / name
@@ -210,7 +211,7 @@ def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
 
 
 def row_of(found: Told) -> str:
-    """The case's line in the table of contents."""
+    """Write the case's line in the table of contents."""
     case = found.case
     anchor = "".join(c for c in case.title.lower() if c.isalnum() or c in " -").replace(" ", "-")
     defects = ", ".join(f"`{name}`" for name in case.config().defects)
@@ -237,7 +238,7 @@ def _spaced(text: str) -> str:
 
 
 def section(found: Told) -> str:
-    """The case's part of the page."""
+    """Write the case's part of the page."""
     case = found.case
     parts = [
         f"## {case.title}",
@@ -252,7 +253,7 @@ def section(found: Told) -> str:
 
 
 def what_happened(seen: Seen) -> list[str]:
-    """Sentences about a failing run."""
+    """Tell what happened in a failing run, in sentences."""
     verdict = seen.verdict
     waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
     return [sentence(verdict), *waits, *stories(tasks_of(verdict), seen.world, seen.trace)]
@@ -301,7 +302,7 @@ def _layer(found: Told) -> str:
 
 
 def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
-    """What to type to see all of it again."""
+    """List the commands that show all of it again."""
     # fewer jittered copies than usual: the page's numbers come from fewer runs
     few = explanation.jittered.runs < JITTERED
     bounded = ["--max-runs", str(explanation.runs)] if few else []
@@ -323,7 +324,7 @@ def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("work", type=Path, help="for the campaigns")
     parser.add_argument("--only", nargs="*", help="make these; the page has all that are made")

@@ -29,7 +29,7 @@ STUDY = "families"
 
 
 def study(case: StoredFailure, folder: Path, max_runs: int, fresh: int) -> dict[str, Any]:
-    """One row: the family of a failure, or why there is none.
+    """Find the family of a failure; return its row, or why there is none.
 
     Args:
         case: the failure.
@@ -66,7 +66,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int, fresh: int) -> dict[
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Rows of the study as a Markdown table, with what they have in common."""
+    """Write the rows of the study as a Markdown table, with what they have in common."""
     done = [row for row in rows if "error" not in row]
     lines = [f"{len(rows)} failures"]
     lines += [f"no family: {row['case']}: {row['error']}" for row in rows if "error" in row]
@@ -110,7 +110,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = study_options(__doc__.splitlines()[0], max_runs=300, per_signature=1)
     parser.add_argument("--fresh", type=int, default=100)
     options = parser.parse_args()

@@ -44,7 +44,7 @@ THINGS = ("robots", "tasks", "humans", "furniture", "events")
 
 
 def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
-    """One row: the failure minimised and checked, or why not.
+    """Minimise and check a failure; return its row, or why it was not minimised.
 
     Args:
         case: the failure.
@@ -89,7 +89,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
 
 
 def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:
-    """Names of the single things without which the same failure is still there.
+    """Name the single things without which the same failure is still there.
 
     Args:
         job: the minimised world on its stack.
@@ -110,7 +110,7 @@ def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:
 
 
 def taken_away(world: World, group: str, number: int) -> World:
-    """``world`` without one thing; an outage of a robot that is gone is gone, too.
+    """Leave one thing out of ``world``, and with a robot its outages.
 
     Raises:
         InputError: something else needs it.
@@ -134,7 +134,7 @@ def taken_away(world: World, group: str, number: int) -> World:
 
 
 def program_fails(path: Path, job: Job, found: Minimisation) -> str:
-    """``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
+    """Say ``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
     if not path.is_file():
         return "no program"
     try:
@@ -150,7 +150,7 @@ def program_fails(path: Path, job: Job, found: Minimisation) -> str:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Rows of the study in words and Markdown tables."""
+    """Write the rows of the study in words and Markdown tables."""
     done = [row for row in rows if "error" not in row]
     lines = [f"{len(rows)} failures of {len({r['signature'] for r in rows})} signatures"]
     lines += [f"not minimised: {row['case']}: {row['error']}" for row in rows if "error" in row]
@@ -197,7 +197,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _exceptions(rows: list[dict[str, Any]], works: tuple[str, ...]) -> Iterator[str]:
-    """What is not as it should be, case by case."""
+    """Yield what is not as it should be, case by case."""
     for row in rows:
         faults = []
         if row["spare"]:
@@ -219,7 +219,7 @@ def _exceptions(rows: list[dict[str, Any]], works: tuple[str, ...]) -> Iterator[
 
 
 def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Minimal worlds of planted defects beside the known smallest ones."""
+    """Yield the smallest worlds of planted defects beside the known ones."""
     yield "| Defect | | robots | tasks | people | furniture | events |"
     yield "|---|---|---|---|---|---|---|"
     for row in rows:
@@ -236,7 +236,7 @@ def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = study_options(__doc__.splitlines()[0], max_runs=60, per_signature=3)
     options = parser.parse_args()
     run_study(STUDY, options, lambda case, folder: study(case, folder, options.max_runs), table)

@@ -43,7 +43,7 @@ MODES = 60  # of the large one
 
 
 def real_campaign(directory: Path) -> Campaign:
-    """A campaign with a few failures, one of them with all that can be known of it."""
+    """Run a campaign with a few failures, one of them with every finding."""
     settings = campaigns.new_settings(
         SCENARIO,
         directory=directory,
@@ -63,7 +63,7 @@ def real_campaign(directory: Path) -> Campaign:
 def multiply(
     campaign: Campaign, directory: Path, trials: int, *, failed_in_ten: int, modes: int
 ) -> Campaign:
-    """A campaign of ``trials`` made of the records and files of another one.
+    """Make a campaign of ``trials`` from the records and files of another one.
 
     Args:
         campaign: with failures and passes.
@@ -110,7 +110,7 @@ def _link_files(source: Path, target: Path) -> None:
 
 
 def measure(campaign: Campaign, folder: Path, cases: int) -> dict[str, Any]:
-    """Bytes and CPU seconds of each form of the report."""
+    """Measure bytes and CPU seconds of each form of the report."""
 
     def write(name: str, text: Callable[[], str]) -> dict[str, float]:
         began = time.process_time()

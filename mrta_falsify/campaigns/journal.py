@@ -44,7 +44,7 @@ class AnswerCache(Generic[A]):
 
 
 def read_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Read the rows of a file, none if it does not exist; leave out what is no JSON object."""
+    """Read the rows of a file, none if it does not exist; leave out what is not a JSON object."""
     if not path.is_file():
         return
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():

@@ -95,6 +95,18 @@ def test_an_empty_campaign_has_a_report(campaign, tmp_path):
     assert ElementTree.parse(tmp_path / "j.xml").getroot().get("tests") == "0"
 
 
+def test_the_probability_of_an_empty_campaign_is_unknown(campaign, tmp_path):
+    settings = dataclasses.replace(
+        campaign.settings,
+        trials=dataclasses.replace(campaign.settings.trials, mode="exact"),
+        sampler=Choice("random"),
+    )
+    with Store.create(tmp_path / "empty", settings) as store:
+        empty = store.campaign()
+    assert report(empty.directory).exit_code == 0
+    assert "Probability of a violation: unknown, 95% interval [0, 1]" in text_of(empty)
+
+
 def test_a_campaign_without_failures_claims_no_more_than_that(campaign, tmp_path):
     fine = with_records(campaign, tmp_path / "fine", passing(campaign, 0), passing(campaign, 1))
     assert report(fine.directory).exit_code == 0
