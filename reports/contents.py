@@ -7,18 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Counterfactual:
-    """What a re-run with one thing changed showed."""
-
-    change: str  #: in words, for example "priority rule: distance_to_goal instead of fixed"
-    failure_gone: bool
-    detail: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

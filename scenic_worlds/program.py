@@ -215,7 +215,7 @@ def _restriction(
 
     The names are those of the search dimensions (see ``check``), the numbers shares of each
     one's range. Programs that
-    :mod:`mrta_falsify.verbs.family.finding` writes say by it what they stand for.
+    :mod:`mrta_falsify.verbs.family` writes say by it what they stand for.
 
     Raises:
         FormatError: it is not of that form, or names what the program does not have.

@@ -16,18 +16,21 @@ import json
 import shlex
 import shutil
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from mrta_falsify.campaigns.finding_files import FILE_NAMES, read_finding
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.core.trace import read_trace
@@ -35,14 +38,9 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs.campaign import open_campaign, open_store, replay, store_replay
-from mrta_falsify.verbs.explain import (
-    JITTERED,
-    Explanation,
-    explain,
-    removal_text,
-    stored_explanation,
-)
-from mrta_falsify.verbs.minimize.minimising import minimise
+from mrta_falsify.verbs.explain import explain, removal_text
+from mrta_falsify.verbs.explain.explaining import JITTERED
+from mrta_falsify.verbs.minimize import minimize
 from reports.sentences import edge_sentence, sentence
 from tools.gallery_pictures import Seen, write_picture
 
@@ -51,7 +49,6 @@ CASES = FOLDER / "cases.yaml"
 PAGE = FOLDER / "README.md"
 MAX_RUNS = 100  # of the minimiser
 PATIENCE = 3600.0  # s of wall clock for a trial, on a busy machine
-EXPLANATION = "explain.json"
 FILES = ("world.min.scenic", "world.min.layout.json", "stack.yaml")
 
 HEAD = """# Gallery
@@ -84,7 +81,7 @@ class GalleryCase:
     specifications: tuple[str, ...] = ()  #: those of campaigns if empty
 
     def words(self) -> list[str]:
-        """The command that runs the campaign, without its output."""
+        """List the words of the command that runs the campaign, without its output."""
         words = ["mrta-falsify", "campaign", self.scenario, "--sampler", self.sampler]
         words += ["--seed", str(self.seed), "--budget", str(self.trial + 1)]
         for setting in self.settings:
@@ -96,7 +93,7 @@ class GalleryCase:
         return words
 
     def config(self) -> StackConfig:
-        """The stack under test."""
+        """Build the stack under test."""
         config = StackConfig()
         for setting in self.settings:
             config = apply_setting(config, setting)
@@ -111,12 +108,12 @@ class Told:
     original: Seen
     smallest: Seen
     explanation: Explanation
-    verified: dict[str, Any]
-    minimised: dict[str, Any]
+    verified: ReplayCheck
+    minimised: Minimisation
 
 
 def read_cases(path: Path = CASES) -> list[GalleryCase]:
-    """The list of cases.
+    """Read the list of cases.
 
     Raises:
         InputError: not such a list.
@@ -126,7 +123,7 @@ def read_cases(path: Path = CASES) -> list[GalleryCase]:
 
 
 def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
-    """The campaign of a case up to its trial; one that is there already is not run again.
+    """Run the campaign of a case up to its trial, or open it if it was run before.
 
     Raises:
         StoreError: the directory holds another campaign.
@@ -158,22 +155,20 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
 def is_made(case: GalleryCase, directory: Path) -> bool:
     """Whether all that the page says of a case is there already."""
     folder = trial_folder(directory, case.trial)
-    return all((folder / name).is_file() for name in ("verify.json", "minimize.json", EXPLANATION))
+    kinds = (ReplayCheck, Minimisation, Explanation)
+    return all((folder / FILE_NAMES[kind]).is_file() for kind in kinds)
 
 
 def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
-    """Everything about a case; what is kept beside the trial is not computed again."""
+    """Gather everything about a case; what is kept beside the trial is not computed again."""
     folder = campaign.folder(record)
-    if not (folder / "verify.json").is_file():
-        store_replay(campaign, replay(campaign, record, times=3))
-    if not (folder / "minimize.json").is_file():
-        minimise(campaign, record, max_runs=MAX_RUNS)
-    verified = codec.read_json(folder / "verify.json")
-    if verified["identical"] != verified["runs"]:
+    verified = read_finding(folder, ReplayCheck)
+    if verified is None:
+        verified = store_replay(campaign, replay(campaign, record, times=3))
+    if verified.identical != verified.runs:
         raise InputError(f"{case.name}: its replay differs; delete its campaign in WORK")
-    explanation = stored_explanation(folder) or explain(campaign, record)
-    small = codec.read_json(folder / "minimize.json")
-    verdicts = [codec.decode(Verdict, row, where="minimize.json") for row in small["verdicts"]]
+    small = read_finding(folder, Minimisation) or minimize(campaign, record, max_runs=MAX_RUNS)
+    explanation = read_finding(folder, Explanation) or explain(campaign, record)
     seen = [
         Seen(
             world=read_world(folder / world),
@@ -182,7 +177,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
         )
         for world, trace, found in (
             ("world.json", "trace.zip", record.verdicts),
-            ("world.min.json", "trace.min.zip", verdicts),
+            ("world.min.json", "trace.min.zip", small.verdicts),
         )
     ]
     return Told(
@@ -195,7 +190,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     )
 
 
-def _leading(verdicts: Any) -> Verdict:
+def _leading(verdicts: Sequence[Verdict]) -> Verdict:
     verdict = leading(verdicts)
     if verdict is None:
         raise InputError("the trial violates nothing; choose another one")
@@ -203,7 +198,7 @@ def _leading(verdicts: Any) -> Verdict:
 
 
 def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
-    """The smallest world and its stack, to be run from the gallery."""
+    """Copy the smallest world and its stack, to be run from the gallery."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in FILES:
         source = campaign.folder(record) / name
@@ -216,7 +211,7 @@ def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
 
 
 def row_of(found: Told) -> str:
-    """The case's line in the table of contents."""
+    """Write the case's line in the table of contents."""
     case = found.case
     anchor = "".join(c for c in case.title.lower() if c.isalnum() or c in " -").replace(" ", "-")
     defects = ", ".join(f"`{name}`" for name in case.config().defects)
@@ -243,7 +238,7 @@ def _spaced(text: str) -> str:
 
 
 def section(found: Told) -> str:
-    """The case's part of the page."""
+    """Write the case's part of the page."""
     case = found.case
     parts = [
         f"## {case.title}",
@@ -258,7 +253,7 @@ def section(found: Told) -> str:
 
 
 def what_happened(seen: Seen) -> list[str]:
-    """Sentences about a failing run."""
+    """Tell what happened in a failing run, in sentences."""
     verdict = seen.verdict
     waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
     return [sentence(verdict), *waits, *stories(tasks_of(verdict), seen.world, seen.trace)]
@@ -267,16 +262,16 @@ def what_happened(seen: Seen) -> list[str]:
 def _counts(found: Told) -> str:
     lines = ["| | as found | smallest |", "|---|---|---|"]
     for name in ("robots", "tasks", "humans", "furniture", "events"):
-        before, after = found.minimised["counts"][name]
+        before, after = found.minimised.counts[name]
         if before:
             lines.append(f"| {'people' if name == 'humans' else name} | {before} | {after} |")
     horizons = [f"{seen.trace.duration:.0f} s" for seen in (found.original, found.smallest)]
     lines.append(f"| length of the run | {horizons[0]} | {horizons[1]} |")
-    minimal = "nothing of it can go" if found.minimised["one_minimal"] else "out of runs"
+    minimal = "nothing of it can go" if found.minimised.one_minimal else "out of runs"
     lines.append("")
     lines.append(
-        f"Found in {found.minimised['runs']} runs; {minimal}. What went: "
-        f"{', '.join(found.minimised['removed']) or 'nothing'}."
+        f"Found in {found.minimised.runs} runs; {minimal}. What went: "
+        f"{', '.join(found.minimised.removed) or 'nothing'}."
     )
     return "\n".join(lines)
 
@@ -289,10 +284,10 @@ def _layer(found: Told) -> str:
     if explanation.guess and explanation.guess != explanation.layer:
         text += f" The trace alone points to: {_spaced(explanation.guess)}."
     jittered = explanation.jittered
-    if jittered["runs"]:
-        text += f" With small differences it fails in {jittered['failed']} of {jittered['runs']}"
+    if jittered.runs:
+        text += f" With small differences it fails in {jittered.failed} of {jittered.runs}"
         text += " runs."
-    text += f" Replay: {found.verified['identical']} of {found.verified['runs']} identical."
+    text += f" Replay: {found.verified.identical} of {found.verified.runs} identical."
     rows = [
         f"| {row.change} | {'gone' if row.failure_gone else 'stays'} | {row.detail} |"
         for row in explanation.counterfactuals
@@ -307,9 +302,9 @@ def _layer(found: Told) -> str:
 
 
 def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
-    """What to type to see all of it again."""
+    """List the commands that show all of it again."""
     # fewer jittered copies than usual: the page's numbers come from fewer runs
-    few = explanation.jittered["runs"] < JITTERED
+    few = explanation.jittered.runs < JITTERED
     bounded = ["--max-runs", str(explanation.runs)] if few else []
     runs = f"runs/{case.name}"
     trial = f"{case.trial:04d}"
@@ -329,7 +324,7 @@ def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("work", type=Path, help="for the campaigns")
     parser.add_argument("--only", nargs="*", help="make these; the page has all that are made")

@@ -96,7 +96,7 @@ def campaign(name: str, p: float, seed: int, sizes: dict[str, int]) -> Found:
             trials += 1
     found = rare_probability(sampler.estimates())
     return Found(
-        estimate=found.estimate,
+        estimate=np.nan if found.estimate is None else found.estimate,
         low=found.low,
         high=found.high,
         is_estimate=found.method.startswith("splitting"),

@@ -127,7 +127,7 @@ def rate_row(name: str, records: Sequence[TrialRecord]) -> dict[str, Any]:
         "k": len(judged[0].candidate.u),
         "trials": len(judged),
         "failed": len(failed),
-        "share": [round(v, 4) for v in (share.estimate, share.low, share.high)],
+        "share": [round(v or 0.0, 4) for v in (share.estimate, share.low, share.high)],
         "modes": len({record.signature for record in failed}),
         "by": {spec: specs.count(spec) for spec in sorted(set(specs))},
         "best": round(min(record.score for record in judged), 4),

@@ -23,13 +23,13 @@ from benchmarks.reports.stored_failures import (
     study_options,
 )
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.family.finding import find_family, rule_lines
+from mrta_falsify.verbs.family import find_family
 
 STUDY = "families"
 
 
 def study(case: StoredFailure, folder: Path, max_runs: int, fresh: int) -> dict[str, Any]:
-    """One row: the family of a failure, or why there is none.
+    """Find the family of a failure; return its row, or why there is none.
 
     Args:
         case: the failure.
@@ -60,13 +60,13 @@ def study(case: StoredFailure, folder: Path, max_runs: int, fresh: int) -> dict[
         "no_scene": found.no_scene,
         "elsewhere": list(found.elsewhere),
         "simulations": found.learning_runs + measured.trials,
-        "rule": rule_lines(found),
+        "rule": list(found.rule),
         "cpu_s": round(cpu_seconds() - began, 1),
     }
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Rows of the study as a Markdown table, with what they have in common."""
+    """Write the rows of the study as a Markdown table, with what they have in common."""
     done = [row for row in rows if "error" not in row]
     lines = [f"{len(rows)} failures"]
     lines += [f"no family: {row['case']}: {row['error']}" for row in rows if "error" in row]
@@ -110,7 +110,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = study_options(__doc__.splitlines()[0], max_runs=300, per_signature=1)
     parser.add_argument("--fresh", type=int, default=100)
     options = parser.parse_args()

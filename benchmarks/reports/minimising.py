@@ -31,9 +31,10 @@ from mrta_falsify.campaigns.attribution import members_of, waited_for
 from mrta_falsify.campaigns.signature import leading, signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.minimize.minimising import Minimised, minimise, share_removed
+from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.worker import specifications_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts
@@ -43,7 +44,7 @@ THINGS = ("robots", "tasks", "humans", "furniture", "events")
 
 
 def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
-    """One row: the failure minimised and checked, or why not.
+    """Minimise and check a failure; return its row, or why it was not minimised.
 
     Args:
         case: the failure.
@@ -53,7 +54,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
     began = cpu_seconds()
     try:
         apart = case.kept_apart(folder)
-        found = minimise(apart, case.record, max_runs=max_runs)
+        found = minimize(apart, case.record, max_runs=max_runs)
     except InputError as error:
         return {**case.facts(), "error": str(error)}
     spent = cpu_seconds() - began
@@ -75,10 +76,10 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
         "horizon_s": round(world.horizon, 1),
         "cycle": len(members_of(verdict)),
         "waited_for": len(waited_for(verdict, again.outcome.trace)),
-        "share_removed": round(share_removed(found), 4),
+        "share_removed": round(found.share_removed, 4),
         "runs": found.runs,
         "finished": found.one_minimal,
-        "verified": again.outcome.trace.digest == found.judged.outcome.trace.digest,
+        "verified": again.outcome.trace.digest == found.trace_digest,
         "kept": signature(again.verdicts) == case.record.signature == found.signature,
         "spare": spare,
         "program": program_fails(files / "world.min.scenic", job, found),
@@ -88,7 +89,7 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
 
 
 def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:
-    """Names of the single things without which the same failure is still there.
+    """Name the single things without which the same failure is still there.
 
     Args:
         job: the minimised world on its stack.
@@ -109,7 +110,7 @@ def things_that_can_go(job: Job, wanted: str) -> Iterator[str]:
 
 
 def taken_away(world: World, group: str, number: int) -> World:
-    """``world`` without one thing; an outage of a robot that is gone is gone, too.
+    """Leave one thing out of ``world``, and with a robot its outages.
 
     Raises:
         InputError: something else needs it.
@@ -132,15 +133,15 @@ def taken_away(world: World, group: str, number: int) -> World:
     return dataclasses.replace(world, robots=tuple(kept), events=tuple(events))
 
 
-def program_fails(path: Path, job: Job, found: Minimised) -> str:
-    """``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
+def program_fails(path: Path, job: Job, found: Minimisation) -> str:
+    """Say ``identical``, ``same failure``, ``other``, ``no program``, or why it does not run."""
     if not path.is_file():
         return "no program"
     try:
         judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
     except InputError as error:
         return f"does not run: {error}"
-    if judged.outcome.trace.digest == found.judged.outcome.trace.digest:
+    if judged.outcome.trace.digest == found.trace_digest:
         return "identical"
     return "same failure" if signature(judged.verdicts) == found.signature else "other"
 
@@ -149,7 +150,7 @@ def program_fails(path: Path, job: Job, found: Minimised) -> str:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Rows of the study in words and Markdown tables."""
+    """Write the rows of the study in words and Markdown tables."""
     done = [row for row in rows if "error" not in row]
     lines = [f"{len(rows)} failures of {len({r['signature'] for r in rows})} signatures"]
     lines += [f"not minimised: {row['case']}: {row['error']}" for row in rows if "error" in row]
@@ -196,7 +197,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _exceptions(rows: list[dict[str, Any]], works: tuple[str, ...]) -> Iterator[str]:
-    """What is not as it should be, case by case."""
+    """Yield what is not as it should be, case by case."""
     for row in rows:
         faults = []
         if row["spare"]:
@@ -218,7 +219,7 @@ def _exceptions(rows: list[dict[str, Any]], works: tuple[str, ...]) -> Iterator[
 
 
 def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Minimal worlds of planted defects beside the known smallest ones."""
+    """Yield the smallest worlds of planted defects beside the known ones."""
     yield "| Defect | | robots | tasks | people | furniture | events |"
     yield "|---|---|---|---|---|---|---|"
     for row in rows:
@@ -235,7 +236,7 @@ def against_known(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Command line."""
+    """Run the command line."""
     parser = study_options(__doc__.splitlines()[0], max_runs=60, per_signature=3)
     options = parser.parse_args()
     run_study(STUDY, options, lambda case, folder: study(case, folder, options.max_runs), table)

@@ -34,8 +34,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import explain as explaining
-from mrta_falsify.verbs.minimize import minimising
-from mrta_falsify.verbs.report import build as reporting
+from mrta_falsify.verbs import minimize as minimising
+from mrta_falsify.verbs import report as reporting
 
 SCENARIO = "burst_of_tasks"
 TRIALS = 6  # of the real campaign
@@ -43,7 +43,7 @@ MODES = 60  # of the large one
 
 
 def real_campaign(directory: Path) -> Campaign:
-    """A campaign with a few failures, one of them with all that can be known of it."""
+    """Run a campaign with a few failures, one of them with every finding."""
     settings = campaigns.new_settings(
         SCENARIO,
         directory=directory,
@@ -54,7 +54,7 @@ def real_campaign(directory: Path) -> Campaign:
         campaigns.run(store, Limits(budget=TRIALS), campaigns.local_workers(1))
     campaign = campaigns.open_campaign(directory)
     first = next(record for record in campaign.records if record.failed)
-    minimising.minimise(campaign, first, max_runs=40)
+    minimising.minimize(campaign, first, max_runs=40)
     explaining.explain(campaign, first, max_runs=12)
     campaigns.store_replay(campaign, campaigns.replay(campaign, first, times=2))
     return campaign
@@ -63,7 +63,7 @@ def real_campaign(directory: Path) -> Campaign:
 def multiply(
     campaign: Campaign, directory: Path, trials: int, *, failed_in_ten: int, modes: int
 ) -> Campaign:
-    """A campaign of ``trials`` made of the records and files of another one.
+    """Make a campaign of ``trials`` from the records and files of another one.
 
     Args:
         campaign: with failures and passes.
@@ -110,7 +110,7 @@ def _link_files(source: Path, target: Path) -> None:
 
 
 def measure(campaign: Campaign, folder: Path, cases: int) -> dict[str, Any]:
-    """Bytes and CPU seconds of each form of the report."""
+    """Measure bytes and CPU seconds of each form of the report."""
 
     def write(name: str, text: Callable[[], str]) -> dict[str, float]:
         began = time.process_time()
@@ -120,7 +120,7 @@ def measure(campaign: Campaign, folder: Path, cases: int) -> dict[str, Any]:
 
     def page() -> dict[str, float]:
         began = time.process_time()
-        path = reporting.write(campaign, folder / "report.html", cases=cases)
+        path = reporting.write_report(campaign, folder / "report.html", cases=cases)
         spent = time.process_time() - began
         shown = path.read_text(encoding="utf-8").count("<article ")
         return {"bytes": path.stat().st_size, "cpu_s": round(spent, 2), "cases": shown}
@@ -131,8 +131,8 @@ def measure(campaign: Campaign, folder: Path, cases: int) -> dict[str, Any]:
         "trials": len(campaign.records),
         "open_cpu_s": round(time.process_time() - began, 2),
         "html": page(),
-        "markdown": write("report.md", lambda: reporting.markdown(campaign)),
-        "junit": write("report.xml", lambda: reporting.junit(campaign)),
+        "markdown": write("report.md", lambda: reporting.markdown_report(campaign)),
+        "junit": write("report.xml", lambda: reporting.junit_report(campaign)),
         "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
 

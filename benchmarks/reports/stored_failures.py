@@ -44,7 +44,7 @@ class StoredFailure:
         return self.record.signature, self.scenario, self.campaign.settings.trials.stack.defects
 
     def facts(self) -> dict[str, Any]:
-        """What every row of a study says first."""
+        """Begin a row of a study: what every row says first."""
         stack = self.campaign.settings.trials.stack
         return {
             "case": self.name,
@@ -57,7 +57,7 @@ class StoredFailure:
         }
 
     def kept_apart(self, folder: Path) -> Campaign:
-        """The campaign with its directory in ``folder``, so that nothing is written to its own.
+        """Move the campaign's directory to ``folder``, so that its own stays untouched.
 
         Raises:
             InputError: the trial's world is missing.
@@ -73,7 +73,7 @@ class StoredFailure:
 def stored_failures(
     directories: Sequence[Path], *, per_mode: int, part: tuple[int, int] = (1, 1)
 ) -> list[StoredFailure]:
-    """Failures of all campaigns under some directories, unlike ones first.
+    """List failures of all campaigns under some directories, one of each mode first.
 
     Args:
         directories: campaigns, or folders with campaigns at any depth.
@@ -99,7 +99,7 @@ def stored_failures(
 
 
 def parse_part(text: str) -> tuple[int, int]:
-    """``2/3`` as (2, 3).
+    """Read ``2/3`` as (2, 3).
 
     Raises:
         InputError: not of that form.
@@ -111,7 +111,7 @@ def parse_part(text: str) -> tuple[int, int]:
 
 
 def rows_of(folder: Path, study: str) -> list[dict[str, Any]]:
-    """Rows of a study so far, of all its parts; a torn last line is left out."""
+    """Read the rows of all parts of a study; a torn last line is left out."""
     return [row for path in sorted(folder.glob(f"{study}*.jsonl")) for row in read_rows(path)]
 
 
@@ -122,7 +122,7 @@ def append_row(folder: Path, study: str, part: tuple[int, int], row: dict[str, A
 
 
 def study_options(description: str, *, max_runs: int, per_signature: int) -> ArgumentParser:
-    """The command line that all studies have."""
+    """Build the command line that all studies share."""
     parser = ArgumentParser(description=description)
     parser.add_argument("directories", type=Path, nargs="*")
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -161,6 +161,6 @@ def run_study(
 
 
 def cpu_seconds() -> float:
-    """CPU time of this process and of the copies it has waited for [s]."""
+    """Add up the CPU time of this process and of the copies it has waited for [s]."""
     copies = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + copies.ru_utime + copies.ru_stime

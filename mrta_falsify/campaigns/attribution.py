@@ -1,8 +1,8 @@
 """Which layer a failure seems to belong to, by rules on what was seen of it.
 
-A first guess that costs nothing; ``explain`` checks it by re-runs with one layer changed. The
-rules look at the violated specification and at what blocked the robots that lost most time;
-they know no names of defects and trust nothing the stack says of itself.
+A first guess that costs no run; ``explain`` checks it by re-runs with one layer changed. The
+rules look at the violated specification and at what blocked the robots that lost most time. They
+know no names of defects and trust nothing that the stack says of itself.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
-#: the layer that decides about what blocks a robot
+#: layer that decides about what blocks a robot, by cause
 LAYER_OF_CAUSE = {
     "queue": "queue_policy",
     "barrier": "controller",
@@ -23,6 +23,7 @@ LAYER_OF_CAUSE = {
     "no-path": "planner",
     "stalled": "waypoint_generator",
 }
+#: layer that should have prevented the violation, by specification
 LAYER_OF_CONTACT = {
     "no_robot_robot_contact": "controller",
     "no_robot_human_contact": "controller",
@@ -30,11 +31,11 @@ LAYER_OF_CONTACT = {
     "no_robot_static_contact": "costmap",
     "exclusive_use": "queue_policy",
 }
-LITTLE = 10.0  # s of blocking in all that do not explain a missed deadline
+LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
 
 
 def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
-    """Layer to look at first, empty if nothing is violated.
+    """Name the layer to look at first, empty if nothing is violated.
 
     Args:
         verdicts: of the run.
@@ -54,14 +55,14 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
         # A lost exclusion or a forgotten waiter shows in the queue before anywhere else.
         if "queue" in causes:
             return "queue_policy"
-    elif sum(spent.values()) < LITTLE:
-        return "allocator"  # nobody was held up, so the plan was too tight
+    elif sum(spent.values()) < LITTLE_BLOCKING:
+        return "allocator"  # no robot was held up, so the plan was too tight
     longest = max(sorted(spent), key=lambda cause: spent[cause], default="")
     return LAYER_OF_CAUSE.get(longest, "")
 
 
 def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str, float]:
-    """Seconds that ``robots`` were blocked before ``until`` [s], by cause."""
+    """Add up how long ``robots`` were blocked before ``until`` [s], in seconds by cause."""
     chosen = {trace.robots.index(name) for name in robots}
     spent: dict[str, float] = {}
     for span in trace.edges:
@@ -73,17 +74,17 @@ def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str,
 
 
 def members_of(verdict: Verdict | None) -> list[str]:
-    """Robots of the deadlock, none if the failure is another one."""
+    """Name the members of the deadlock, none if the failure is another one."""
     if verdict is None or verdict.spec != "no_deadlock":
         return []
     return sorted({edge["robot"] for edge in verdict.evidence.get("cycle", [])})
 
 
 def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
-    """Robots of the deadlock, and all that they wait for, directly or through others.
+    """Name the members of the deadlock and all that they wait for, directly or through others.
 
-    The verdict names those whose wait is certain; a robot in the chain that the stack still
-    moves a little now and then may be missing there.
+    The verdict names the robots whose wait is certain. It may miss a robot in the chain that the
+    stack still moves a little now and then.
     """
     found = set(members_of(verdict))
     if verdict is None or verdict.violated_at is None:

@@ -1,20 +1,50 @@
-"""Files of JSON rows that outlive the process: what a cache or a study knew, the next one knows.
+"""Files of JSON rows that outlive the process, and caches of answers kept in such files.
 
-A row is on disc when :func:`append_row` returns. One that was cut short by a crash is lost and
-nothing else: it is left out by :func:`read_rows`, and the next row begins on a line of its own.
+A row is on disc when :func:`append_row` returns. A crash during a write loses that row and no
+other: :func:`read_rows` leaves it out, and the next row begins on a line of its own.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import InputError
+
+A = TypeVar("A")
+
+
+class AnswerCache(Generic[A]):
+    """Answers of runs by key, each on disc before it is used, so that a second call goes on."""
+
+    def __init__(self, kind: type[A], path: Path | None) -> None:
+        """Read the answers of earlier calls.
+
+        Args:
+            kind: of the answers, a dataclass; its fields are the columns of a row.
+            path: of the file; None keeps nothing. A damaged row costs one run.
+        """
+        self.answers: dict[str, A] = {}
+        self._path = path
+        for row in read_rows(path) if path is not None else ():
+            with contextlib.suppress(InputError, KeyError):
+                key = str(row.pop("run"))
+                self.answers[key] = codec.decode(kind, row, where=str(path))
+
+    def keep(self, key: str, answer: A) -> None:
+        """Remember the answer of a run."""
+        if self._path is not None:
+            append_row(self._path, {"run": key, **codec.encode(answer)})
+        self.answers[key] = answer
 
 
 def read_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Rows of a file, none if it is not there; what is no JSON object is left out."""
+    """Read the rows of a file, none if it does not exist; leave out what is not a JSON object."""
     if not path.is_file():
         return
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():

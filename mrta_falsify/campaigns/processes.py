@@ -1,4 +1,4 @@
-"""Processes of this machine for work that is no campaign: searches, re-runs of one failure."""
+"""A pool of local processes for searches and for re-runs of one failure."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from multiprocessing import connection
 
 
 def spawned(workers: int, *, hear_interrupts: bool = False) -> ProcessPoolExecutor:
-    """A pool of fresh processes that end with this one, however it ends.
+    """Start a pool of fresh processes that end with this one, however it ends.
 
     Args:
-        workers: at most; they begin when there is work.
-        hear_interrupts: Ctrl-C reaches them, too; else what runs when it comes is finished.
+        workers: at most; each starts when there is work for it.
+        hear_interrupts: Ctrl-C reaches the processes too. Otherwise what runs then is finished.
     """
     return ProcessPoolExecutor(
         workers,

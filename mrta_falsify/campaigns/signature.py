@@ -1,9 +1,9 @@
-"""What happened, in one canonical line: failures with the same line are the same mode.
+"""What happened, in one canonical line: failures with the same signature are one mode.
 
 A signature names the violated specification that explains the others, the canonical wait-for
-cycle over what blocks whom (causes and kinds of resource, never names of robots), and the
-place. Parameters of the scenario play no part: two very different worlds in which two loaded
-robots meet in the same corridor fail in the same mode.
+cycle over what blocks whom (causes, never names of robots), and the place. Parameters of the
+scenario play no part: two very different worlds in which two loaded robots meet in the same
+corridor fail in the same mode.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from mrta_falsify.core.verdict import Verdict
 
-#: the first violated one explains the run; the others are its consequences
+#: the first one that is violated explains the run; the others are its consequences
 PRECEDENCE = (
     "no_robot_robot_contact",
     "no_robot_static_contact",
@@ -27,11 +27,11 @@ PRECEDENCE = (
     "deadlines",
     "all_tasks_done",
 )
-NEAR = 3.0  # m from a named place that still count as there
+PLACE_RADIUS = 3.0  # m from a named place that still count as there
 
 
 def signature(verdicts: Sequence[Verdict]) -> str:
-    """Signature of a run, empty if nothing is violated.
+    """Write the signature of a run, empty if nothing is violated.
 
     Args:
         verdicts: of one run.
@@ -52,7 +52,7 @@ def signature(verdicts: Sequence[Verdict]) -> str:
 
 
 def leading(verdicts: Sequence[Verdict]) -> Verdict | None:
-    """The violated verdict that explains the run, None if all hold."""
+    """Choose the violated verdict that explains the run, None if all hold."""
     violated = [verdict for verdict in verdicts if verdict.violated]
     known = {name: i for i, name in enumerate(PRECEDENCE)}
     return min(
@@ -61,15 +61,15 @@ def leading(verdicts: Sequence[Verdict]) -> Verdict | None:
 
 
 def canonical_cycle(edges: Sequence[dict[str, str]]) -> str:
-    """Wait-for cycle without names.
+    """Write a wait-for cycle without names.
 
     Args:
         edges: rows ``robot``, ``cause``, ``blocked_by``, ``resource`` as in the evidence of
             ``no_deadlock``.
 
     Returns:
-        Number of members, then their labels: in the order of the cycle, begun at its smallest
-        rotation, if each member waits for one other member; sorted otherwise.
+        Number of members, then their labels. If each member waits for one other member, they are
+        in the order of the cycle, in its smallest rotation; otherwise they are sorted.
     """
     labels: dict[str, list[str]] = {}
     waits: dict[str, set[str]] = {}
@@ -87,7 +87,7 @@ def canonical_cycle(edges: Sequence[dict[str, str]]) -> str:
 
 
 def _ring(waits: dict[str, set[str]], members: set[str]) -> list[str]:
-    """Members in order if each waits for exactly one other and all are on one ring."""
+    """Order the members if each waits for exactly one other and all are on one ring."""
     if not members or any(len(waits.get(robot, set()) & members) != 1 for robot in members):
         return []
     ring = [min(members)]
@@ -103,5 +103,5 @@ def _ring(waits: dict[str, set[str]], members: set[str]) -> list[str]:
 def _place(place: Any) -> str:
     if not isinstance(place, dict) or not place.get("near"):
         return ""
-    beyond = float(place.get("distance", 0.0)) > NEAR
+    beyond = float(place.get("distance", 0.0)) > PLACE_RADIUS
     return f"beyond {place['near']}" if beyond else str(place["near"])

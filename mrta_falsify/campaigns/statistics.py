@@ -8,30 +8,14 @@ for failures finds more of them than there are, and gets no interval.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import stats
 
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.probability import Probability
 
 GRID = 1024  # points at which an end of the interval is looked for, per refinement
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Probability:
-    """A probability of violation with its interval."""
-
-    failures: int
-    trials: int
-    estimate: float
-    low: float
-    high: float
-    level: float = 0.95
-    method: str = "Blaker"
-    undecided: int = 0  #: trials that ended in an error: they may have failed, or not
-    note: str = ""  #: further remarks
 
 
 def why_no_probability(
@@ -74,13 +58,13 @@ def failure_probability(
     """
     total = trials + undecided
     if total == 0:
-        return Probability(failures=0, trials=0, estimate=float("nan"), low=0.0, high=1.0)
+        return Probability(failures=0, trials=0, estimate=None, low=0.0, high=1.0)
     low, _ = blaker_interval(failures, total, level)
     _, high = blaker_interval(failures + undecided, total, level)
     return Probability(
         failures=failures,
         trials=trials,
-        estimate=failures / trials if trials else float("nan"),
+        estimate=failures / trials if trials else None,
         low=low,
         high=high,
         level=level,

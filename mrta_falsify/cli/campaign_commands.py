@@ -316,8 +316,9 @@ def print_summary(data: dict[str, Any]) -> None:
         out.print(f"no violation found; closest call: score {data['best_score']:+.3f}")
     chance = data["probability"]
     if "why_not" not in chance and chance["trials"]:
+        estimate = "unknown" if chance["estimate"] is None else f"{chance['estimate']:.3g}"
         out.print(
-            f"probability of a violation: {chance['estimate']:.3g}, "
+            f"probability of a violation: {estimate}, "
             f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}] "
             f"({chance['method']})"
         )

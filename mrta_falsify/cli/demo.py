@@ -44,8 +44,8 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
     found, or says that none was. Last, labelled as such, the same search on a stack with a planted
     fault.
     """
+    from mrta_falsify.verbs import report as reporting
     from mrta_falsify.verbs import run as app
-    from mrta_falsify.verbs.report import build as reporting
 
     config = app.load_stack(stack, settings)
     app.make_directory(directory)
@@ -57,7 +57,7 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
     result = _search(SCENARIO, seed, config, directory / "campaign", TRIALS)
     if result is None:
         return ExitCode.INTERRUPTED
-    report = reporting.write(result.campaign, directory / "report.html")
+    report = reporting.write_report(result.campaign, directory / "report.html")
     click.echo()
     click.echo(f"3. An example with a planted fault ({PLANTED}, {PLANTED_SCENARIO}, seed {seed})")
     faulty = app.load_stack(stack, (*settings, f"defects=[{PLANTED}]"))
@@ -66,7 +66,7 @@ def demo(seed: int, stack: Path | None, settings: tuple[str, ...], directory: Pa
     )
     if planted is None:
         return ExitCode.INTERRUPTED
-    page = reporting.write(planted.campaign, directory / "planted.html")
+    page = reporting.write_report(planted.campaign, directory / "planted.html")
     click.echo()
     click.echo(f"report of the planted example: {page.resolve()}")
     click.echo("report of the campaign:")

@@ -123,7 +123,14 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
     from mrta_falsify.verbs import explain as explaining
 
     opened = campaigns.open_campaign(directory)
-    found = explaining.explain(opened, opened.record(name), max_runs=max_runs, on_done=output.say)
+    record = opened.record(name)
+    with output.progress(f"explain {record.id}", max_runs, "runs") as report_progress:
+        found = explaining.explain(
+            opened,
+            record,
+            max_runs=max_runs,
+            on_done=lambda done, total: report_progress(done),
+        )
     if style == "json":
         output.print_json(codec.encode(found))
         return ExitCode.DONE
@@ -139,10 +146,10 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
     out.print(table)
     for removal in found.removals:
         out.print(explaining.removal_text(removal))
-    if found.jittered["runs"]:
+    if found.jittered.runs:
         out.print(
-            f"with small differences it fails in {found.jittered['failed']} of "
-            f"{found.jittered['runs']} runs"
+            f"with small differences it fails in {found.jittered.failed} of "
+            f"{found.jittered.runs} runs"
         )
     return ExitCode.DONE
 
@@ -166,22 +173,22 @@ def minimize(directory: Path, name: str, max_runs: int, workers: int | None, sty
     Scenic program world.min.scenic, and trace.min.zip beside the trial; `report` shows them
     beside the original.
     """
+    from mrta_falsify.core.findings import finding_data
     from mrta_falsify.verbs import campaign as campaigns
-    from mrta_falsify.verbs.minimize import minimising
+    from mrta_falsify.verbs import minimize as minimising
 
     opened = campaigns.open_campaign(directory)
     record = opened.record(name)
     with output.progress(f"minimize {record.id}", max_runs, "runs") as report_progress:
-        found = minimising.minimise(
+        found = minimising.minimize(
             opened,
             record,
             max_runs=max_runs,
             workers=campaigns.cores(workers),
             on_run=lambda runs, text: report_progress(runs),
         )
-    data = {"id": record.id, **minimising.summary(found)}
     if style == "json":
-        output.print_json(data)
+        output.print_json({"id": record.id, **finding_data(found)})
         return ExitCode.DONE
     out = output.stdout()
     out.print(f"failure    {found.signature}")

@@ -49,8 +49,9 @@ def family(
     """
     if path is not None and path.suffix != ".scenic":
         raise click.UsageError(f"-o {path}: a Scenic program's name ends with .scenic")
+    from mrta_falsify.core.findings import finding_data
     from mrta_falsify.verbs import campaign as campaigns
-    from mrta_falsify.verbs.family import finding as families
+    from mrta_falsify.verbs import family as families
 
     opened = campaigns.open_campaign(directory)
     record = opened.record(name)
@@ -59,14 +60,14 @@ def family(
             opened, record, max_runs=max_runs, fresh=fresh, path=path, on_run=report_progress
         )
     if style == "json":
-        output.print_json({"id": record.id, **families.summary(found)})
+        output.print_json({"id": record.id, **finding_data(found)})
         return ExitCode.DONE
     out = output.stdout()
     out.print(f"failure    {found.signature}")
     out.print("rule       it fails like this when")
-    for line in families.rule_lines(found):
+    for line in found.rule:
         out.print(f"             {line}")
-    out.print(f"precision  {families.sentence(found)}")
+    out.print(f"precision  {found.sentence}")
     runs = found.learning_runs + found.precision.trials
     out.print(f"runs       {runs}, {found.learning_runs} of them to learn the rule")
     out.print(f"program    {found.program}")

@@ -12,6 +12,7 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.options import (
     FILE,
+    FiniteRange,
     count_option,
     format_option,
     jittered_option,
@@ -27,21 +28,39 @@ from mrta_falsify.cli.run_commands import main
 @click.argument("directory", type=FILE)
 @stack_options
 @jittered_option(2, "Runs beside each failure with starts, pace and times a little different.")
+@workers_option
+@click.option(
+    "--time-limit",
+    type=FiniteRange(min=0.0, min_open=True),
+    metavar="S",
+    help="Wall clock of one run in seconds; default: the campaign's own limit.",
+)
 @format_option
 def corpus(
-    directory: Path, stack: Path | None, settings: tuple[str, ...], jittered: int, style: str
+    directory: Path,
+    stack: Path | None,
+    settings: tuple[str, ...],
+    jittered: int,
+    workers: int | None,
+    time_limit: float | None,
+    style: str,
 ) -> int:
-    """Run all stored failures of a campaign on a changed stack: fixed, still failing, flaky.
+    """Run all stored failures of a campaign on a changed stack.
 
+    Each is fixed, still failing, flaky (only copies with small differences fail) or a timeout.
     Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's own
-    stack is run.
+    stack is run. The recorded engine is kept unless --stack or --set names one.
     """
+    from mrta_falsify.core import codec
     from mrta_falsify.verbs import campaign as campaigns
     from mrta_falsify.verbs import corpus as corpora
     from mrta_falsify.verbs import run as app
 
     opened = campaigns.open_campaign(directory)
     config = app.load_stack(stack, settings) if stack or settings else None
+    if config is not None and not corpora.names_engine(stack, settings):
+        config = corpora.on_recorded_engine(opened, config)
+        output.say(f"engine {config.engine.name}, as recorded: the changed stack names none")
     total = sum(record.failed for record in opened.records)
     done: list[str] = []
     with output.progress("corpus", total, "failures") as report_progress:
@@ -50,10 +69,17 @@ def corpus(
             done.append(row.id)
             report_progress(len(done))
 
-        rows = corpora.recheck(opened, config=config, jittered=jittered, on_done=on_done)
-    data = corpora.summary(rows)
+        rows = corpora.recheck(
+            opened,
+            config=config,
+            jittered=jittered,
+            workers=campaigns.cores(workers),
+            time_limit=time_limit,
+            on_done=on_done,
+        )
+    counts = corpora.counts_by_fate(rows)
     if style == "json":
-        output.print_json(data)
+        output.print_json({**counts, "failures": codec.encode(rows)})
     else:
         table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
         for name in ("id", "fate", "was", "now", "jittered"):
@@ -66,8 +92,8 @@ def corpus(
             )
         out = output.stdout()
         out.print(table)
-        out.print(", ".join(f"{data[fate]} {fate}" for fate in ("fixed", "still failing", "flaky")))
-    all_fixed = data["fixed"] == len(rows)
+        out.print(", ".join(f"{count} {fate}" for fate, count in counts.items()))
+    all_fixed = counts["fixed"] == len(rows)
     return ExitCode.DONE if all_fixed else ExitCode.VIOLATED
 
 
@@ -251,8 +277,8 @@ def report(
     Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
     """
     from mrta_falsify.verbs import campaign as campaigns
+    from mrta_falsify.verbs import report as reporting
     from mrta_falsify.verbs import run as app
-    from mrta_falsify.verbs.report import build as reporting
 
     opened = campaigns.open_campaign(directory)
     other = campaigns.open_campaign(against) if against is not None else None
@@ -260,12 +286,12 @@ def report(
     for file in (target, junit, markdown):
         if file is not None:
             app.make_directory(file.parent)
-    written = [reporting.write(opened, target, against=other, cases=cases)]
+    written = [reporting.write_report(opened, target, against=other, cases=cases)]
     if junit is not None:
-        junit.write_text(reporting.junit(opened), encoding="utf-8")
+        junit.write_text(reporting.junit_report(opened), encoding="utf-8")
         written.append(junit)
     if markdown is not None:
-        markdown.write_text(reporting.markdown(opened, against=other), encoding="utf-8")
+        markdown.write_text(reporting.markdown_report(opened, against=other), encoding="utf-8")
         written.append(markdown)
     for file in written:
         click.echo(str(file))

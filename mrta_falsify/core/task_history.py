@@ -1,4 +1,4 @@
-"""What became of single tasks, in words."""
+"""Who had which task, and what became of it in words."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 
-MOST_TOLD = 6  # tasks of one verdict
+MOST_TOLD = 6  # tasks of one verdict that get a sentence each
 
 
 def tasks_of(verdict: Verdict) -> list[int]:
-    """Numbers of the tasks that a verdict names."""
+    """Read the numbers of the tasks that a verdict names."""
     found = [re.fullmatch(r"task(\d+)", name) for name in verdict.who]
     return [int(match[1]) for match in found if match]
 
 
 def robots_of(tasks: list[int], trace: Trace) -> list[str]:
-    """Robots that had one of ``tasks`` last, in the order of the tasks."""
+    """Name the robots that had one of ``tasks`` last, in the order of the tasks."""
     last = last_robots(trace)
     return list(dict.fromkeys(last[task] for task in tasks if task in last))
 
 
 def last_robots(trace: Trace) -> dict[int, str]:
-    """Who had each task last, for tasks that anybody had."""
+    """Name the robot that had each task last; tasks that no robot had are left out."""
     return {
         event.task: trace.robots[event.robot]
         for event in trace.events
@@ -33,7 +33,7 @@ def last_robots(trace: Trace) -> dict[int, str]:
 
 
 def stories(tasks: list[int], world: World, trace: Trace) -> list[str]:
-    """A sentence about each of ``tasks``; the last one counts those that get none."""
+    """Tell what became of the first of ``tasks``, a sentence each, and count the others."""
     told = [story(task, world, trace) for task in tasks[:MOST_TOLD] if task < len(world.tasks)]
     if len(tasks) > MOST_TOLD:
         told.append(f"{len(tasks) - MOST_TOLD} further tasks.")
@@ -41,7 +41,7 @@ def stories(tasks: list[int], world: World, trace: Trace) -> list[str]:
 
 
 def story(number: int, world: World, trace: Trace) -> str:
-    """Where a task was to go, who had it, and how far it came.
+    """Tell where a task was to go, who had it, and how far it came.
 
     Args:
         number: of the task in ``world``.

@@ -8,6 +8,7 @@ import json
 import operator
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 
 TRACE_VERSION = 1
+#: what reading a damaged archive raises; RuntimeError: a flag or method that was never written
+DAMAGE = (OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error)
 
 #: columns of a trace: name -> where the value is in a frame
 SENSED_COLUMNS = (
@@ -249,7 +252,7 @@ def read_trace(path: Path) -> Trace:
                 )
                 for name in table["columns"]
             }
-    except (OSError, zipfile.BadZipFile, KeyError, ValueError) as error:
+    except DAMAGE as error:
         raise FormatError(f"{path}: is not a readable trace: {error}") from None
     return Trace(
         world_digest=table["world_digest"],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.rare_events import estimated_probability, is_estimating
 from mrta_falsify.campaigns.runner import Ended, Executor, Progress, run_campaign
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
@@ -23,13 +23,13 @@ from mrta_falsify.campaigns.store import (
     StoreError,
     read_campaign,
     read_campaign_settings,
-    write_atomically,
 )
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.difference import Difference, first_difference
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
+from mrta_falsify.core.findings import ReplayCheck
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import World, read_world
@@ -390,18 +390,19 @@ def replay(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay
     )
 
 
-def store_replay(campaign: Campaign, result: Replay) -> None:
+def store_replay(campaign: Campaign, result: Replay) -> ReplayCheck:
     """Keep what replays have shown beside the trial, for the report."""
     folder = campaign.folder(result.record)
     app.make_directory(folder)
-    data = {
-        "runs": len(result.runs),
-        "identical": result.same_digest,
-        "same_verdicts": result.same_verdicts,
-        "same_machine": result.same_machine,
-        "first_difference": codec.encode(result.difference),
-    }
-    write_atomically(folder / "verify.json", (json.dumps(data) + "\n").encode())
+    check = ReplayCheck(
+        runs=len(result.runs),
+        identical=result.same_digest,
+        same_verdicts=result.same_verdicts,
+        same_machine=result.same_machine,
+        first_difference=result.difference,
+    )
+    write_finding(folder, check)
+    return check
 
 
 def open_campaign(directory: Path) -> Campaign:

@@ -1,41 +1,58 @@
-"""All stored failures on a changed stack: fixed, still failing, or flaky."""
+"""All stored failures on a changed stack: fixed, still failing, flaky, or out of time.
+
+Each run is a job of a worker process, as a trial of a campaign is, so that a run that exceeds
+its time limit can be killed.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
 
-from mrta_falsify.campaigns.settings import TrialSettings
+from mrta_falsify.campaigns.executors import Finished
+from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import HarnessError, InputError, WorldError
+from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.world import World
-from mrta_falsify.verbs.campaign import stored_world
+from mrta_falsify.verbs.campaign import local_workers, open_executor, stored_world
 from mrta_falsify.worker import rerun
-from scenic_worlds.variation import jittered_worlds
+from scenic_worlds.variation import jitter_world
 
-Fate = Literal["fixed", "still failing", "flaky"]
+#: no place: the copy has no place for its robots; refused: the world cannot be run
+RunFate: TypeAlias = Literal["ran", "timeout", "no place", "refused"]
+
+WAIT = 1.0  # s between two looks at overdue workers
+STORED = -1  # number of the stored world among its jittered copies
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recheck:
-    """What became of one stored failure.
+# --- the changed stack ---------------------------------------------------------------------
 
-    It is *fixed* if neither its world nor any of the jittered ones fails any more, *still
-    failing* if its world fails, and *flaky* if only jittered ones do: then the change has
-    moved the failure, not removed it.
+
+def names_engine(path: Path | None, settings: Sequence[str]) -> bool:
+    """Whether a stack file or a ``--set`` text names an engine.
+
+    Args:
+        path: of the YAML file, if one was given.
+        settings: ``--set`` texts.
     """
+    data = codec.read_yaml(path) if path is not None else None
+    layers = [text.partition("=")[0].strip().partition(".")[0] for text in settings]
+    return "engine" in layers or (isinstance(data, dict) and "engine" in data)
 
-    id: str
-    fate: Fate
-    signature: str  #: as stored
-    violated: tuple[str, ...]  #: by the stored world on the changed stack
-    signature_now: str
-    jittered_failures: int
-    jittered: int  #: runs
+
+def on_recorded_engine(campaign: Campaign, config: StackConfig) -> StackConfig:
+    """Put a changed stack on the engine that the campaign ran on."""
+    return dataclasses.replace(config, engine=campaign.settings.trials.stack.engine)
+
+
+# --- all failures --------------------------------------------------------------------------
 
 
 def recheck(
@@ -43,6 +60,8 @@ def recheck(
     *,
     config: StackConfig | None = None,
     jittered: int = 2,
+    workers: int = 1,
+    time_limit: float | None = None,
     on_done: Callable[[Recheck], None] = lambda row: None,
 ) -> tuple[Recheck, ...]:
     """Run all stored failures again.
@@ -50,45 +69,170 @@ def recheck(
     Args:
         campaign: whose failures.
         config: the changed stack; the campaign's own if None.
-        jittered: runs beside each world with small differences (see ``jitter_world``).
-        on_done: called after each.
+        jittered: copies of each world with small differences (see ``jitter_world``).
+        workers: processes at a time; they change no result.
+        time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        on_done: called after each failure, in the order in which they end.
 
     Returns:
         One row per failure, in the order of the trials.
 
     Raises:
         InputError: a stored world is missing or damaged.
+        HarnessError: a run crashed.
     """
-    settings = campaign.settings.trials
-    if config is not None:
-        settings = dataclasses.replace(settings, stack=config)
-    rows = []
-    for record in campaign.records:
-        if record.failed:
-            rows.append(_recheck(settings, record, stored_world(campaign, record), jittered))
-            on_done(rows[-1])
-    return tuple(rows)
+    failures = [record for record in campaign.records if record.failed]
+    asked = [(record, copy) for record in failures for copy in (STORED, *range(jittered))]
+    runs: dict[str, dict[int, RecheckRun]] = {record.id: {} for record in failures}
+    rows: dict[str, Recheck] = {}
+    settings = _settings(campaign, config, time_limit)
+    executor = local_workers(min(workers, max(1, len(asked))))
+    if not asked:
+        return ()
+    with open_executor(settings, executor) as opened:
+        for number, (record, copy) in enumerate(asked):
+            opened.submit({"number": number, "record": codec.encode(record), "copy": copy})
+        while len(rows) < len(failures):
+            for finished in opened.collect(WAIT):
+                record, copy = asked[finished.number]
+                runs[record.id][copy] = _run_of(finished, record)
+                if len(runs[record.id]) == 1 + jittered:
+                    rows[record.id] = _row(record, runs[record.id])
+                    on_done(rows[record.id])
+    return tuple(rows[record.id] for record in failures)
 
 
-def _recheck(settings: TrialSettings, record: TrialRecord, world: World, jittered: int) -> Recheck:
-    # A changed stack is judged by physics if that is its engine, whatever found the failure.
-    record = dataclasses.replace(record, engine=settings.stack.engine.name)
-    judged = rerun(settings, record, world)
-    around = [rerun(settings, record, near) for near in jittered_worlds(world, jittered)]
-    failures = sum(run.failed for run in around)
-    fate: Fate = "still failing" if judged.failed else "flaky" if failures else "fixed"
+def counts_by_fate(rows: Sequence[Recheck]) -> dict[RecheckFate, int]:
+    """Count rows by what became of them."""
+    fates: tuple[RecheckFate, ...] = get_args(RecheckFate)
+    return {fate: sum(row.fate == fate for row in rows) for fate in fates}
+
+
+def _settings(
+    campaign: Campaign, config: StackConfig | None, time_limit: float | None
+) -> CampaignSettings:
+    """Settings that make workers run rechecks instead of trials."""
+    trials = dataclasses.replace(
+        campaign.settings.trials,
+        stack=config or campaign.settings.trials.stack,
+        directory=str(campaign.directory.resolve()),
+    )
+    return CampaignSettings(
+        trials=trials,
+        target=f"{__name__}:{open_rechecks.__name__}",
+        time_limit=time_limit or campaign.settings.time_limit,
+    )
+
+
+def _run_of(finished: Finished, record: TrialRecord) -> RecheckRun:
+    """Read what a worker answered.
+
+    Raises:
+        InputError: the world cannot be run.
+        HarnessError: the run crashed.
+    """
+    if finished.fate == "timeout":
+        return RecheckRun(fate="timeout")
+    if finished.record is None:
+        reason = (finished.error.strip().splitlines() or ["no reason given"])[-1]
+        raise HarnessError(f"the re-run of trial {record.id} crashed: {reason}")
+    run = codec.decode(RecheckRun, finished.record, where="recheck")
+    if run.fate == "refused":
+        raise InputError(run.error)
+    return run
+
+
+def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
+    """Judge a failure by the runs of its world and of its copies."""
+    stored = runs[STORED]
+    copies = [run for number, run in runs.items() if number != STORED and run.fate == "ran"]
+    failures = sum(run.failed for run in copies)
+    fate: RecheckFate = "fixed"
+    if stored.failed:
+        fate = "still failing"
+    elif failures:
+        fate = "flaky"
+    elif any(run.fate == "timeout" for run in runs.values()):
+        fate = "timeout"
     return Recheck(
         id=record.id,
         fate=fate,
         signature=record.signature,
-        violated=tuple(v.spec for v in judged.verdicts if v.violated),
-        signature_now=signature(judged.verdicts),
+        violated=stored.violated,
+        signature_now=stored.signature,
         jittered_failures=failures,
-        jittered=len(around),
+        jittered=len(copies),
     )
 
 
-def summary(rows: tuple[Recheck, ...]) -> dict[str, Any]:
-    """Counts by fate, and the rows."""
-    counts = {fate: sum(row.fate == fate for row in rows) for fate in get_args(Fate)}
-    return {**counts, "failures": [dataclasses.asdict(row) for row in rows]}
+# --- in a worker ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecheckRun:
+    """What one run of a stored failure gave."""
+
+    fate: RunFate
+    violated: tuple[str, ...] = ()  #: specifications
+    signature: str = ""
+    error: str = ""  #: why it was refused
+
+    @property
+    def failed(self) -> bool:
+        """Whether a specification is violated."""
+        return bool(self.violated)
+
+
+def open_rechecks(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Open a campaign for rechecks; the result runs one job after the other.
+
+    Args:
+        settings: of the campaign, with the changed stack and the present directory.
+
+    Returns:
+        A function from ``{"number": n, "record": {...}, "copy": k}`` to an encoded
+        :class:`RecheckRun`.
+    """
+
+    def run(job: dict[str, Any]) -> dict[str, Any]:
+        record = codec.decode(TrialRecord, job["record"], where="recheck")
+        try:
+            found = run_again(settings, record, job["copy"])
+        except InputError as error:
+            found = RecheckRun(fate="refused", error=str(error))
+        data: dict[str, Any] = codec.encode(found)
+        return data
+
+    return run
+
+
+def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> RecheckRun:
+    """Run the world of a stored failure, or a jittered copy of it.
+
+    Args:
+        settings: of the campaign, with the changed stack and the present directory.
+        record: of the failure.
+        copy: seed of the copy; ``STORED`` for the world itself.
+
+    Raises:
+        InputError: the stored world is missing or damaged, or cannot be run.
+    """
+    campaign = Campaign(
+        directory=Path(settings.directory),
+        settings=CampaignSettings(trials=settings),
+        records=(record,),
+    )
+    world = stored_world(campaign, record)
+    if copy != STORED:
+        try:
+            world = jitter_world(world, copy)
+        except WorldError:
+            return RecheckRun(fate="no place")
+    # A changed stack is judged by physics if that is its engine, whatever found the failure.
+    record = dataclasses.replace(record, engine=settings.stack.engine.name)
+    verdicts = rerun(settings, record, world).verdicts
+    return RecheckRun(
+        fate="ran",
+        violated=tuple(verdict.spec for verdict in verdicts if verdict.violated),
+        signature=signature(verdicts),
+    )

@@ -96,3 +96,15 @@ def test_pickled_columns_are_never_read(hall_trace, tmp_path):
             np.lib.format.write_array(file, np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(FormatError, match="is not a readable trace"):
         read_trace(evil)
+
+
+@pytest.mark.parametrize("share", np.linspace(0.0, 0.95, 20))
+def test_a_trace_with_a_damaged_stretch_is_refused(hall_trace, tmp_path, share):
+    path = tmp_path / "trace.zip"
+    write_trace(hall_trace, path)
+    data = bytearray(path.read_bytes())
+    start = int(share * len(data))
+    data[start : start + 40] = bytes(255 - byte for byte in data[start : start + 40])
+    path.write_bytes(bytes(data))
+    with pytest.raises(FormatError, match="is not a readable trace"):
+        read_trace(path)

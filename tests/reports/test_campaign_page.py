@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Furniture
 from reports.campaign_page import render
-from reports.contents import Case, Counterfactual, ErrorKind, Mode, Report, Trials
+from reports.contents import Case, ErrorKind, Mode, Report, Trials
 from reports.sentences import edge_sentence, sentence
 from tests import browser
 
@@ -30,7 +31,9 @@ def report(stalled):
         layer="waypoint_generator",
         identical=(3, 3),
         jittered=(18, 20),
-        counterfactuals=(Counterfactual(change="planner: ompl", failure_gone=False),),
+        counterfactuals=(
+            Counterfactual(layer="planner", change="planner: ompl", failure_gone=False),
+        ),
         removals=("without robot1 from 12.0 s on, robot2 goes on",),
     )
     return Report(

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from mrta_falsify.cli import main
 from mrta_falsify.core.defects import DEFECTS
-from mrta_falsify.verbs.report import build as reporting
+from mrta_falsify.verbs import report as reporting
 from tests.reports import newcomer
 from tests.reports.planted import planted_campaign
 
@@ -42,7 +42,7 @@ TRUTH = {
 def case(request, tmp_path_factory):
     directory = tmp_path_factory.mktemp("planted") / "campaign"
     campaign = planted_campaign(directory, request.param, ("no_deadlock",))
-    html = reporting.write(campaign, directory / "report.html").read_text()
+    html = reporting.write_report(campaign, directory / "report.html").read_text()
     return request.param, campaign, newcomer.read(html)
 
 

@@ -11,15 +11,18 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner
 
+from mrta_falsify.campaigns.finding_files import write_finding
+from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, Store
 from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.findings import Condition, Family
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, quick_stack
 from mrta_falsify.verbs import campaign as campaigns
-from mrta_falsify.verbs.report import build as reporting
+from mrta_falsify.verbs import report as reporting
 from reports.campaign_page import render
 from tests import browser
 from tests.reports.newcomer import lines_of
@@ -92,6 +95,18 @@ def test_an_empty_campaign_has_a_report(campaign, tmp_path):
     assert ElementTree.parse(tmp_path / "j.xml").getroot().get("tests") == "0"
 
 
+def test_the_probability_of_an_empty_campaign_is_unknown(campaign, tmp_path):
+    settings = dataclasses.replace(
+        campaign.settings,
+        trials=dataclasses.replace(campaign.settings.trials, mode="exact"),
+        sampler=Choice("random"),
+    )
+    with Store.create(tmp_path / "empty", settings) as store:
+        empty = store.campaign()
+    assert report(empty.directory).exit_code == 0
+    assert "Probability of a violation: unknown, 95% interval [0, 1]" in text_of(empty)
+
+
 def test_a_campaign_without_failures_claims_no_more_than_that(campaign, tmp_path):
     fine = with_records(campaign, tmp_path / "fine", passing(campaign, 0), passing(campaign, 1))
     assert report(fine.directory).exit_code == 0
@@ -143,6 +158,14 @@ def test_a_damaged_finding_costs_its_case_and_not_the_report(campaign, name):
     result = report(campaign.directory)
     assert result.exit_code == 0, result.stderr
     assert "is not shown in full" in text_of(campaign)
+    assert f"trials/0000/{name}" in text_of(campaign)
+
+
+def test_a_trace_of_another_world_costs_its_case_and_not_the_report(campaign):
+    path = campaign.directory / "trials" / "0000" / "world.json"
+    path.write_text(path.read_text().replace('"robot1"', '"robot9"'))
+    assert report(campaign.directory).exit_code == 0
+    assert "trace.zip: has robots robot1; world.json has robot9" in text_of(campaign)
 
 
 def test_a_campaign_of_another_version_is_refused_in_words(campaign):
@@ -208,8 +231,8 @@ def evil(stalled, tmp_path):
 
 
 def test_html_in_names_stays_text_in_every_form(evil, campaign):
-    page = render(reporting.report_of(evil))
-    plain = render(reporting.report_of(campaign))
+    page = render(reporting.build_report(evil))
+    plain = render(reporting.build_report(campaign))
     ours, theirs = _Tags(), _Tags()
     ours.feed(plain)
     theirs.feed(page)
@@ -217,9 +240,9 @@ def test_html_in_names_stays_text_in_every_form(evil, campaign):
     assert set(theirs.tags) <= {*ours.tags, *extra}
     assert "onerror" not in theirs.attributes
     assert EVIL in "\n".join(lines_of(page))
-    told = reporting.markdown(evil)
+    told = reporting.markdown_report(evil)
     assert "<img" not in re.sub(r"(`+).*?\1", "", told)
-    failure = ElementTree.fromstring(reporting.junit(evil)).find("testcase/failure")
+    failure = ElementTree.fromstring(reporting.junit_report(evil)).find("testcase/failure")
     assert EVIL in failure.get("message")
     assert failure.get("type") == f"{SPEC}/{EVIL}"
 
@@ -228,7 +251,7 @@ def test_html_in_names_stays_text_in_every_form(evil, campaign):
 def test_html_in_names_runs_nothing_in_a_browser(evil, tmp_path):
     if browser.find() is None:
         pytest.skip("no Chromium on this machine")
-    path = reporting.write(evil, tmp_path / "evil.html")
+    path = reporting.write_report(evil, tmp_path / "evil.html")
     with browser.browser() as running:
         running.open(path)
         running.value("window.alert = () => { window.caught = true; }")
@@ -259,7 +282,7 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     many = _ManyFolders(
         directory=campaign.directory, settings=campaign.settings, records=tuple(records)
     )
-    page = render(reporting.report_of(many))
+    page = render(reporting.build_report(many))
     assert len(page) < 5_000_000
     lines = lines_of(page)
     # errors are not judged
@@ -317,20 +340,30 @@ def test_what_against_names_must_be_a_campaign(campaign, tmp_path):
 
 def test_the_family_and_its_precision_stand_in_both_reports(campaign):
     folder = campaign.directory / "trials" / "0000"
-    sentence = "97 of 100 fresh samples of the family fail with this signature (95% interval ...)."
     (folder / "family.scenic").write_text("model scenic_worlds.model\n")
-    (folder / "family.json").write_text(
-        json.dumps(
-            {
-                "conditions": [],
-                "rule": ["walker.speed from 1.1 to 1.4"],
-                "sentence": sentence,
-                "free": ["cart.position.y"],
-                "passing": ["walker.speed = 1.02"],
-                "program": "moved/away.scenic",
-            }
-        )
+    speed = Condition(
+        dimension="walker.speed",
+        fate="interval",
+        low=0.6,
+        high=0.9,
+        text="walker.speed from 1.1 to 1.4",
     )
+    found = Family(
+        signature=SPEC,
+        engine="kinematic",
+        conditions=(speed,),
+        free=("cart.position.y",),
+        noise_seed=None,
+        precision=failure_probability(97, 100),
+        elsewhere=(3, 40),
+        learning_runs=200,
+        no_scene=0,
+        passing=("walker.speed = 1.02",),
+        program="moved/away.scenic",
+    )
+    write_finding(folder, found)
+    sentence = found.sentence
+    assert sentence.startswith("97 of 100 fresh samples of the family fail with this signature")
     assert report(campaign.directory, "--markdown", campaign.directory / "r.md").exit_code == 0
     page, told = text_of(campaign), (campaign.directory / "r.md").read_text()
     for text in (page, told):
@@ -350,7 +383,7 @@ def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
     many = _ManyFolders(
         directory=campaign.directory, settings=campaign.settings, records=tuple(rows)
     )
-    found = reporting.report_of(many)
+    found = reporting.build_report(many)
     whole = render(found)
     assert whole.count("<article ") == 4
     some = render(found, most_bytes=(len(whole) - 20_000) // 2)

@@ -9,15 +9,11 @@ from benchmarks.defects import worlds
 from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.findings import Counterfactual, Removal
 from mrta_falsify.trial import Job, quick_stack
-from mrta_falsify.verbs.explain import (
-    Finding,
-    Removal,
-    changes_of,
-    explain_job,
-    removal_text,
-    verdict_on,
-)
+from mrta_falsify.verbs.explain import removal_text
+from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
+from mrta_falsify.verbs.explain.explaining import explain_job
 from scenic_worlds.program import compile_program
 
 
@@ -32,11 +28,18 @@ def _job(defect, *specifications):
 
 @pytest.mark.slow
 def test_the_layer_whose_replacement_cures_the_failure_is_named():
-    found = explain_job(_job("room_freed_while_parked", "exclusive_use"), max_runs=8)
+    told = []
+    found = explain_job(
+        _job("room_freed_while_parked", "exclusive_use"),
+        max_runs=8,
+        on_done=lambda done, total: told.append((done, total)),
+    )
     assert found.layer == "queue_policy"
     gone = {finding.layer for finding in found.counterfactuals if finding.failure_gone}
     assert gone == {"queue_policy"}
     assert found.runs <= 8 + 6
+    assert [done for done, _ in told] == list(range(1, found.runs + 1))
+    assert all(done <= total for done, total in told)
 
 
 @pytest.mark.slow
@@ -74,20 +77,22 @@ def test_a_layer_under_test_is_replaced_by_the_reference_and_the_reference_by_ot
 )
 def test_one_layer_is_named_from_what_cured_the_failure(cured, guess, expected):
     findings = [
-        Finding(layer=layer, change=layer, failure_gone=layer in cured)
+        Counterfactual(layer=layer, change=layer, failure_gone=layer in cured)
         for layer in ("queue_policy", "planner", "controller")
     ]
-    assert verdict_on(findings, guess)[0] == expected
+    assert suspicion_from(findings, guess).layer == expected
 
 
 def test_the_shipped_layer_in_place_of_another_says_more_than_one_that_does_all_otherwise():
     findings = [
-        Finding(layer="waypoint_generator", change="another one", failure_gone=True),
-        Finding(layer="controller", change="the shipped one", failure_gone=True, restores=True),
+        Counterfactual(layer="waypoint_generator", change="another one", failure_gone=True),
+        Counterfactual(
+            layer="controller", change="the shipped one", failure_gone=True, restores=True
+        ),
     ]
-    assert verdict_on(findings, "waypoint_generator")[0] == "controller"
+    assert suspicion_from(findings, "waypoint_generator").layer == "controller"
     stays = [findings[0], dataclasses.replace(findings[1], failure_gone=False)]
-    assert verdict_on(stays, "controller")[0] == "waypoint_generator"
+    assert suspicion_from(stays, "controller").layer == "waypoint_generator"
 
 
 def test_the_trace_alone_gives_a_first_guess(stalled):

@@ -13,7 +13,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
 from mrta_falsify.trial import Job, judge, quick_stack
-from mrta_falsify.verbs.minimize.minimising import minimise_job, share_removed, write_as_program
+from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
 from scenic_worlds.program import compile_program
 
 
@@ -41,60 +41,60 @@ def cluttered():
 
 @pytest.mark.slow
 def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered):
-    found = minimise_job(cluttered, max_runs=60)
+    found = minimize_job(cluttered, max_runs=60)
     world = found.world
-    assert found.one_minimal
+    assert found.finding.one_minimal
     assert [robot.name for robot in world.robots] == ["robot1"]
     assert world.humans == ()
     assert "chair" not in [item.name for item in world.furniture]
     assert world.horizon < cluttered.world.horizon
-    assert share_removed(found) > 0.4
-    assert found.signature == signature(judge(cluttered).verdicts)
+    assert found.finding.share_removed > 0.4
+    assert found.finding.signature == signature(judge(cluttered).verdicts)
     again = judge(dataclasses.replace(cluttered, world=world))
     assert again.outcome.trace.digest == found.judged.outcome.trace.digest
     for number in range(len(world.tasks)):
         tasks = world.tasks[:number] + world.tasks[number + 1 :]
         without = dataclasses.replace(cluttered, world=dataclasses.replace(world, tasks=tasks))
-        assert signature(judge(without).verdicts) != found.signature
+        assert signature(judge(without).verdicts) != found.finding.signature
 
 
 @pytest.mark.slow
 def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
     cache = tmp_path / "cache.jsonl"
-    few = minimise_job(cluttered, max_runs=2, cache=cache)
-    assert few.runs == 2
-    assert not few.one_minimal
+    few = minimize_job(cluttered, max_runs=2, cache=cache)
+    assert few.finding.runs == 2
+    assert not few.finding.one_minimal
     seen = []
-    more = minimise_job(
+    more = minimize_job(
         cluttered, max_runs=4, cache=cache, on_run=lambda runs, text: seen.append(runs)
     )
     assert seen == [3, 4]
-    assert more.runs == 4
+    assert more.finding.runs == 4
 
 
 @pytest.mark.slow
 def test_several_workers_come_to_the_same_world(cluttered):
-    alone = minimise_job(cluttered, max_runs=60)
-    together = minimise_job(cluttered, max_runs=60, workers=2)
+    alone = minimize_job(cluttered, max_runs=60)
+    together = minimize_job(cluttered, max_runs=60, workers=2)
     assert together.world.digest() == alone.world.digest()
     assert together.judged.outcome.trace.digest == alone.judged.outcome.trace.digest
-    assert together.one_minimal
-    assert together.runs >= alone.runs  # what runs ahead is not always needed
+    assert together.finding.one_minimal
+    assert together.finding.runs >= alone.finding.runs  # what runs ahead is not always needed
 
 
 @pytest.mark.slow
 def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
     cache = tmp_path / "cache.jsonl"
-    few = minimise_job(cluttered, max_runs=3, workers=2, cache=cache)
-    assert few.runs == 3
-    assert not few.one_minimal
-    assert minimise_job(cluttered, max_runs=4, cache=cache).runs == 4
+    few = minimize_job(cluttered, max_runs=3, workers=2, cache=cache)
+    assert few.finding.runs == 3
+    assert not few.finding.one_minimal
+    assert minimize_job(cluttered, max_runs=4, cache=cache).finding.runs == 4
 
 
 def test_a_run_that_holds_cannot_be_minimised(cluttered):
     healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
     with pytest.raises(InputError, match="violates nothing"):
-        minimise_job(healthy)
+        minimize_job(healthy)
 
 
 @pytest.mark.slow
@@ -105,24 +105,24 @@ def test_values_move_to_nominal_where_the_failure_does_not_need_them(cluttered):
     job = dataclasses.replace(
         cluttered, world=dataclasses.replace(cluttered.world, robots=noisy, ray_noise=0.001)
     )
-    found = minimise_job(job, max_runs=60)
+    found = minimize_job(job, max_runs=60)
     assert np.all([robot.position_noise == 0.0 for robot in found.world.robots])
-    assert "noise and delays of robots" in found.removed
+    assert "noise and delays of robots" in found.finding.removed
 
 
 @pytest.mark.slow
 def test_the_smallest_world_is_written_as_a_program_that_fails_in_the_same_way(cluttered, tmp_path):
-    found = minimise_job(cluttered, max_runs=2)
+    found = minimize_job(cluttered, max_runs=2)
     said = write_as_program(found, cluttered, tmp_path)
     assert said in ("identical", "same failure")
     again = compile_program(tmp_path / "world.min.scenic").sample(0)
     judged = judge(dataclasses.replace(cluttered, world=again), keep_trace=False)
-    assert signature(judged.verdicts) == found.signature
+    assert signature(judged.verdicts) == found.finding.signature
 
 
 @pytest.mark.slow
 def test_no_program_is_left_that_does_not_fail(cluttered, tmp_path):
-    found = minimise_job(cluttered, max_runs=2)
+    found = minimize_job(cluttered, max_runs=2)
     healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
     assert "no failure" in write_as_program(found, healthy, tmp_path)
     assert not list(tmp_path.iterdir())

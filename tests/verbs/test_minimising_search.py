@@ -11,14 +11,11 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, Task, World
-from mrta_falsify.verbs.minimize.search import (
-    MARGIN,
-    NOMINAL,
-    concerned,
-    course_of,
-    later_starts,
-    without,
-)
+from mrta_falsify.verbs.minimize.course import course_of
+from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, without
+from mrta_falsify.verbs.minimize.first_guess import concerned
+from mrta_falsify.verbs.minimize.later_starts import later_starts
+from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
 
 
 def _violated(spec: str = "no_deadlock", at: float = 8.0, **evidence: object) -> Verdict:
@@ -61,7 +58,7 @@ def test_the_first_guess_keeps_what_the_cycle_names_and_what_stood_near(hall, ha
     assert guess.tasks == hall.tasks[:1]
     assert [item.name for item in guess.furniture] == ["table"]
     assert guess.humans == ()
-    assert guess.horizon == 8.0 + MARGIN
+    assert guess.horizon == 8.0 + HORIZON_MARGIN
     wide = concerned(world, verdict, hall_trace, wide=True)
     assert len(wide.robots) == 2
     assert len(wide.tasks) == 2
@@ -135,7 +132,5 @@ def test_a_robot_may_begin_where_it_had_delivered_something(delivered):
 
 
 def test_values_that_are_nominal_stay_as_they_are(hall):
-    calm = hall
-    for _, change in NOMINAL:
-        calm = change(calm)
-    assert all(change(calm).digest() == calm.digest() for _, change in NOMINAL)
+    calm = all_nominal(hall)
+    assert all(change.apply(calm).digest() == calm.digest() for change in NOMINAL)

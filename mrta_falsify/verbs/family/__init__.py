@@ -1,1 +1,5 @@
-"""The rule behind a failure: a box over named dimensions in which runs fail alike."""
+"""The command ``family``: the rule behind a failure."""
+
+from mrta_falsify.verbs.family.finding import find_family
+
+__all__ = ["find_family"]

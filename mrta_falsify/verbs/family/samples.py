@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from mrta_falsify.campaigns.journal import append_row, read_rows
+from mrta_falsify.campaigns.journal import AnswerCache
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
@@ -23,48 +20,39 @@ from mrta_falsify.worker import specifications_of
 if TYPE_CHECKING:
     from scenic_worlds.program import Program
 
-SCENES = 300  # attempts at a valid scene before a point is given up
+SCENE_ATTEMPTS = 300  # attempts at a valid scene before a point is given up
 
-Box = dict[int, tuple[float, float]]  # share of a dimension's range, by its number
+Box = dict[int, tuple[float, float]]  # lowest and highest share of a dimension's range, by number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
-    """What a run has shown."""
+class PointRun:
+    """What the run of a point gave."""
 
-    u: Array  #: ``(k,)`` the point that was run, after repair
+    u: Array | None  #: ``(k,)`` the point that was run, after repair; None: no valid scene
     failed: bool  #: with the wanted signature
 
 
 @dataclass(slots=True)
-class Runs:
+class SampleRuns:
     """Runs points of a program and says whether they fail in the wanted way.
 
-    Answers are kept in ``cache``, a line each, before they are given; whoever asks for the same
-    points again, in this process or a later one, gets them without a run.
+    A point that was asked for before, in this process or an earlier one, is not run again.
     """
 
     settings: TrialSettings
     program: Program
     config: StackConfig
-    wanted: str
-    cache: Path
+    wanted: str  #: signature
+    cache: AnswerCache[PointRun]
     on_run: Callable[[int], None]
-    count: int = 0  #: answers that took a run, now or earlier
-    known: dict[str, Answer | None] = field(default_factory=dict)
+    count: int = 0  #: samples that took a run, now or earlier
 
-    def __post_init__(self) -> None:
-        for row in read_rows(self.cache):
-            try:
-                self.known[str(row["run"])] = _answer(row)
-            except (ValueError, KeyError, TypeError):
-                continue  # a damaged line costs one run
-
-    def within(self, box: Box, candidate: Candidate) -> Answer | None:
-        """Run a candidate of the program restricted to a box; None: it has no valid scene.
+    def within(self, box: Box, candidate: Candidate) -> PointRun:
+        """Run a candidate of the program restricted to a box.
 
         Args:
-            box: least and largest share of a dimension's range, by its number.
+            box: the restriction.
             candidate: its ``u`` is a point of the box.
         """
         self.program.restrict(box)
@@ -75,8 +63,8 @@ class Runs:
 
     def of(
         self, program: Program, candidate: Candidate, box: Box, *, noise_seed: int | None = None
-    ) -> Answer | None:
-        """Run a candidate of a program; None: it has no valid scene.
+    ) -> PointRun:
+        """Run a candidate of a program.
 
         Args:
             program: the campaign's one, restricted to ``box`` by whatever means.
@@ -85,20 +73,19 @@ class Runs:
             noise_seed: that ``program`` fixes.
         """
         key = self._key(candidate, box, noise_seed)
-        if key not in self.known:
-            self.known[key] = self._run(program, candidate)
-            self._keep(key)
-        answer = self.known[key]
-        if answer is not None:
+        if key not in self.cache.answers:
+            self.cache.keep(key, self._run(program, candidate))
+        sample = self.cache.answers[key]
+        if sample.u is not None:
             self.count += 1
             self.on_run(self.count)
-        return answer
+        return sample
 
-    def _run(self, program: Program, candidate: Candidate) -> Answer | None:
+    def _run(self, program: Program, candidate: Candidate) -> PointRun:
         try:
-            realised = program.realise(candidate, max_attempts=SCENES)
+            realised = program.realise(candidate, max_attempts=SCENE_ATTEMPTS)
         except InputError:
-            return None
+            return PointRun(u=None, failed=False)
         job = Job(
             world=realised.world,
             config=self.config,
@@ -110,7 +97,7 @@ class Runs:
             failed = signature(judge(job, keep_trace=False).verdicts) == self.wanted
         except InputError:
             failed = False  # a world in which the stack cannot begin
-        return Answer(realised.candidate.u, failed)
+        return PointRun(u=realised.candidate.u, failed=failed)
 
     def _key(self, candidate: Candidate, box: Box, noise_seed: int | None) -> str:
         asked = {
@@ -124,16 +111,3 @@ class Runs:
             "candidate": candidate,
         }
         return codec.digest(asked)
-
-    def _keep(self, key: str) -> None:
-        answer = self.known[key]
-        row: dict[str, Any] = {"run": key, "u": None, "failed": False}
-        if answer is not None:
-            row |= {"u": answer.u.tolist(), "failed": answer.failed}
-        append_row(self.cache, row)
-
-
-def _answer(row: dict[str, Any]) -> Answer | None:
-    if row["u"] is None:
-        return None
-    return Answer(np.array(row["u"], dtype=np.float64), bool(row["failed"]))

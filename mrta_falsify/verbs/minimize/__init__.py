@@ -1,1 +1,5 @@
-"""The smallest world that still fails in the same way."""
+"""The command ``minimize``: the smallest world that still fails in the same way."""
+
+from mrta_falsify.verbs.minimize.minimising import minimize
+
+__all__ = ["minimize"]

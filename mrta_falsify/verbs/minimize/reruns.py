@@ -9,16 +9,16 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import NamedTuple
 
-from mrta_falsify.campaigns.journal import append_row, read_rows
+from mrta_falsify.campaigns.journal import AnswerCache
 from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.signature import leading, signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.world import World
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.minimize.search import Course, course_of
+from mrta_falsify.verbs.minimize.course import Course, course_of
 from simulator_interface import starts
 
 
@@ -26,8 +26,7 @@ class OutOfRunsError(Exception):
     """An answer is not known yet, and the runs are used up."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Smaller:
+class Smaller(NamedTuple):
     """A world that may still fail."""
 
     world: World
@@ -35,77 +34,77 @@ class Smaller:
     place: int = 0  #: of what is left out, in its group
 
 
-@dataclass(slots=True)
-class Runs(AbstractContextManager["Runs"]):
-    """Runs worlds and says which still fails in the wanted way.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmallerRun:
+    """What the run of a smaller world gave."""
 
-    With several workers the next few worlds run side by side, and the first in their order that
-    fails counts, so that the answer is the same as with one. Answers are remembered, those that
-    were not needed as well, and kept in ``cache``, a line each.
+    ran: bool  #: False if the world is not valid
+    course: Course | None  #: of the run, if it fails in the wanted way
+
+
+@dataclass(slots=True)
+class Reruns(AbstractContextManager["Reruns"]):
+    """Runs worlds and says which is the first that still fails in the wanted way.
+
+    With several workers the next few worlds run side by side. The first in their order that
+    fails counts, so the answer is the same as with one worker. All answers are cached, including
+    those that were not needed.
     """
 
     job: Job
     wanted: str  #: signature
     max_runs: int
-    cache: Path | None
+    cache: AnswerCache[SmallerRun]
     on_run: Callable[[int, str], None]
     workers: int = 1
-    count: int = 0  #: simulated, earlier attempts included
-    _known: dict[str, Course | None] = field(default_factory=dict)
-    _pool: ProcessPoolExecutor | None = None
+    count: int = field(init=False)  #: simulated, including earlier calls
+    _pool: ProcessPoolExecutor | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
+        self.count = sum(answer.ran for answer in self.cache.answers.values())
         if self.workers > 1:
             self._pool = spawned(self.workers)
-        if self.cache is None:
-            return
-        for row in read_rows(self.cache):
-            try:
-                key, ran, course = str(row["run"]), bool(row["ran"]), row["course"]
-                self._known[key] = course and codec.decode(Course, course, where=str(self.cache))
-            except (InputError, KeyError, TypeError):
-                continue  # a damaged line costs one run
-            self.count += ran
 
     def __exit__(self, *_: object) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
     def first_failing(self, worlds: Iterable[Smaller]) -> tuple[Smaller, Course] | None:
-        """The first of ``worlds`` that fails with the wanted signature, and the course of its run.
+        """Find the first of ``worlds`` that fails with the wanted signature.
 
         Args:
             worlds: in the order in which they are wanted; taken as they are needed.
 
         Returns:
-            None if none does.
+            The world and the course of its run; None if none fails.
 
         Raises:
             OutOfRunsError: an answer that is needed is not known, and the runs are used up.
             HarnessError: a process died.
         """
-        rest = iter(worlds)
-        while batch := list(self._next_unknown(rest)):
-            self._run({key: smaller for key, smaller in batch if key not in self._known})
+        rest, known = iter(worlds), self.cache.answers
+        while batch := list(self._next_batch(rest)):
+            self._run({key: smaller for key, smaller in batch if key not in known})
             for key, smaller in batch:
-                if key not in self._known:
+                if key not in known:
                     raise OutOfRunsError
-                course = self._known[key]
+                course = known[key].course
                 if course is not None:
                     return smaller, course
         return None
 
-    def _next_unknown(self, rest: Iterator[Smaller]) -> Iterator[tuple[str, Smaller]]:
-        """Worlds up to the next that is known to fail, with at most one unknown per worker."""
+    def _next_batch(self, rest: Iterator[Smaller]) -> Iterator[tuple[str, Smaller]]:
+        """Take worlds up to one that is known to fail, at most one unknown for each worker."""
         unknown = set()
         for smaller in rest:
             key = codec.digest(
                 [smaller.world, self.job.config, self.job.specifications, self.wanted]
             )
             yield key, smaller
-            if key not in self._known:
+            answer = self.cache.answers.get(key)
+            if answer is None:
                 unknown.add(key)
-            elif self._known[key] is not None:
+            elif answer.course is not None:
                 return
             if len(unknown) == self.workers:
                 return
@@ -115,34 +114,32 @@ class Runs(AbstractContextManager["Runs"]):
         jobs = {key: dataclasses.replace(self.job, world=s.world) for key, s in chosen.items()}
         if self._pool is None or len(jobs) < 2:
             for key, job in jobs.items():
-                self._keep(key, chosen[key], *_course(job, self.wanted))
+                self._keep(key, chosen[key], run_smaller(job, self.wanted))
             return
-        futures: dict[str, Future[tuple[bool, Course | None]]] = {
-            key: self._pool.submit(_course, job, self.wanted) for key, job in jobs.items()
+        futures: dict[str, Future[SmallerRun]] = {
+            key: self._pool.submit(run_smaller, job, self.wanted) for key, job in jobs.items()
         }
         try:
             for key, future in futures.items():
-                self._keep(key, chosen[key], *future.result())
+                self._keep(key, chosen[key], future.result())
         except BrokenProcessPool:
             raise HarnessError("a process that ran smaller worlds has died; call again") from None
 
-    def _keep(self, key: str, smaller: Smaller, ran: bool, course: Course | None) -> None:
-        self.count += ran
-        self._known[key] = course
-        if self.cache is not None:
-            kept = codec.encode(course) if course else None
-            append_row(self.cache, {"run": key, "ran": ran, "course": kept})
-        self.on_run(self.count, f"{'fails' if course else 'passes'} without {smaller.what}")
+    def _keep(self, key: str, smaller: Smaller, answer: SmallerRun) -> None:
+        self.cache.keep(key, answer)
+        self.count += answer.ran
+        outcome = "fails" if answer.course is not None else "passes"
+        self.on_run(self.count, f"{outcome} without {smaller.what}")
 
 
-def _course(job: Job, wanted: str) -> tuple[bool, Course | None]:
-    """Whether the job could run, and the course of its run if it fails with ``wanted``."""
+def run_smaller(job: Job, wanted: str) -> SmallerRun:
+    """Run a smaller world and look whether it fails with the signature ``wanted``."""
     try:
         starts.check_starts(job.world)
         judged = judge(job)
     except InputError:
-        return False, None  # no valid world
+        return SmallerRun(ran=False, course=None)
     verdict = leading(judged.verdicts)
     if verdict is None or signature(judged.verdicts) != wanted:
-        return True, None
-    return True, course_of(verdict, judged.outcome.trace, job.world)
+        return SmallerRun(ran=True, course=None)
+    return SmallerRun(ran=True, course=course_of(verdict, judged.outcome.trace, job.world))

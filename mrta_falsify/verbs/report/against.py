@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from collections.abc import Sequence
 
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign import modes
 from reports.contents import Table
 
 MOST_ROWS = 100
+DIGEST_LENGTH = 12  # hex digits of a world's digest that are shown
 
 
 def comparison_tables(campaign: Campaign, against: Campaign) -> tuple[Table, ...]:
-    """What differs: failures by mode, and the worlds that both have run.
+    """Tabulate what differs: failures by mode, and the worlds that both have run.
 
     Args:
         campaign: that is reported.
@@ -28,20 +30,25 @@ def _by_mode(campaign: Campaign, against: Campaign) -> Table:
     one, other = ({m["signature"]: m["count"] for m in modes(c)} for c in (campaign, against))
     counts = [sum(record.status == "ok" for record in c.records) for c in (campaign, against)]
     names = sorted(one.keys() | other, key=lambda n: (-one.get(n, 0) - other.get(n, 0), n))
-    rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names[:MOST_ROWS]]
-    if len(names) > MOST_ROWS:
-        rows.append((f"{len(names) - MOST_ROWS} further modes", "", ""))
+    rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names]
     total = (f"{sum(one.values())} of {counts[0]}", f"{sum(other.values())} of {counts[1]}")
     return Table(
         title="Against another stack",
         columns=("mode", str(campaign.directory), str(against.directory)),
-        rows=(*rows, ("all failures", *total)),
+        rows=(*_shortened(rows, "modes"), ("all failures", *total)),
         notes=(*_other_conditions(campaign, against), _other_stack(campaign, against)),
     )
 
 
+def _shortened(rows: Sequence[tuple[str, ...]], what: str) -> tuple[tuple[str, ...], ...]:
+    """Keep the first rows of a table, and count the others."""
+    if len(rows) <= MOST_ROWS:
+        return tuple(rows)
+    return (*rows[:MOST_ROWS], (f"{len(rows) - MOST_ROWS} further {what}", "", ""))
+
+
 def _other_conditions(campaign: Campaign, against: Campaign) -> tuple[str, ...]:
-    """A warning if more than the stack differs."""
+    """Warn if more than the stack differs."""
     one, other = campaign.settings.trials, against.settings.trials
     differing = [
         what
@@ -64,38 +71,38 @@ def _other_conditions(campaign: Campaign, against: Campaign) -> tuple[str, ...]:
 
 
 def _other_stack(campaign: Campaign, against: Campaign) -> str:
-    one, other = (codec.encode(c.settings.trials.stack) for c in (campaign, against))
-    differing = [name for name in one if one[name] != other.get(name)]
-    if not differing:
+    """Say in which layers the stacks differ."""
+    one, other = campaign.settings.trials.stack, against.settings.trials.stack
+    texts = []
+    for field in dataclasses.fields(StackConfig):
+        here, there = getattr(one, field.name), getattr(other, field.name)
+        if here != there:
+            texts.append(f"{field.name}: {_short(here)} against {_short(there)}")
+    if not texts:
         return "The stacks are the same."
-    texts = [f"{name}: {_short(one[name])} against {_short(other.get(name))}" for name in differing]
     return f"The stacks differ in {'; '.join(texts)}."
 
 
-def _short(value: Any) -> str:
-    """A layer's choice in a few words."""
-    if isinstance(value, dict) and "name" in value:
-        options = ", ".join(f"{k}={v}" for k, v in (value.get("options") or {}).items())
-        return f"{value['name']} ({options})" if options else str(value["name"])
-    if isinstance(value, list):
-        return ", ".join(map(str, value)) or "none"
+def _short(value: Choice | tuple[str, ...] | int) -> str:
+    """Write a layer's choice, the defects or the control rate in a few words."""
+    if isinstance(value, Choice):
+        options = ", ".join(f"{name}={option}" for name, option in value.options.items())
+        return f"{value.name} ({options})" if options else value.name
+    if isinstance(value, tuple):
+        return ", ".join(value) or "none"
     return str(value)
 
 
 def _by_world(campaign: Campaign, against: Campaign) -> Table | None:
-    """Worlds run under both stacks, and those of them that only one of the two fails on."""
+    """Tabulate the worlds run under both stacks on which only one of the two fails."""
     one, other = _by_digest(campaign), _by_digest(against)
-    shared = [digest for digest in one if digest in other]
     if not one or not other:
         return None
     title = "The same worlds under both stacks"
-    if not shared:
-        return Table(
-            title=title,
-            columns=(),
-            notes=("No world was run under both: the seeds or the samplers' ways differ.",),
-        )
-    pairs = [(one[digest], other[digest]) for digest in shared]
+    pairs = [(record, other[digest]) for digest, record in one.items() if digest in other]
+    if not pairs:
+        note = "No world was run under both: the seeds or the samplers' ways differ."
+        return Table(title=title, columns=(), notes=(note,))
     both = sum(a.failed and b.failed for a, b in pairs)
     here = sum(a.failed and not b.failed for a, b in pairs)
     there = sum(b.failed and not a.failed for a, b in pairs)
@@ -105,11 +112,14 @@ def _by_world(campaign: Campaign, against: Campaign) -> Table | None:
         f"Of {len(pairs)} worlds that both have run, {both} fail in both, {here} only in "
         f"{names[0]}, {there} only in {names[1]}, {neither} in neither."
     )
-    telling = [(a, b) for a, b in pairs if a.failed != b.failed]
-    rows = [(a.world_digest[:12], _told(a), _told(b)) for a, b in telling[:MOST_ROWS]]
-    if len(telling) > MOST_ROWS:
-        rows.append((f"{len(telling) - MOST_ROWS} further worlds", "", ""))
-    return Table(title=title, columns=("world", *names), rows=tuple(rows), notes=(text,))
+    rows = [
+        (a.world_digest[:DIGEST_LENGTH], _outcome(a), _outcome(b))
+        for a, b in pairs
+        if a.failed != b.failed
+    ]
+    return Table(
+        title=title, columns=("world", *names), rows=_shortened(rows, "worlds"), notes=(text,)
+    )
 
 
 def _by_digest(campaign: Campaign) -> dict[str, TrialRecord]:
@@ -120,5 +130,5 @@ def _by_digest(campaign: Campaign) -> dict[str, TrialRecord]:
     return found
 
 
-def _told(record: TrialRecord) -> str:
+def _outcome(record: TrialRecord) -> str:
     return f"{record.id}: {record.signature or 'passes'}"

@@ -1,0 +1,87 @@
+"""Findings about a failure, kept in files beside its trial."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mrta_falsify.campaigns.store import write_atomically
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.findings import (
+    Explanation,
+    Family,
+    Finding,
+    Minimisation,
+    ReplayCheck,
+    derived_names,
+    finding_data,
+)
+
+FINDING_VERSION = 2  # of the files; version 1 wrote no number
+FILE_NAMES: dict[type[Finding], str] = {
+    Explanation: "explain.json",
+    Minimisation: "minimize.json",
+    ReplayCheck: "verify.json",
+    Family: "family.json",
+}
+
+F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Family)
+
+
+def write_finding(folder: Path, finding: Finding) -> None:
+    """Write a finding beside a trial, in place of an earlier one of its kind."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = {"version": FINDING_VERSION, **finding_data(finding)}
+    text = json.dumps(data, indent=1) + "\n"
+    write_atomically(folder / FILE_NAMES[type(finding)], text.encode())
+
+
+def read_finding(folder: Path, kind: type[F]) -> F | None:
+    """Read a finding that was kept beside a trial.
+
+    Args:
+        folder: of the trial.
+        kind: of the finding.
+
+    Returns:
+        None if there is no such file.
+
+    Raises:
+        FormatError: the file cannot be read, or has another version.
+        InputError: the file is damaged; the message names the field.
+    """
+    path = folder / FILE_NAMES[kind]
+    if not path.is_file():
+        return None
+    data = codec.read_json(path)
+    if isinstance(data, dict):
+        version = data.pop("version", 1)
+        if version not in (1, FINDING_VERSION):
+            known = f"this toolkit reads versions 1 to {FINDING_VERSION}"
+            raise FormatError(f"{path}: has format version {version}; {known}")
+        if version == 1 and kind in FROM_VERSION_1:
+            data = FROM_VERSION_1[kind](data)
+        for name in derived_names(kind):
+            data.pop(name, None)
+    return codec.decode(kind, data, where=str(path))
+
+
+def _family_from_version_1(data: dict[str, Any]) -> dict[str, Any]:
+    """Write the missing estimate of a precision without samples as null instead of NaN."""
+    precision = data.get("precision")
+    if not isinstance(precision, dict):
+        return data
+    estimate = precision.get("estimate")
+    if isinstance(estimate, float) and math.isnan(estimate):
+        return {**data, "precision": {**precision, "estimate": None}}
+    return data
+
+
+#: the keys of the other files have not changed
+FROM_VERSION_1: dict[type[Finding], Callable[[dict[str, Any]], dict[str, Any]]] = {
+    Family: _family_from_version_1,
+}

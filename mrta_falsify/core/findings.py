@@ -1,0 +1,202 @@
+"""What is found out about a stored failure: why it happens, how small it gets, its family.
+
+Each value is kept in a file of its own beside the trial
+(:mod:`mrta_falsify.campaigns.finding_files`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypeAlias
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.difference import Difference
+from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.verdict import Verdict
+
+# --- why it happens ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counterfactual:
+    """What became of a failure in a continuation with one layer of the stack changed."""
+
+    layer: str  #: that was replaced
+    change: str  #: in words
+    failure_gone: bool
+    detail: str = ""  #: how the continuation ended
+    restores: bool = False  #: whether the shipped layer replaced another one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Removal:
+    """What became of the other robots when one robot of a deadlock was taken away."""
+
+    robot: str
+    time: float  #: of the removal [s]
+    go_on: tuple[str, ...] = ()
+    stay: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CopyCount:
+    """Runs of a failing world with small differences."""
+
+    runs: int
+    failed: int  #: of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """Why a failure happens, as far as re-runs can tell."""
+
+    layer: str  #: suspected, empty if none is
+    guess: str  #: the layer that the trace alone points to
+    reason: str  #: why the layer is suspected, in words
+    changed_at: float  #: when the continuations were changed [s]
+    counterfactuals: tuple[Counterfactual, ...]
+    jittered: CopyCount
+    runs: int  #: episodes and continuations simulated
+    removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
+
+
+# --- how small it gets -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Minimisation:
+    """The smallest world that still fails in the same way, compared with the original."""
+
+    DERIVED: ClassVar[tuple[str, ...]] = ("share_removed",)
+
+    signature: str
+    removed: tuple[str, ...]  #: in words
+    runs: int  #: simulated, including those of earlier calls
+    one_minimal: bool  #: False if the runs did not suffice
+    counts: dict[str, tuple[int, int]]  #: things before and after, by group
+    world_digest: str
+    trace_digest: str
+    verdicts: tuple[Verdict, ...]  #: violated by the smallest world
+    program: str = ""
+    """How the world written as a Scenic program runs: ``identical``, ``same failure``, or why
+    there is no program."""
+
+    @property
+    def share_removed(self) -> float:
+        """Share of robots, people, furniture, tasks and events that were removed."""
+        before = sum(pair[0] for pair in self.counts.values())
+        after = sum(pair[1] for pair in self.counts.values())
+        return 1.0 - after / before if before else 0.0
+
+
+# --- whether it happens again ------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayCheck:
+    """Replays of a trial, compared with its record."""
+
+    runs: int
+    identical: int  #: runs with the recorded trace digest
+    same_verdicts: int  #: runs that violate the same specifications at the same times
+    same_machine: bool  #: whether versions and machine type are the recorded ones
+    first_difference: Difference | None = None  #: of the first other run from the stored trace
+
+
+RecheckFate: TypeAlias = Literal["fixed", "still failing", "flaky", "timeout"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recheck:
+    """What became of a stored failure on a changed stack.
+
+    It is *still failing* if its world fails. It is *flaky* if only jittered copies fail: the
+    change has moved the failure instead of removing it. It is a *timeout* if nothing failed, but
+    a run exceeded its time limit. Otherwise it is *fixed*.
+    """
+
+    id: str
+    fate: RecheckFate
+    signature: str  #: as stored
+    violated: tuple[str, ...]  #: by the stored world on the changed stack
+    signature_now: str
+    jittered_failures: int
+    jittered: int  #: runs of jittered copies
+
+
+# --- when else it happens ----------------------------------------------------------------
+
+ConditionFate: TypeAlias = Literal["interval", "held", "unknown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """What the rule of a family says about one dimension."""
+
+    dimension: str
+    fate: ConditionFate  #: unknown: held as well, since the runs did not suffice to try it
+    low: float  #: as a share of the dimension's range
+    high: float  #: as a share of the dimension's range
+    text: str  #: in the program's units
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """The rule behind a failure: conditions under which a program fails in the same way."""
+
+    DERIVED: ClassVar[tuple[str, ...]] = ("rule", "sentence")
+
+    signature: str
+    engine: str  #: of all runs
+    conditions: tuple[Condition, ...]
+    free: tuple[str, ...]  #: dimensions that do not matter
+    noise_seed: int | None  #: fixed if other noise cures the failure
+    precision: Probability  #: on fresh samples of the written program
+    elsewhere: tuple[int, int]  #: trials of the campaign with the signature, of all judged ones
+    learning_runs: int
+    no_scene: int  #: fresh samples for which no valid scene was found
+    passing: tuple[str, ...] = ()  #: the nearest neighbours that pass, in words
+    program: str = ""  #: path of the Scenic program
+
+    @property
+    def rule(self) -> tuple[str, ...]:
+        """The rule, one line for each condition."""
+        lines = [
+            c.text + (" (not tried: out of runs)" if c.fate == "unknown" else "")
+            for c in self.conditions
+        ]
+        if self.noise_seed is not None:
+            lines.append(f"the noise of seed {self.noise_seed}")
+        return tuple(lines) or ("anything the program gives",)
+
+    @property
+    def sentence(self) -> str:
+        """How precise the rule is."""
+        measured = self.precision
+        here, judged = self.elsewhere
+        if not measured.trials:
+            return "No fresh sample of the family had a valid scene."
+        return (
+            f"{measured.failures} of {measured.trials} fresh samples of the family fail with this "
+            f"signature on the {self.engine} engine ({measured.level:.0%} interval "
+            f"{measured.low:.2f} to {measured.high:.2f}); in the campaign it was {here} of "
+            f"{judged} trials. {len(self.free)} dimensions do not matter, "
+            f"{len(self.conditions)} do."
+        )
+
+
+# --- as data -----------------------------------------------------------------------------
+
+Finding: TypeAlias = Explanation | Minimisation | ReplayCheck | Family
+
+
+def finding_data(finding: Finding) -> dict[str, Any]:
+    """Encode a finding as JSON-shaped data, together with what follows from its fields."""
+    derived = {name: codec.encode(getattr(finding, name)) for name in derived_names(type(finding))}
+    return {**codec.encode(finding), **derived}
+
+
+def derived_names(kind: type[Finding]) -> tuple[str, ...]:
+    """Names of the properties that :func:`finding_data` adds to the fields of ``kind``."""
+    names: tuple[str, ...] = getattr(kind, "DERIVED", ())
+    return names

@@ -1,0 +1,62 @@
+"""Continuations of a failing episode, each with one layer of the stack changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.trial import Job
+from mrta_falsify.verbs.explain.changes import Change
+from simulator_interface.continuation import Running, run_to
+
+AFTER = 45.0  # s after the violation that a changed episode must survive
+LOOK_STRIDE = 10  # ticks between two looks at whether the failure is back
+
+
+def continued_with(
+    job: Job, verdict: Verdict, at: float, changes: Sequence[Change]
+) -> Iterator[Counterfactual]:
+    """Run to ``at`` [s] once, and from there once for each change.
+
+    Args:
+        job: that fails.
+        verdict: the violated one that explains the failure.
+        at: when to change something [s].
+        changes: to make.
+    """
+    until = (verdict.violated_at or job.world.horizon) + AFTER
+    with run_to(job.world, job.config, job.specifications, at) as running:
+        for change in changes:
+            changed = partial(_counterfactual, running, verdict, change, until)
+            yield running.in_a_copy(changed, Counterfactual)
+
+
+def _counterfactual(
+    running: Running, verdict: Verdict, change: Change, until: float
+) -> Counterfactual:
+    """Go on with a change, and look whether the same specification is violated by ``until`` [s]."""
+    running.episode.swap(change.config)
+    own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
+    ended = "the time looked at was over"
+    for frame in running.frames:
+        for specification in own:
+            specification.update(frame)
+        time = frame.sensed.time
+        if frame.sensed.tick % LOOK_STRIDE == 0 and any(s.verdict().violated for s in own):
+            ended = f"violated again at {time:.1f} s"
+            break
+        if running.episode.world.tasks and running.episode.all_done:
+            ended = f"all tasks done at {time:.1f} s"
+            break
+        if time >= min(until, running.episode.world.horizon):
+            ended = f"nothing violated until {time:.1f} s"
+            break
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=not any(s.verdict().violated for s in own),
+        detail=ended,
+        restores=change.restores,
+    )

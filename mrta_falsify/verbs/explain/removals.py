@@ -1,0 +1,74 @@
+"""Who holds up whom: continuations of a deadlock, each without one of its robots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from mrta_falsify.campaigns.attribution import waited_for
+from mrta_falsify.core.findings import Removal
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.trial import Job
+from mrta_falsify.verbs.explain.changed_runs import AFTER
+from reports.sentences import listed
+from simulator_interface.continuation import Running, run_to
+
+GOES_ON = 1.0  # m from where it stood: a robot goes on
+
+
+def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iterator[Removal]:
+    """Take away each robot of a deadlock at its onset, and each that one of them waits for.
+
+    Args:
+        job: that fails.
+        verdict: the violated one that explains the failure.
+        trace: of the run.
+        max_runs: runs at most; the run up to the onset counts as one.
+    """
+    numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
+    held = waited_for(verdict, trace)
+    names = [name for name in numbers if name in held]
+    onset = verdict.evidence.get("onset")
+    if len(names) < 2 or not isinstance(onset, float):
+        return
+    with run_to(job.world, job.config, job.specifications, onset) as running:
+        if not running.episode.can_remove:
+            return
+        for name in names[: max(0, max_runs - 1)]:
+            others = {other: numbers[other] for other in names if other != name}
+            yield running.in_a_copy(
+                partial(_removal, running, name, numbers[name], others), Removal
+            )
+
+
+def _removal(running: Running, name: str, robot: int, others: dict[str, int]) -> Removal:
+    """Take a robot away, and look who of the others goes on."""
+    start, time = running.last.sensed.pose, running.last.sensed.time
+    running.episode.remove(robot)
+    go_on: set[str] = set()
+    for frame in running.frames:
+        moved = np.linalg.norm((frame.sensed.pose - start)[:, :2], axis=1)
+        go_on |= {other for other, i in others.items() if moved[i] >= GOES_ON}
+        if len(go_on) == len(others) or frame.sensed.time >= time + AFTER:
+            break
+    return Removal(
+        robot=name,
+        time=time,
+        go_on=tuple(other for other in others if other in go_on),
+        stay=tuple(other for other in others if other not in go_on),
+    )
+
+
+def removal_text(removal: Removal) -> str:
+    """Put a removal in words."""
+    parts = []
+    for names, one, many in (
+        (removal.go_on, "goes on", "go on"),
+        (removal.stay, "stays", "stay"),
+    ):
+        if names:
+            parts.append(f"{listed(names)} {one if len(names) == 1 else many}")
+    return f"without {removal.robot} from {removal.time:.1f} s on, {', '.join(parts)}"

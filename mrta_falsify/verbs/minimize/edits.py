@@ -1,0 +1,65 @@
+"""Smaller worlds: without things of a group, and without what belongs to them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.world import CommsOutage, Event, World
+
+#: groups of things, in the order in which they are tried
+GROUPS = ("humans", "furniture", "events", "robots", "tasks")
+HORIZON_MARGIN = 15.0  # s of horizon kept after the violation
+
+
+def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = ()) -> World | None:
+    """Leave some things of a group out of a world, and tasks that go with them.
+
+    Args:
+        world: to make smaller.
+        group: one of ``GROUPS``.
+        gone: indices in the group.
+        had: indices of the tasks that robots had.
+
+    Returns:
+        The smaller world. None if it is not valid: a person would push furniture that is gone,
+        or no robot or no task would be left.
+    """
+    changes: dict[str, Any] = {group: _others(getattr(world, group), gone)}
+    if group == "robots":
+        changes["tasks"] = _others(world.tasks, had)
+        changes["events"] = events_without(world, {robot.name for robot in changes["robots"]})
+    try:
+        smaller = dataclasses.replace(world, **changes)
+    except InputError:
+        return None
+    return smaller if smaller.robots and smaller.tasks else None
+
+
+def _others(items: Sequence[Any], gone: Sequence[int]) -> tuple[Any, ...]:
+    left_out = set(gone)
+    return tuple(item for i, item in enumerate(items) if i not in left_out)
+
+
+def events_without(world: World, names: set[str]) -> tuple[Event, ...]:
+    """Restrict outages to the robots ``names``; an outage of none of them is left out."""
+    kept: list[Event] = []
+    for event in world.events:
+        if not isinstance(event, CommsOutage) or not event.robots:
+            kept.append(event)
+            continue
+        robots = tuple(name for name in event.robots if name in names)
+        if robots:
+            kept.append(dataclasses.replace(event, robots=robots))
+    return tuple(kept)
+
+
+def named(group: str, items: Sequence[Any]) -> str:
+    """Name some things of a group."""
+    if group == "tasks":
+        return f"{len(items)} tasks" if len(items) > 1 else "a task"
+    if len(items) == 1:
+        return str(items[0].name)
+    return f"{len(items)} {group}"

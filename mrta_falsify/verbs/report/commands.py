@@ -1,0 +1,56 @@
+"""Commands that a report gives for a failure: what each does, and what to type."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.record import TrialRecord
+
+Commands = tuple[tuple[str, str], ...]
+
+
+def commands_of(campaign: Campaign, record: TrialRecord) -> Commands:
+    """List the commands that run, check and explain a failure."""
+    where = [str(campaign.directory), record.id]
+    world = campaign.folder(record) / "world.json"
+    return (
+        _command("Run the trial again and compare digests", "replay", *where, "--verify", "3"),
+        _command("Ask which layer is to blame", "explain", *where),
+        _command("Find the smallest world that fails in the same way", "minimize", *where),
+        _command(
+            "Find the rule behind it: which dimensions matter, and how far they may move",
+            "family",
+            *where,
+        ),
+        _command(
+            "Run its world on its own, with your stack",
+            *("run", str(world), "--stack", "my_stack.yaml"),
+        ),
+    )
+
+
+def minimised_commands(folder: Path) -> Commands:
+    """List the commands that run a minimised world on the stack that it fails on.
+
+    Args:
+        folder: of the trial.
+    """
+    stack = folder / "stack.yaml"
+    given = ["--stack", str(stack)] if stack.is_file() else []
+    files = [("Run it", "world.min.json"), ("Run it from its Scenic program", "world.min.scenic")]
+    return tuple(
+        _command(what, "run", str(folder / name), *given)
+        for what, name in files
+        if (folder / name).is_file()
+    )
+
+
+def family_commands(program: str) -> Commands:
+    """List the commands that use the Scenic program of a family."""
+    return (_command("Draw worlds of the family", "sample", program, "-o", "family_samples"),)
+
+
+def _command(what: str, *words: str) -> tuple[str, str]:
+    return what, shlex.join(["mrta-falsify", *words])

@@ -1,0 +1,99 @@
+"""What a report says about a campaign as a whole: facts, notes, warnings, errors."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from mrta_falsify.campaigns.store import Campaign, owner_of
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs.campaign import probability_of, screening_agreement
+from reports.contents import ErrorKind
+
+SECONDS_PER_HOUR = 3600.0
+
+
+def facts_of(
+    campaign: Campaign, judged: Sequence[TrialRecord], failed: Sequence[TrialRecord]
+) -> tuple[tuple[str, str], ...]:
+    """List the facts of a campaign, each with its label.
+
+    Args:
+        campaign: to report.
+        judged: its judged trials.
+        failed: its failures.
+    """
+    settings = campaign.settings
+    statuses = Counter(record.status for record in campaign.records)
+    hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
+    computed = sum(record.wall_s + record.scene_s for record in campaign.records)
+    first = next((i for i, record in enumerate(judged, start=1) if record.failed), None)
+    facts = [
+        ("scenario", settings.trials.scenario),
+        ("trials", str(len(judged))),
+        ("failures", str(len(failed))),
+        ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
+        ("scenes rejected", str(statuses["rejected"])),
+        ("errors of the toolkit", str(statuses["crashed"] + statuses["timeout"])),
+        ("sampler", settings.sampler.name),
+        ("search dimensions", str(settings.cube.dimensions)),
+        ("simulated", f"{hours:.2f} h"),
+        ("computed", f"{computed:.0f} s on one core"),
+        ("specifications", ", ".join(settings.trials.specifications)),
+    ]
+    agreed = screening_agreement(campaign)
+    if agreed is not None:
+        text = f"{agreed['confirmed']} of {agreed['failed_in_screening']} kinematic failures"
+        facts.append(("confirmed by physics", text))
+    return tuple(facts)
+
+
+def notes_of(campaign: Campaign) -> tuple[str, ...]:
+    """Say how likely a violation is, or why that is not known."""
+    chance = probability_of(campaign)
+    if "why_not" in chance:
+        return (f"No probability of failure is given: {chance['why_not']}.",)
+    estimate = "unknown" if chance["estimate"] is None else f"{chance['estimate']:.3g}"
+    text = (
+        f"Probability of a violation: {estimate}, "
+        f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}] "
+        f"({chance['method']}, {chance['trials']} trials)."
+    )
+    return (text, f"{chance['note']}.") if chance["note"] else (text,)
+
+
+def warnings_of(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str, ...]:
+    """Say what a reader must know first."""
+    warnings = []
+    owner = owner_of(campaign.directory)
+    if owner:
+        warnings.append(
+            f"The campaign was still running when this page was written ({owner}); it shows the "
+            f"{len(campaign.records)} trials finished by then."
+        )
+    kinds = {tuple(sorted(record.versions.items())) for record in judged}
+    if len(kinds) > 1:
+        differing = sorted({name for kind in kinds for name, _ in set(kind) - set(min(kinds))})
+        warnings.append(
+            f"Trials were run by different versions of {', '.join(differing) or 'the toolkit'}: "
+            "their digests need not agree."
+        )
+    return tuple(warnings)
+
+
+def error_kinds(campaign: Campaign) -> tuple[ErrorKind, ...]:
+    """Group errors of the toolkit by their last line, the most frequent first."""
+    groups: dict[str, list[TrialRecord]] = {}
+    for record in campaign.records:
+        if record.status in ("crashed", "timeout"):
+            groups.setdefault(last_line(record), []).append(record)
+    found = [
+        ErrorKind(reason=reason, ids=tuple(r.id for r in records), text=records[0].error.strip())
+        for reason, records in groups.items()
+    ]
+    return tuple(sorted(found, key=lambda kind: (-len(kind.ids), kind.reason)))
+
+
+def last_line(record: TrialRecord) -> str:
+    """Last line of a trial's error."""
+    return (record.error.strip().splitlines() or [record.status])[-1]

@@ -1,0 +1,131 @@
+"""Findings come back from their files, those of the version before included."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from mrta_falsify.campaigns.finding_files import (
+    FILE_NAMES,
+    FINDING_VERSION,
+    read_finding,
+    write_finding,
+)
+from mrta_falsify.campaigns.statistics import failure_probability
+from mrta_falsify.core.difference import Difference
+from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.findings import (
+    Condition,
+    CopyCount,
+    Counterfactual,
+    Explanation,
+    Family,
+    Minimisation,
+    Removal,
+    ReplayCheck,
+)
+from mrta_falsify.core.verdict import Verdict
+
+RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
+EXPLANATION = Explanation(
+    layer="planner",
+    guess="controller",
+    reason="changing it, and nothing else, removes the failure",
+    changed_at=12.5,
+    counterfactuals=(Counterfactual(layer="planner", change="planner: ompl", failure_gone=True),),
+    jittered=CopyCount(runs=20, failed=18),
+    runs=33,
+    removals=(Removal(robot="a", time=22.5, go_on=("b",), stay=("c",)),),
+)
+MINIMISATION = Minimisation(
+    signature="no_deadlock/1:stalled",
+    removed=("2 of 3 robots",),
+    runs=19,
+    one_minimal=True,
+    counts={"robots": (3, 1), "tasks": (1, 1)},
+    world_digest="ab",
+    trace_digest="cd",
+    verdicts=(Verdict(spec="no_deadlock", robustness=-1.0, violated=True, violated_at=9.0),),
+    program="identical",
+)
+CHECK = ReplayCheck(
+    runs=3,
+    identical=2,
+    same_verdicts=3,
+    same_machine=False,
+    first_difference=Difference(tick=7, time=0.35, what="pose", who="robot1", size=1e-9),
+)
+FAMILY = Family(
+    signature="progress",
+    engine="kinematic",
+    conditions=(
+        Condition(dimension="speed", fate="unknown", low=0.4, high=0.4, text="speed = 1.1"),
+    ),
+    free=("cart.x",),
+    noise_seed=7,
+    precision=failure_probability(0, 0),
+    elsewhere=(1, 8),
+    learning_runs=40,
+    no_scene=10,
+)
+
+
+@pytest.mark.parametrize("finding", [EXPLANATION, MINIMISATION, CHECK, FAMILY])
+def test_a_finding_comes_back_as_it_was(tmp_path, finding):
+    write_finding(tmp_path, finding)
+    assert read_finding(tmp_path, type(finding)) == finding
+    data = json.loads((tmp_path / FILE_NAMES[type(finding)]).read_text())
+    assert data["version"] == FINDING_VERSION
+
+
+def test_what_follows_from_a_finding_is_written_for_readers(tmp_path):
+    write_finding(tmp_path, MINIMISATION)
+    assert json.loads((tmp_path / "minimize.json").read_text())["share_removed"] == 0.5
+    write_finding(tmp_path, FAMILY)
+    data = json.loads((tmp_path / "family.json").read_text())
+    assert data["rule"] == ["speed = 1.1 (not tried: out of runs)", "the noise of seed 7"]
+    assert data["sentence"] == "No fresh sample of the family had a valid scene."
+
+
+@pytest.mark.parametrize("campaign", ["beds", "stalls"])
+@pytest.mark.parametrize("kind", FILE_NAMES, ids=lambda kind: kind.__name__)
+def test_findings_of_the_version_before_are_read_with_all_they_say(tmp_path, campaign, kind):
+    (path,) = RECORDED.glob(f"{campaign}/trials/*/{FILE_NAMES[kind]}")
+    then = json.loads(path.read_text())
+    found = read_finding(path.parent, kind)
+    assert found is not None
+    write_finding(tmp_path, found)
+    now = json.loads((tmp_path / path.name).read_text())
+    assert {key: now[key] for key in then} == then
+
+
+def test_a_family_of_the_version_before_without_samples_is_read(tmp_path):
+    write_finding(tmp_path, FAMILY)
+    path = tmp_path / "family.json"
+    data = json.loads(path.read_text())
+    del data["version"]
+    data["precision"]["estimate"] = float("nan")
+    path.write_text(json.dumps(data))
+    assert read_finding(tmp_path, Family) == FAMILY
+
+
+def test_a_finding_that_is_not_there_is_none(tmp_path):
+    assert read_finding(tmp_path, Explanation) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("{", FormatError, "is not valid JSON"),
+        ("[]", InputError, "it must be an object with named fields"),
+        ('{"layer": "planner"}', InputError, "guess is missing"),
+        ('{"version": 3}', FormatError, "has format version 3; this toolkit reads versions 1 to 2"),
+    ],
+)
+def test_a_damaged_finding_is_refused_with_its_file_and_field(tmp_path, text, error, message):
+    (tmp_path / "explain.json").write_text(text)
+    with pytest.raises(error, match=message) as caught:
+        read_finding(tmp_path, Explanation)
+    assert str(tmp_path / "explain.json") in str(caught.value)

@@ -1,0 +1,93 @@
+"""Stored failures on a changed stack."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.verbs import corpus
+from tests.reports.planted import stored
+
+BROKEN = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+
+
+@pytest.fixture
+def campaign(stalled, tmp_path):
+    """A campaign directory with one failure."""
+    world, judged = stalled
+    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
+    return stored(tmp_path / "campaign", job, judged)
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Runs in this process instead of in workers."""
+    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_failure_is_fixed_on_a_stack_without_its_defect_and_stays_on_its_own(campaign):
+    told = []
+    (row,) = corpus.recheck(campaign, jittered=1, on_done=told.append)
+    assert row.fate == "still failing"
+    assert row.signature_now == row.signature
+    assert row.violated == ("no_deadlock",)
+    assert row.jittered == 1
+    assert told == [row]
+    (cured,) = corpus.recheck(campaign, config=quick_stack(StackConfig()), jittered=1)
+    assert (cured.fate, cured.violated, cured.jittered_failures) == ("fixed", (), 0)
+    assert corpus.counts_by_fate([row, cured]) == {
+        "fixed": 1,
+        "still failing": 1,
+        "flaky": 0,
+        "timeout": 0,
+    }
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_damaged_world_is_refused_with_its_file(campaign):
+    path = campaign.directory / "trials" / "0000" / "world.json"
+    path.write_text('{"name": "half a wor')
+    with pytest.raises(InputError, match=r"world\.json: is not valid JSON"):
+        corpus.recheck(campaign, jittered=0)
+
+
+@pytest.mark.slow
+def test_a_run_that_exceeds_its_time_limit_is_killed_and_reported(campaign):
+    rows = corpus.recheck(campaign, jittered=0, workers=2, time_limit=0.01)
+    assert [row.fate for row in rows] == ["timeout"]
+    assert rows[0].signature_now == ""
+
+
+def test_a_campaign_without_failures_starts_no_worker(campaign, monkeypatch):
+    monkeypatch.setattr(corpus, "open_executor", None)
+    assert corpus.recheck(dataclasses.replace(campaign, records=())) == ()
+
+
+@pytest.mark.parametrize(
+    ("stack", "settings", "names"),
+    [
+        (None, (), False),
+        ("planner: ompl\n", (), False),
+        ("planner: ompl\nengine: kinematic\n", (), True),
+        ("", ("planner=ompl",), False),
+        (None, ("planner=ompl", "engine=kinematic"), True),
+        (None, ("engine.time_step=0.01",), True),
+    ],
+)
+def test_an_engine_is_named_in_the_file_or_by_set(tmp_path, stack, settings, names):
+    path = None
+    if stack is not None:
+        path = tmp_path / "stack.yaml"
+        path.write_text(stack)
+    assert corpus.names_engine(path, settings) is names
+
+
+def test_a_changed_stack_is_put_on_the_recorded_engine(campaign):
+    changed = StackConfig(planner=Choice("ompl"))
+    kept = corpus.on_recorded_engine(campaign, changed)
+    assert (kept.engine.name, kept.planner.name) == ("kinematic", "ompl")
