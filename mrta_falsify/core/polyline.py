@@ -1,4 +1,4 @@
-"""Points on a path: the one to steer for, and what is still ahead."""
+"""Compiled geometry of polylines: project on one, walk along it, cut it, measure it."""
 
 from __future__ import annotations
 
@@ -64,47 +64,62 @@ def point_ahead(
 
 
 @njit(cache=True)
-def lookahead_point(path: Array, position: Array, distance: float = 0.5) -> Array:
-    """Point to steer for: the first one at least ``distance`` away, after the closest one.
+def look_along(
+    path: Array, x: float, y: float, look_ahead: float
+) -> tuple[Array, float, float, float]:
+    """Find what is left of a path, and the point to steer for.
 
     Args:
-        path: ``(L, 2)`` polyline [m], map frame.
-        position: ``(2,)`` [m], map frame.
-        distance: [m], > 0; MRTA-Sim uses 0.5.
+        path: ``(L, 2)`` polyline [m], L >= 1.
+        x: position [m], map frame.
+        y: position [m], map frame.
+        look_ahead: distance of the point to steer for [m].
 
     Returns:
-        ``(2,)`` point on the path [m]; its end if everything ahead is nearer; nan if the
-        path is empty.
+        The rest of the path ``(K, 2)``, the point to steer for (x, y), the rest's length [m].
     """
-    target = np.full(2, np.nan)
-    if path.shape[0] == 0:
-        return target
     if path.shape[0] == 1:
-        target[:] = path[0]
-        return target
-    segment, share = project_on_path(path, position[0], position[1], 0)
-    target[0], target[1] = point_ahead(path, segment, share, position[0], position[1], distance)
-    return target
+        return path.copy(), path[0, 0], path[0, 1], 0.0
+    segment, share = project_on_path(path, x, y, 0)
+    if share >= 1.0:
+        rest = path[segment + 1 :].copy()
+    else:
+        rest = path[segment:].copy()
+        rest[0] = path[segment] + share * (path[segment + 1] - path[segment])
+    target_x, target_y = point_ahead(path, segment, share, x, y, look_ahead)
+    return rest, target_x, target_y, path_length(rest)
 
 
 @njit(cache=True)
-def remaining_path(path: Array, position: Array) -> Array:
-    """What of ``path`` is still ahead of ``position``.
+def path_length(points: Array) -> float:
+    """Length [m] of the polyline ``(K, 2)``."""
+    length = 0.0
+    for i in range(1, points.shape[0]):
+        length += np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+    return length
 
-    Args:
-        path: ``(L, 2)`` polyline [m], map frame.
-        position: ``(2,)`` [m], map frame.
 
-    Returns:
-        ``(K, 2)``: the closest point of the path, then its later corners. An empty path
-        stays empty; at the end of the path only its last point is left.
-    """
-    if path.shape[0] < 2:
-        return path.copy()
-    segment, share = project_on_path(path, position[0], position[1], 0)
-    if share >= 1.0:
-        return path[segment + 1 :].copy()
-    rest = np.empty((path.shape[0] - segment, 2))
-    rest[0] = path[segment] + share * (path[segment + 1] - path[segment])
-    rest[1:] = path[segment + 1 :]
-    return rest
+@njit(cache=True)
+def cut_path(points: Array, distance: float) -> Array:
+    """Keep the first ``distance`` [m] of the polyline ``(K, 2)``, at least its first point."""
+    left = max(distance, 0.0)
+    for i in range(1, points.shape[0]):
+        length = np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        if length > left:
+            part = points[: i + 1].copy()
+            part[i] = points[i - 1] + (points[i] - points[i - 1]) * (left / length)
+            return part
+        left -= length
+    return points.copy()
+
+
+def point_before_end(points: Array, distance: float) -> Array:
+    """Point ``(2,)`` of the polyline ``(K, 2)`` that lies ``distance`` [m] before its end."""
+    left = distance
+    for i in range(len(points) - 1, 0, -1):
+        step = points[i - 1] - points[i]
+        length = float(np.hypot(*step))
+        if length >= left and length > 0.0:
+            return np.asarray(points[i] + step * (left / length))
+        left -= length
+    return np.asarray(points[0])
