@@ -233,7 +233,7 @@ class Stack:
         clearances, events = self._corridors.step(travellers, state.queues, fleet.time)
         passing = [
             mission
-            if clearance.passage is mission.passage and clearance.way is mission.way
+            if clearance.passage == mission.passage and clearance.way is mission.way
             else replace(mission, passage=clearance.passage, way=clearance.way)
             for mission, clearance in zip(missions, clearances, strict=True)
         ]
@@ -254,6 +254,10 @@ class Stack:
                 goal[robot] = views.rest[robot][-1]
         lengths = views.length.tolist()
         at_spot = [_is_at_spot(m, length) for m, length in zip(missions, lengths, strict=True)]
+        target = views.target
+        if any(at_spot):
+            target = target.copy()
+            target[at_spot] = np.nan
         active = np.array(
             [
                 not at and _is_active(mission, rest)
@@ -266,7 +270,7 @@ class Stack:
             dt=self._dt,
             pose=fleet.pose,
             velocity=fleet.velocity,
-            target=np.where(np.array(at_spot, dtype=np.bool_)[:, None], np.nan, views.target),
+            target=target,
             goal=goal,
             path=tuple(views.rest),
             active=active,

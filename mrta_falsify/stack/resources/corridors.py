@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,8 +37,7 @@ SAME_FILE = 4.0  # m, robots farther apart wait at different sides or for differ
 STANDS = 0.25  # m from the end of its limit a robot counts as standing there
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Traveller:
+class Traveller(NamedTuple):
     """One robot as the corridors see it."""
 
     position: Array  #: (2,) [m]
@@ -48,8 +48,7 @@ class Traveller:
     room_needed: bool  #: heads for a waiting place, without the room
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Clearance:
+class Clearance(NamedTuple):
     """What the corridors let one robot do."""
 
     passage: Passage
@@ -76,10 +75,9 @@ class _Progress:
         self.chain, self.spot = (), None
 
     def clearance(self) -> Clearance:
+        """What the corridors let the robot do, now that all rules have been applied."""
         passage = Passage(self.chain, self.spot, self.standing, self.asks_for_room)
-        if passage == self.seen.passage:
-            passage = self.seen.passage
-        return Clearance(passage=passage, way=self.way, limit=self.limit)
+        return Clearance(passage, self.way, self.limit)
 
 
 class CorridorTraffic:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mrta_falsify.core.fleet import Phase
 
 
-@dataclass(frozen=True, slots=True)
-class Passage:
+class Passage(NamedTuple):
     """What one robot waits for on its way; part of the stack's memory."""
 
     chain: tuple[int, ...] = ()  #: queues asked for together, the first one first

@@ -22,6 +22,8 @@ from mrta_falsify.stack.waypoints import join
 
 NEAR_SPOT = 0.9  # m, a robot this near to a waiting spot drives on from the spot
 
+_OUTSIDE = (Waiting, Parking, Stalled)  # activities of holders that do not use the room any more
+
 
 class RoomTraffic:
     """The rule by which robots get into rooms; has no memory of its own."""
@@ -129,33 +131,37 @@ class RoomTraffic:
         return mission.depart(Heading(), route)
 
     def _wait(self, mission: Mission, index: int, place: int | None, position: Array) -> Mission:
-        """Go to the place in the queue, or as far as a room without waiting spots allows."""
-        queue, before = self.queues[index], mission.activity
-        has_spots = len(queue.resource.spots) > 0
-        was_waiting = isinstance(before, Waiting)
-        if not (isinstance(before, Waiting) and before.place == place):
-            activity = Waiting(index, place, arrived=False)
-            if was_waiting and not has_spots:
-                mission = replace(mission, activity=activity, parking=mission.parking.given_up())
-            elif has_spots:
-                moves_up = was_waiting and _is_near_spot(queue, position)
-                route = self._way_to_spot(mission, queue, place, position, moves_up=moves_up)
-                mission = mission.depart(activity, route)
-            else:
-                room = mission.itinerary[0].room
-                mission = mission.depart(activity, self._way_to_room(mission, room, position))
+        """Go to the place in the queue, or stand there."""
+        before = mission.activity
+        if not isinstance(before, Waiting) or before.place != place:
+            mission = self._line_up(mission, index, place, position)
+        waiting, way = mission.activity, mission.way
+        assert isinstance(waiting, Waiting)
         # Queueing as soon as the robot stands at its place, a little later on the way back.
-        had_arrived = isinstance(before, Waiting) and before.arrived
-        reach = 2.0 * SPOT_REACHED if had_arrived else SPOT_REACHED
-        way = mission.way
+        reach = 2.0 * SPOT_REACHED if waiting.arrived else SPOT_REACHED
         arrived = (
-            has_spots
-            and place is not None
+            place is not None
             and len(way.route) > 0
+            and len(self.queues[index].resource.spots) > 0
             and way.has_reached(way.route[-1], position, reach)
         )
-        activity = Waiting(index, place, arrived)
-        return mission if activity == mission.activity else replace(mission, activity=activity)
+        if arrived == waiting.arrived:
+            return mission
+        return replace(mission, activity=replace(waiting, arrived=arrived))
+
+    def _line_up(self, mission: Mission, index: int, place: int | None, position: Array) -> Mission:
+        """Take up a place in the queue; without waiting spots, head for the room itself."""
+        queue, before = self.queues[index], mission.activity
+        was_waiting = isinstance(before, Waiting)
+        activity = Waiting(index, place, isinstance(before, Waiting) and before.arrived)
+        if len(queue.resource.spots):
+            moves_up = was_waiting and _is_near_spot(queue, position)
+            route = self._way_to_spot(mission, queue, place, position, moves_up=moves_up)
+            return mission.depart(activity, route)
+        if was_waiting:
+            return replace(mission, activity=activity, parking=mission.parking.given_up())
+        room = mission.itinerary[0].room
+        return mission.depart(activity, self._way_to_room(mission, room, position))
 
     def _way_to_room(self, mission: Mission, room: int, position: Array) -> Array:
         lane = self._lanes.get((mission.room, room))
@@ -208,9 +214,9 @@ class RoomTraffic:
             )
             if shut_out:  # it asks again when there is a way
                 return replace(mission, activity=Idle()), True
-            if not isinstance(mission.activity, Waiting | Parking | Stalled):
+            if not isinstance(mission.activity, _OUTSIDE):
                 return mission, False
-        has_finished = not mission.itinerary and isinstance(mission.activity, Idle | Parking)
+        has_finished = not mission.itinerary and isinstance(mission.activity, (Idle, Parking))
         if has_finished and self._frees_early:
             return mission, True
         if queue.resource.hold == "until_served" and robot in memory.entered:
@@ -224,6 +230,8 @@ class RoomTraffic:
         missions = list(missions)
         events: list[StackEvent] = []
         for index, queue in self._of_rooms:
+            if not memories[index].waiters:
+                continue
             granted = queue.grant(memories[index])
             events += queue.grants(granted, fleet.time)
             for robot in granted:
