@@ -26,7 +26,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.allocation.timing import assemble, closed_travel_times
+from mrta_falsify.stack.allocation.timing import closed_travel_times, timed_allocation
 from mrta_falsify.stack.allocation.verification import verify
 
 LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part may be planned again
@@ -231,7 +231,7 @@ class Dispatcher:
         answer = self._allocator.allocate(problem)
         if fault_of(problem, answer) or not verify(answer, problem):
             return answer
-        right = assemble(problem, answer.itineraries, reason=answer.reason)
+        right = timed_allocation(problem, answer.itineraries, reason=answer.reason)
         return dataclasses.replace(right, infeasible=answer.infeasible)
 
     def _planted_fault(
