@@ -22,7 +22,7 @@ PHASE_COLOURS = {
     Phase.QUEUEING: "var(--queueing)",
     Phase.PLANNING: "var(--planning)",
     Phase.SERVING: "var(--serving)",
-    Phase.MAKING_ROOM: "var(--making-room)",
+    Phase.PARKING: "var(--making-room)",
 }
 DETAIL = 0.3  # px that a curve may be off
 

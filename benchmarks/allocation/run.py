@@ -37,7 +37,7 @@ from mrta_falsify.core.allocation_problem import OpenTask
 from mrta_falsify.core.seeding import stream as random_stream
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
-from mrta_falsify.stack.allocation.objective import completion_bound, score
+from mrta_falsify.stack.allocation.objective import completion_bound, objective_value
 from mrta_falsify.stack.allocation.proving import Prover
 from mrta_falsify.stack.allocation.timing import closed_travel_times
 from mrta_falsify.stack.allocation.verification import verify
@@ -148,8 +148,10 @@ def part_smt(root: Path) -> dict:
         if plan.reason.startswith("z3 reached"):
             rows[path.stem] = {"smt_s": None, "insertion_ms": round(quick, 3)}
             continue
-        improved = score(problem, IMPROVING.allocate(problem), "completion")
-        ratio = score(problem, plan, "completion") / score(problem, ours, "completion")
+        improved = objective_value(problem, IMPROVING.allocate(problem), "completion")
+        ratio = objective_value(problem, plan, "completion") / objective_value(
+            problem, ours, "completion"
+        )
         rows[path.stem] = {
             "smt_s": round(ms / 1e3, 2),
             "insertion_ms": round(quick, 3),

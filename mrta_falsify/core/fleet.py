@@ -25,7 +25,7 @@ class Phase(enum.IntEnum):
     QUEUEING = 3  #: waits for a resource, or is on its way to a waiting spot without the grant
     PLANNING = 4  #: waits for a valid path
     SERVING = 5  #: loads or unloads
-    MAKING_ROOM = 6  #: idle, on the way to a parking spot
+    PARKING = 6  #: idle, on the way to a parking spot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

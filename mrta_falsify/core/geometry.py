@@ -34,8 +34,3 @@ def signed_area(polygon: Array) -> float:
     """Measure a simple polygon ``(V, 2)`` [m^2]; positive if counter-clockwise."""
     x, y = polygon[:, 0], polygon[:, 1]
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
-
-
-def path_length(points: Array) -> float:
-    """Measure the polyline ``(K, 2)`` [m]."""
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

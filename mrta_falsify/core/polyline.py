@@ -1,4 +1,4 @@
-"""Points on a path: the closest one, and the one to steer for."""
+"""Compiled geometry of polylines: project on one, walk along it, cut it, measure it."""
 
 from __future__ import annotations
 
@@ -69,3 +69,65 @@ def point_ahead(
             return ax + t * dx, ay + t * dy
         ax, ay = bx, by
     return path[last, 0], path[last, 1]
+
+
+@njit(cache=True)
+def look_along(
+    path: Array, x: float, y: float, look_ahead: float
+) -> tuple[Array, float, float, float]:
+    """Find what is left of a path, and the point to steer for.
+
+    Args:
+        path: ``(L, 2)`` polyline [m], L >= 1.
+        x: position [m], map frame.
+        y: position [m], map frame.
+        look_ahead: distance of the point to steer for [m].
+
+    Returns:
+        The rest of the path ``(K, 2)``, the point to steer for (x, y), the rest's length [m].
+    """
+    if path.shape[0] == 1:
+        return path.copy(), path[0, 0], path[0, 1], 0.0
+    segment, share = project_on_path(path, x, y, 0)
+    if share >= 1.0:
+        rest = path[segment + 1 :].copy()
+    else:
+        rest = path[segment:].copy()
+        rest[0] = path[segment] + share * (path[segment + 1] - path[segment])
+    target_x, target_y = point_ahead(path, segment, share, x, y, look_ahead)
+    return rest, target_x, target_y, path_length(rest)
+
+
+@njit(cache=True)
+def path_length(points: Array) -> float:
+    """Length [m] of the polyline ``(K, 2)``."""
+    length = 0.0
+    for i in range(1, points.shape[0]):
+        length += np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+    return length
+
+
+@njit(cache=True)
+def cut_path(points: Array, distance: float) -> Array:
+    """Keep the first ``distance`` [m] of the polyline ``(K, 2)``, at least its first point."""
+    left = max(distance, 0.0)
+    for i in range(1, points.shape[0]):
+        length = np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        if length > left:
+            part = points[: i + 1].copy()
+            part[i] = points[i - 1] + (points[i] - points[i - 1]) * (left / length)
+            return part
+        left -= length
+    return points.copy()
+
+
+def point_before_end(points: Array, distance: float) -> Array:
+    """Point ``(2,)`` of the polyline ``(K, 2)`` that lies ``distance`` [m] before its end."""
+    left = distance
+    for i in range(len(points) - 1, 0, -1):
+        step = points[i - 1] - points[i]
+        length = float(np.hypot(*step))
+        if length >= left and length > 0.0:
+            return np.asarray(points[i] + step * (left / length))
+        left -= length
+    return np.asarray(points[0])

@@ -1,12 +1,14 @@
-"""Which communication links are up."""
+"""Which communication links are up, and what the robots are told when that changes."""
 
 from __future__ import annotations
 
+import bisect
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrta_falsify.core.arrays import BoolArray
+from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.world import LINKS, CommsOutage, World
 
 
@@ -22,6 +24,39 @@ class Links:
     def down_for(self, robot: int) -> tuple[str, ...]:
         """Names of the links of one robot that are down."""
         return tuple(name for name in LINKS if not getattr(self, name)[robot])
+
+
+class LinkTimetable:
+    """Links of a world's robots from each change to the next.
+
+    Epoch 0 is the time before the first change; change n begins epoch n.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._robots = len(world.robots)
+        self._changes = outage_times(world)
+        self._links = [links_at(world, time) for time in (-1.0, *self._changes)]
+
+    def epoch_at(self, time: float) -> int:
+        """Number of the epoch at ``time`` [s]."""
+        return bisect.bisect_right(self._changes, time)
+
+    def links(self, epoch: int) -> Links:
+        """Links in an epoch."""
+        return self._links[epoch]
+
+    def changes(self, earlier: int, epoch: int, time: float) -> list[StackEvent]:
+        """Tell which links went down and came back between two epochs."""
+        events = []
+        for robot in range(self._robots):
+            before = self._links[earlier].down_for(robot)
+            now = self._links[epoch].down_for(robot)
+            lost = ", ".join(name for name in now if name not in before)
+            back = ", ".join(name for name in before if name not in now)
+            for kind, names in (("comms-lost", lost), ("comms-back", back)):
+                if names:
+                    events.append(StackEvent(time=time, kind=kind, robot=robot, detail=names))
+        return events
 
 
 def links_at(world: World, time: float) -> Links:

@@ -26,7 +26,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.allocation.timing import assemble, closed_travel_times
+from mrta_falsify.stack.allocation.timing import closed_travel_times, timed_allocation
 from mrta_falsify.stack.allocation.verification import verify
 
 LATE_FEEDBACK = 15.0  # s behind its predicted time: the free part may be planned again
@@ -57,7 +57,7 @@ class DispatcherState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Report:
+class RobotReport:
     """What the dispatcher knows of one robot."""
 
     itinerary: tuple[Stop, ...]
@@ -108,7 +108,7 @@ class Dispatcher:
         return float(self._times[start, end])
 
     def dispatch(
-        self, state: DispatcherState, time: float, reports: Callable[[], Sequence[Report]]
+        self, state: DispatcherState, time: float, reports: Callable[[], Sequence[RobotReport]]
     ) -> Orders:
         """Look for reasons to call the allocator, and do so.
 
@@ -137,7 +137,7 @@ class Dispatcher:
             return Orders(itineraries={}, events=events)
         return Orders(itineraries=orders.itineraries, events=events + orders.events)
 
-    def _loses_a_deadline(self, time: float, report: Report) -> bool:
+    def _loses_a_deadline(self, time: float, report: RobotReport) -> bool:
         """Whether a later drop was to be in time and will not be, as far behind as the robot is."""
         if not report.itinerary:
             return False
@@ -177,7 +177,7 @@ class Dispatcher:
         self,
         state: DispatcherState,
         time: float,
-        fleet: Sequence[Report],
+        fleet: Sequence[RobotReport],
         robots: Sequence[int],
         *,
         arrived: bool,
@@ -205,7 +205,7 @@ class Dispatcher:
         self,
         state: DispatcherState,
         time: float,
-        fleet: Sequence[Report],
+        fleet: Sequence[RobotReport],
         robots: Sequence[int],
     ) -> Orders:
         """Free the stops that are not committed, and take the new plan if it is better."""
@@ -231,11 +231,11 @@ class Dispatcher:
         answer = self._allocator.allocate(problem)
         if fault_of(problem, answer) or not verify(answer, problem):
             return answer
-        right = assemble(problem, answer.itineraries, reason=answer.reason)
+        right = timed_allocation(problem, answer.itineraries, reason=answer.reason)
         return dataclasses.replace(right, infeasible=answer.infeasible)
 
     def _planted_fault(
-        self, state: DispatcherState, time: float, fleet: Sequence[Report], answer: Allocation
+        self, state: DispatcherState, time: float, fleet: Sequence[RobotReport], answer: Allocation
     ) -> str:
         """Why a planted defect has no plan; empty without one.
 
@@ -263,7 +263,7 @@ class Dispatcher:
         self,
         state: DispatcherState,
         time: float,
-        fleet: Sequence[Report],
+        fleet: Sequence[RobotReport],
         robots: Sequence[int],
         *,
         keep_plans: bool,
@@ -282,7 +282,7 @@ class Dispatcher:
             points=self._points,
         )
 
-    def _plan(self, robot: int, time: float, report: Report, keep_plans: bool) -> RobotPlan:
+    def _plan(self, robot: int, time: float, report: RobotReport, keep_plans: bool) -> RobotPlan:
         onboard = list(report.onboard)
         room, free_at, rest = report.room, time, report.itinerary
         if report.itinerary:
@@ -316,7 +316,7 @@ class Dispatcher:
 
     @staticmethod
     def _itineraries(
-        problem: AllocationProblem, answer: Allocation, fleet: Sequence[Report]
+        problem: AllocationProblem, answer: Allocation, fleet: Sequence[RobotReport]
     ) -> dict[int, tuple[Stop, ...]]:
         """The committed first stop, with its expected time, and the allocator's rest."""
         new = {}
@@ -332,14 +332,14 @@ def _up(seconds: float) -> float:
     return float(math.ceil(seconds - ROUNDING))
 
 
-def _runs_late(time: float, report: Report) -> bool:
+def _runs_late(time: float, report: RobotReport) -> bool:
     """Whether the robot is behind its plan and has stops that could be served otherwise."""
     rest = report.itinerary[1:]
     movable = any(stop.action == "pickup" for stop in rest) or len(rest) > 1
     return movable and max(time, report.first_ends) - report.itinerary[0].time > LATE_FEEDBACK
 
 
-def _taken(itineraries: dict[int, tuple[Stop, ...]], fleet: Sequence[Report]) -> set[int]:
+def _taken(itineraries: dict[int, tuple[Stop, ...]], fleet: Sequence[RobotReport]) -> set[int]:
     """Tasks that some robot has, under new ``itineraries``."""
     plans = [itineraries.get(i, report.itinerary) for i, report in enumerate(fleet)]
     return {stop.task for plan in plans for stop in plan}
@@ -350,7 +350,7 @@ def _notes(
     why: str,
     reason: str,
     itineraries: dict[int, tuple[Stop, ...]],
-    fleet: Sequence[Report],
+    fleet: Sequence[RobotReport],
 ) -> list[StackEvent]:
     events = []
     for robot, itinerary in itineraries.items():

@@ -3,35 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.stack.planning_service import NO_POINTS, Way, cut_path, look_along
+from mrta_falsify.core.plane import NO_POINTS
+from mrta_falsify.core.polyline import cut_path, look_along
+from mrta_falsify.stack.route import LOOK_AHEAD, Way
 
-LOOK_AHEAD = 0.5  # m, MRTA-Sim
 
-
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Views:
     """Every robot's way ahead at one tick."""
 
-    rest: list[Array]  #: N polylines (L, 2) [m], empty: none
+    rest: Sequence[Array]  #: N polylines (L, 2) [m], empty: none
     target: Array  #: (N, 2) point to steer for [m], nan: none
     length: Array  #: (N,) of ``rest`` [m], inf: none
 
-    def shorten(self, robot: int, limit: float, pose: Array) -> None:
-        """Let the way of ``robot`` end after ``limit`` [m]."""
-        if limit >= self.length[robot]:
-            return
-        rest = cut_path(self.rest[robot], limit)
-        self.rest[robot], x, y, self.length[robot] = look_along(rest, pose[0], pose[1], LOOK_AHEAD)
-        self.target[robot] = x, y
+    def shortened(self, limits: Mapping[int, float], pose: Array) -> Views:
+        """End the ways of some robots after their limits [m]; ``pose`` is ``(N, 3)``."""
+        cut = [
+            robot
+            for robot, limit in limits.items()
+            if len(self.rest[robot]) and limit < self.length[robot]
+        ]
+        if not cut:
+            return self
+        rest, target, length = list(self.rest), self.target.copy(), self.length.copy()
+        for robot in cut:
+            kept = cut_path(rest[robot], limits[robot])
+            x, y = pose[robot, 0], pose[robot, 1]
+            rest[robot], *aim, length[robot] = look_along(kept, x, y, LOOK_AHEAD)
+            target[robot] = aim
+        return Views(rest, target, length)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Sight:
     """What was seen of one path from one place."""
 
@@ -47,13 +56,13 @@ NOTHING = _Sight(NO_POINTS, math.nan, math.nan, NO_POINTS, (math.nan, math.nan),
 
 
 class Outlook:
-    """Looks along the robots' paths; a robot that stands still is not looked for again."""
+    """Looks along the robots' paths, and remembers what a robot saw that stands still."""
 
     def __init__(self, robots: int) -> None:
         self._last = [NOTHING] * robots
 
     def views(self, ways: Sequence[Way], pose: Array) -> Views:
-        """Ways ahead of all robots at ``pose`` ``(N, 3)``."""
+        """Look along the paths of all robots from ``pose`` ``(N, 3)``."""
         sights = [
             self._look(robot, way.path, x, y) if len(way.path) and len(way.route) else NOTHING
             for robot, (way, (x, y, _)) in enumerate(zip(ways, pose.tolist(), strict=True))

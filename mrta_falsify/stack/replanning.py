@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bisect
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,26 +12,21 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
+from mrta_falsify.core.plane import is_near
+from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.stack.comms import Links
-from mrta_falsify.stack.lookahead import LOOK_AHEAD
 from mrta_falsify.stack.mission import Mission, StackState
-from mrta_falsify.stack.planning_service import (
-    OFF_PATH,
-    RETRY,
-    SPOT_REACHED,
-    WAYPOINT_REACHED,
-    PlanningService,
-    is_near,
-    look_along,
-)
+from mrta_falsify.stack.planning_service import PlanningService
+from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED, WAYPOINT_REACHED, Way
 
-PLANS_PER_TICK = 6
+PLANS_PER_TICK = 6  # so many a tick of 50 ms has time for
 CHECK_TICKS = 10  # between two checks of a path, 2 Hz at 20 Hz control
+OFF_PATH = 0.5  # m beside the path, then the robot plans again
 
 
-class Paths:
+class Replanning:
     """The rule by which paths are planned; has no memory of its own."""
 
     def __init__(self, world: World, config: StackConfig, costmaps: CostmapSource) -> None:
@@ -41,67 +38,100 @@ class Paths:
         blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
 
-    def advance(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
-        """Drop waypoints that are reached."""
-        for robot, mission in enumerate(state.missions):
-            way = mission.way
-            if len(way.route) < 2 or len(way.halt):
-                continue
-            if is_near(way.route[0], fleet.pose[robot], WAYPOINT_REACHED):
-                way.route = way.route[1:]
-                way.must_plan = True
-                events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
+    def step(
+        self, missions: Sequence[Mission], state: StackState, fleet: FleetState, links: Links
+    ) -> tuple[list[Mission], list[StackEvent]]:
+        """Drop waypoints that are reached, then plan for robots that need it.
 
-    def plan(
-        self, state: StackState, fleet: FleetState, links: Links, events: list[StackEvent]
-    ) -> None:
-        """Plan for robots that need it, as many as a tick has time for."""
+        Args:
+            missions: of all robots.
+            state: memory; what concerns planning is brought up to date.
+            fleet: what the robots' sensors say.
+            links: a robot without a link to the planner gets no new path.
+        """
+        planned, events = _past_waypoints(missions, fleet)
         state.service.note_parked(fleet.pose[:, :2], fleet.parked_for)
-        self._note_blockages(state, fleet.time)
-        n = len(state.missions)
-        plans = 0
-        for k in range(n):
-            robot = (state.next_planner + k) % n
-            mission = state.missions[robot]
-            way = mission.way
-            if not way.is_going or not links.planner[robot]:
+        if self._map_has_changed(state, fleet.time):
+            planned = [_planning_anew(mission) for mission in planned]
+        plans, count = 0, len(planned)
+        for k in range(count):
+            robot = (state.next_planner + k) % count
+            mission = planned[robot]
+            if not mission.way.is_going or not links.planner[robot]:
                 continue
-            position = fleet.pose[robot, :2]
-            if not way.must_plan and (fleet.tick + robot) % CHECK_TICKS == 0:
-                self._check_path(state, mission, position, fleet.time)
-            if not way.must_plan or fleet.time < way.plan_at:
-                continue
-            if plans == PLANS_PER_TICK:
-                state.next_planner = robot
-                break
-            plans += 1
-            had_failed = way.failed
-            if self._service.plan(state.service, way, position, fleet.time):
-                events.append(StackEvent(time=fleet.time, kind="replanned", robot=robot))
-            elif way.failed and way.failed != had_failed:
-                events.append(
-                    StackEvent(time=fleet.time, kind="no-path", robot=robot, detail=way.failed)
-                )
+            way = self._checked(robot, mission, state, fleet)
+            if way.must_plan and fleet.time >= way.plan_at:
+                if plans == PLANS_PER_TICK:
+                    planned[robot] = _with_way(mission, way)
+                    state.next_planner = robot
+                    break
+                plans += 1
+                position, before = fleet.pose[robot, :2], way
+                way = self._service.plan(state.service, way, position, fleet.time)
+                events += _news(robot, before, way, fleet.time)
+            planned[robot] = _with_way(mission, way)
+        return planned, events
 
-    def _note_blockages(self, state: StackState, time: float) -> None:
-        """A blockage that begins or ends is a reason for everybody to plan again."""
+    def _map_has_changed(self, state: StackState, time: float) -> bool:
+        """Whether a blockage began or ended since the last tick."""
         epoch = bisect.bisect_right(self._map_changes, time)
-        if epoch != state.map_epoch:
-            state.map_epoch = epoch
-            for mission in state.missions:
-                mission.way.must_plan, mission.way.plan_at = mission.way.is_going, 0.0
+        changed = epoch != state.map_epoch
+        state.map_epoch = epoch
+        return changed
 
-    def _check_path(
-        self, state: StackState, mission: Mission, position: Array, time: float
-    ) -> None:
+    def _checked(self, robot: int, mission: Mission, state: StackState, fleet: FleetState) -> Way:
+        """Let the robot plan again if its path is no good any more; looked at now and then."""
+        way = mission.way
+        if way.must_plan or (fleet.tick + robot) % CHECK_TICKS != 0:
+            return way
+        if self._is_outdated(mission, state, fleet.pose[robot, :2], fleet.time):
+            return replace(way, must_plan=True)
+        return way
+
+    def _is_outdated(
+        self, mission: Mission, state: StackState, position: Array, time: float
+    ) -> bool:
         way = mission.way
         if not len(way.path):
-            way.must_plan = True
-            return
+            return True
         rest, _, _, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
-        if length <= 2.0 * SPOT_REACHED or mission.standing is not None:
-            return  # it is where it is to be
+        if length <= 2.0 * SPOT_REACHED or mission.passage.standing is not None:
+            return False  # it is where it is to be
         stuck = time - mission.moved_at > RETRY and time >= way.plan_at
         off_path = np.hypot(rest[0, 0] - position[0], rest[0, 1] - position[1]) > OFF_PATH
-        if stuck or off_path or self._service.is_obstructed(state.service, way, position, time):
-            way.must_plan = True
+        return bool(
+            stuck or off_path or self._service.is_obstructed(state.service, way, position, time)
+        )
+
+
+def _past_waypoints(
+    missions: Sequence[Mission], fleet: FleetState
+) -> tuple[list[Mission], list[StackEvent]]:
+    """Drop waypoints that are reached."""
+    beyond, events = list(missions), []
+    for robot, mission in enumerate(missions):
+        way = mission.way
+        if len(way.route) < 2 or len(way.halt):
+            continue
+        if is_near(way.route[0], fleet.pose[robot], WAYPOINT_REACHED):
+            beyond[robot] = replace(mission, way=way.beyond_waypoint())
+            events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
+    return beyond, events
+
+
+def _planning_anew(mission: Mission) -> Mission:
+    """Let a robot that drives plan at once."""
+    way = mission.way
+    return replace(mission, way=replace(way, must_plan=way.is_going, plan_at=0.0))
+
+
+def _with_way(mission: Mission, way: Way) -> Mission:
+    return mission if way is mission.way else replace(mission, way=way)
+
+
+def _news(robot: int, before: Way, way: Way, time: float) -> list[StackEvent]:
+    """Tell of a new path, or of a new reason why there is none."""
+    if way is before or (way.failed and way.failed == before.failed):
+        return []
+    kind = "no-path" if way.failed else "replanned"
+    return [StackEvent(time=time, kind=kind, robot=robot, detail=way.failed)]

@@ -18,6 +18,7 @@ from matplotlib.patheffects import withStroke
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import Phase
+from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import INK, robot_colour
@@ -25,7 +26,6 @@ from reports.figure_floor import draw_floor
 from reports.figure_motion import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
-from tests.stack.control_course import remaining_path
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures" / "scenes"
 TRAIL = 6.0  # s
@@ -102,7 +102,7 @@ def _draw_moment(axes: Axes, world: World, trace: Trace, moment: Moment, *, body
         place = pose[tick, robot]
         path = path_at(trace, robot, tick)
         if len(path):
-            ahead = remaining_path(path, place[:2])
+            ahead, *_ = look_along(path, place[0], place[1], 0.5)
             axes.plot(*ahead.T, color=colour, linewidth=1.6, linestyle=(0, (3, 2)), zorder=7)
         axes.plot(*pose[trail, robot, :2].T, color=colour, linewidth=2.4, alpha=0.45, zorder=6)
         goal = trace.columns["goal"][tick, robot]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.polyline import point_ahead, project_on_path
+from mrta_falsify.core.polyline import look_along, point_ahead, project_on_path
 from mrta_falsify.core.protocols import ControlView
 
 BODY = np.array([[-0.1965, -0.1525], [0.0685, -0.1525], [0.0685, 0.1525], [-0.1965, 0.1525]])
@@ -129,11 +129,12 @@ class Course:
             if len(path) == 0:
                 ahead.append(NO_PATH)
                 continue
-            self.paths[i] = rest = remaining_path(path, self.pose[i, :2])
+            x, y, _ = self.pose[i]
+            self.paths[i] = rest = look_along(path, x, y, 0.5)[0]
             ahead.append(rest)
             goal[i] = rest[-1]
             if np.linalg.norm(rest[-1] - self.pose[i, :2]) > 0.1:
-                target[i] = lookahead_point(rest, self.pose[i, :2])
+                target[i] = look_along(rest, x, y, 0.5)[1:3]
         hits = np.stack([cast(p[:2], p[2], self.walls) for p in self.pose])
         return ControlView(
             time=self.time,

@@ -18,9 +18,9 @@ from mrta_falsify.stack.allocation.chain import Chain, ChainOptions
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.nearest import Nearest
-from mrta_falsify.stack.allocation.objective import score
+from mrta_falsify.stack.allocation.objective import objective_value
 from mrta_falsify.stack.allocation.stream import Batch, Stream, run_stream
-from mrta_falsify.stack.allocation.timing import assemble
+from mrta_falsify.stack.allocation.timing import timed_allocation
 from mrta_falsify.stack.allocation.verification import verify
 from tests.stack.allocation_cases import floor, problem
 
@@ -93,7 +93,10 @@ def test_improvement_never_makes_the_objective_worse_and_loses_no_deadline():
         assert verify(better, case) == ()
         assert len(better.late) <= len(plain.late)
         if plain.late == better.late == ():
-            assert score(case, better, "completion") <= score(case, plain, "completion") + 1e-6
+            assert (
+                objective_value(case, better, "completion")
+                <= objective_value(case, plain, "completion") + 1e-6
+            )
 
 
 def test_the_objective_decides_between_few_robots_and_early_ends():
@@ -103,8 +106,8 @@ def test_the_objective_decides_between_few_robots_and_early_ends():
         for name in ("completion", "makespan", "travel")
     }
     for name, answer in answers.items():
-        mine = score(case, answer, name)
-        assert all(mine <= score(case, other, name) + 1e-6 for other in answers.values())
+        mine = objective_value(case, answer, name)
+        assert all(mine <= objective_value(case, other, name) + 1e-6 for other in answers.values())
 
 
 # --- exact ---------------------------------------------------------------------------------
@@ -414,7 +417,7 @@ def test_a_plan_that_cannot_be_carried_out_is_refused():
     class Forgetful:
         def allocate(self, case):
             stops = [(s,) for s in allocate(case.tasks, *case.robots).itineraries[0][:1]]
-            return assemble(case, stops)
+            return timed_allocation(case, stops)
 
     stream = Stream(TIMES, [0], 2, Forgetful())
     with pytest.raises(HarnessError, match="never drops task 0"):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_course import Course, line, lookahead_point, remaining_path
+from control_course import Course, line
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.polyline import look_along
 from mrta_falsify.stack.control import conflicts, qp
 from mrta_falsify.stack.control.barrier import (
     OBSTACLE,
@@ -33,31 +34,34 @@ KINDS = kind_table(CbfOptions())
 # --- paths ------------------------------------------------------------------------------
 
 
+def ahead_of(path, position):
+    """What is left of a path, and the point half a metre ahead."""
+    rest, x, y, _ = look_along(path, position[0], position[1], 0.5)
+    return rest, np.array([x, y])
+
+
 def test_lookahead_lies_half_a_metre_away_on_the_path():
     path = np.array([[0.0, 0.0], [10.0, 0.0]])
-    np.testing.assert_allclose(lookahead_point(path, np.array([2.0, 0.3])), [2.4, 0.0])
+    np.testing.assert_allclose(ahead_of(path, [2.0, 0.3])[1], [2.4, 0.0])
 
 
 def test_lookahead_does_not_turn_back_to_a_part_already_driven():
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    point = lookahead_point(path, np.array([0.9, 0.95]))
+    _, point = ahead_of(path, [0.9, 0.95])
     assert point[0] < 0.5
     assert point[1] == pytest.approx(1.0)
 
 
-def test_lookahead_of_short_and_empty_paths_is_the_end_or_nan():
-    assert np.isnan(lookahead_point(np.zeros((0, 2)), np.zeros(2))).all()
-    np.testing.assert_array_equal(lookahead_point(np.array([[1.0, 2.0]]), np.zeros(2)), [1, 2])
+def test_lookahead_of_a_short_path_is_its_end():
+    np.testing.assert_array_equal(ahead_of(np.array([[1.0, 2.0]]), np.zeros(2))[1], [1, 2])
     path = np.array([[0.0, 0.0], [1.0, 0.0]])
-    np.testing.assert_array_equal(lookahead_point(path, np.array([0.9, 0.0])), [1, 0])
+    np.testing.assert_array_equal(ahead_of(path, [0.9, 0.0])[1], [1, 0])
 
 
-def test_remaining_path_starts_beside_the_robot_and_keeps_the_end():
+def test_the_rest_of_a_path_starts_beside_the_robot_and_keeps_the_end():
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
-    np.testing.assert_allclose(
-        remaining_path(path, np.array([0.5, 0.4])), [[0.5, 0], [1, 0], [1, 2]]
-    )
-    np.testing.assert_array_equal(remaining_path(path, np.array([1.0, 9.0])), [[1, 2]])
+    np.testing.assert_allclose(ahead_of(path, [0.5, 0.4])[0], [[0.5, 0], [1, 0], [1, 2]])
+    np.testing.assert_array_equal(ahead_of(path, [1.0, 9.0])[0], [[1, 2]])
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -67,8 +71,8 @@ def test_following_the_lookahead_always_reaches_the_end(seed):
     path = np.cumsum(rng.uniform(-0.3, 1.0, (12, 2)), axis=0)
     position = path[0].copy()
     for _ in range(2000):
-        path = remaining_path(path, position)
-        step = lookahead_point(path, position) - position
+        path, point = ahead_of(path, position)
+        step = point - position
         distance = np.linalg.norm(step)
         if len(path) == 1 and distance < 0.05:
             break

@@ -11,7 +11,7 @@ from mrta_falsify.core.allocation_problem import Allocation, Stop
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.world import RobotSpec, Room, Task, World
 from mrta_falsify.stack.allocation.insertion import Insertion
-from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, Report
+from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
 
 INSERTION = Insertion(Insertion.Options())
 
@@ -31,7 +31,7 @@ def world(*tasks, robots=2):
 
 
 def report(*, itinerary=(), onboard=(), room=0, ends=0.0, reachable=True):
-    return Report(
+    return RobotReport(
         itinerary=tuple(itinerary),
         onboard=tuple(onboard),
         room=room,

@@ -6,16 +6,11 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.costmap import LETHAL, Costmap
+from mrta_falsify.core.polyline import cut_path, look_along, path_length
 from mrta_falsify.core.protocols import Plan
-from mrta_falsify.stack.planning_service import (
-    PlanningService,
-    ServiceState,
-    Way,
-    cut_path,
-    look_along,
-    path_length,
-)
-from mrta_falsify.stack.resources.corridors import find_crossing, nearest_arc
+from mrta_falsify.stack.planning_service import PlanningService, ServiceState
+from mrta_falsify.stack.resources.crossings import find_crossing, nearest_arc
+from mrta_falsify.stack.route import Way
 
 BOX = np.array([[2.0, -1.0], [4.0, -1.0], [4.0, 1.0], [2.0, 1.0]])
 LINE = np.array([[0.0, 0.0], [6.0, 0.0]])
@@ -60,53 +55,50 @@ def service(planner=None, bare=None, crowded=None):
 
 
 def way_to(*xs):
-    way = Way()
-    way.head_for(np.array([[x, 0.0] for x in xs]))
-    return way
+    return Way().head_for(np.array([[x, 0.0] for x in xs]))
 
 
 def test_a_path_leads_through_the_next_two_waypoints():
-    way = way_to(3.0, 5.0, 8.0)
-    assert service().plan(ServiceState(), way, np.zeros(2), 0.0)
+    way = service().plan(ServiceState(), way_to(3.0, 5.0, 8.0), np.zeros(2), 0.0)
+    assert not way.failed
     np.testing.assert_array_equal(way.path, [[0, 0], [3, 0], [5, 0]])
 
 
 def test_a_covered_waypoint_is_left_out_for_good():
-    way = way_to(3.0, 5.0, 8.0)
-    assert service(Straight(x3="goal-blocked")).plan(ServiceState(), way, np.zeros(2), 0.0)
+    planner = Straight(x3="goal-blocked")
+    way = service(planner).plan(ServiceState(), way_to(3.0, 5.0, 8.0), np.zeros(2), 0.0)
+    assert not way.failed
     np.testing.assert_array_equal(way.route, [[5, 0], [8, 0]])
     np.testing.assert_array_equal(way.path[-1], [8, 0])
 
 
 def test_an_unreachable_goal_is_typed_and_tried_again_later():
-    way = way_to(3.0)
-    assert not service(Straight(x3="unreachable")).plan(ServiceState(), way, np.zeros(2), 7.0)
+    planner = Straight(x3="unreachable")
+    way = service(planner).plan(ServiceState(), way_to(3.0), np.zeros(2), 7.0)
     assert (way.failed, way.plan_at, way.must_plan, len(way.path)) == ("unreachable", 9.0, True, 0)
 
 
 def test_a_new_route_has_no_path_until_there_is_a_plan():
-    way = way_to(3.0)
-    service().plan(ServiceState(), way, np.zeros(2), 0.0)
-    way.head_for(np.array([[8.0, 0.0]]))
-    assert len(way.path) == 0
+    way = service().plan(ServiceState(), way_to(3.0), np.zeros(2), 0.0)
+    assert len(way.path)
+    assert len(way.head_for(np.array([[8.0, 0.0]])).path) == 0
 
 
 def test_an_obstacle_between_the_corners_of_a_path_is_seen():
-    way, state = way_to(8.0), ServiceState()
+    state = ServiceState()
     planner = service(bare=grid((20, 50)))
-    planner.plan(state, way, np.array([0.1, 0.0]), 0.0)
+    way = planner.plan(state, way_to(8.0), np.array([0.1, 0.0]), 0.0)
     assert planner.is_obstructed(state, way, np.array([0.1, 0.0]), 0.0)
     assert not planner.is_obstructed(state, way, np.array([6.0, 0.0]), 0.0)
     assert not planner.is_obstructed(state, way, np.array([4.8, 0.0]), 0.0)  # beside itself
 
 
 def test_a_halt_is_driven_to_first_and_the_route_is_kept():
-    way, state = way_to(3.0, 8.0), ServiceState()
-    way.halt_at(np.array([1.0, 0.5]))
-    service().plan(state, way, np.zeros(2), 0.0)
+    state = ServiceState()
+    way = way_to(3.0, 8.0).halt_at(np.array([1.0, 0.5]))
+    way = service().plan(state, way, np.zeros(2), 0.0)
     np.testing.assert_array_equal(way.path[-1], [1.0, 0.5])
-    way.go_on()
-    service().plan(state, way, np.zeros(2), 0.0)
+    way = service().plan(state, way.resumed(), np.zeros(2), 0.0)
     np.testing.assert_array_equal(way.path[-1], [8.0, 0.0])
 
 

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.plane import inside
+from mrta_falsify.core.polyline import point_before_end
 from mrta_falsify.core.protocols import Waiter
 from mrta_falsify.core.world import Resource
 from mrta_falsify.stack.resources.policies import DeadlineFirst, Fifo
-from mrta_falsify.stack.resources.queue import Queue, QueueState, inside, point_before_end
+from mrta_falsify.stack.resources.queue import Queue, QueueState
 
 FIFO = Fifo(Fifo.Options())
 SPOTS = [[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]
@@ -70,7 +72,7 @@ def test_the_fourth_waiter_stands_behind_the_last_spot():
     asked = queue()
     state = fill(asked, range(5))
     assert state.holders == [0]
-    assert [asked.place_of(state, robot) for robot in range(5)] == [-1, 0, 1, 2, 3]
+    assert [asked.place_of(state, robot) for robot in range(5)] == [None, 0, 1, 2, 3]
     approach = np.array([[3.0, 5.0], [3.0, 0.0]])
     np.testing.assert_allclose(asked.waiting_point(2, approach), SPOTS[2])
     np.testing.assert_allclose(asked.waiting_point(3, approach), [3.0, 1.0])

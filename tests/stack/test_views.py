@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrta_falsify.stack.lookahead import LOOK_AHEAD, Outlook
-from mrta_falsify.stack.planning_service import Way, look_along
+from mrta_falsify.core.polyline import look_along
+from mrta_falsify.stack.lookahead import Outlook
+from mrta_falsify.stack.route import LOOK_AHEAD, Way
 
 PATH = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]])
 
@@ -43,14 +44,13 @@ def test_a_robot_without_a_path_or_a_route_has_nothing_ahead():
 
 def test_shortening_a_view_leaves_the_next_tick_alone():
     outlook, pose, ways = Outlook(1), np.array([[0.5, 0.0, 0.0]]), [way()]
-    views = outlook.views(ways, pose)
-    views.shorten(0, 0.4, pose[0])
+    views = outlook.views(ways, pose).shortened({0: 0.4}, pose)
     assert views.length[0] == 0.4
     np.testing.assert_array_equal(views.rest[0][-1], [0.9, 0.0])
     assert outlook.views(ways, pose).length[0] == 4.5
 
 
-def test_a_fleet_of_nobody_sees_nothing():
+def test_an_empty_fleet_sees_nothing():
     views = Outlook(0).views([], np.zeros((0, 3)))
     assert views.target.shape == (0, 2)
     assert views.length.shape == (0,)

@@ -18,7 +18,7 @@ from mrta_falsify.stack.allocation.objective import Objective, late_weights_of, 
 from mrta_falsify.stack.allocation.route_kernels import construct
 from mrta_falsify.stack.allocation.ruin_and_recreate import place_late
 from mrta_falsify.stack.allocation.table import RouteTable
-from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
+from mrta_falsify.stack.allocation.timing import append_only, timed_allocation, with_kept_plans
 
 
 class Auction:
@@ -36,7 +36,7 @@ class Auction:
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         if not problem.robots:
-            return assemble(problem, [], reason="there is no robot that can be reached")
+            return timed_allocation(problem, [], reason="there is no robot that can be reached")
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         weights = weights_of(self._options.objective)
@@ -46,4 +46,4 @@ class Auction:
         left = construct(table.w, table.pending(), weights, True, 0.0, unused)
         for k in sorted(left.tolist(), key=lambda k: (table.tasks[k].deadline, k)):
             place_late(table.w, k, late_weights_of(self._options.objective))
-        return assemble(problem, [table.stops(r) for r in range(table.n)])
+        return timed_allocation(problem, [table.stops(r) for r in range(table.n)])

@@ -21,7 +21,7 @@ from mrta_falsify.stack.allocation.objective import Objective
 from mrta_falsify.stack.allocation.proving import Proof, Prover
 from mrta_falsify.stack.allocation.single_robots import LimitReachedError
 from mrta_falsify.stack.allocation.table import RouteTable
-from mrta_falsify.stack.allocation.timing import append_only, assemble, with_kept_plans
+from mrta_falsify.stack.allocation.timing import append_only, timed_allocation, with_kept_plans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class Exact:
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         if not problem.tasks:
-            return assemble(problem, [()] * len(problem.robots))
+            return timed_allocation(problem, [()] * len(problem.robots))
         if not problem.robots:
             return without_robots(problem)
         try:
@@ -111,7 +111,7 @@ class Exact:
         self._insertion.serve_late(table, table.pending())
         if self._options.improvement_steps:
             self._insertion.improve(table, self._options.improvement_steps)
-        return assemble(problem, [table.stops(r) for r in range(table.n)])
+        return timed_allocation(problem, [table.stops(r) for r in range(table.n)])
 
 
 def without_plans(problem: AllocationProblem) -> AllocationProblem:

@@ -14,10 +14,10 @@ import numpy as np
 
 from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, OpenTask, Stop
 from mrta_falsify.stack.allocation.timing import (
-    assemble,
     dropoff_of,
     kept_routes,
     pickup_of,
+    timed_allocation,
 )
 
 
@@ -34,7 +34,7 @@ class Nearest:
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         if not problem.robots:
-            return assemble(problem, [], reason="there is no robot that can be reached")
+            return timed_allocation(problem, [], reason="there is no robot that can be reached")
         routes = kept_routes(problem)
         given = {stop.task for route in routes for stop in route}
         for task in sorted(problem.tasks, key=lambda task: (task.deadline, task.number)):
@@ -42,7 +42,7 @@ class Nearest:
                 continue
             r = min(range(len(routes)), key=lambda r: self._distance(problem, r, routes[r], task))
             routes[r] += [pickup_of(task), dropoff_of(task)]
-        return assemble(problem, routes)
+        return timed_allocation(problem, routes)
 
     @staticmethod
     def _distance(

@@ -49,7 +49,7 @@ def completion_bound(problem: AllocationProblem) -> float:
     return total
 
 
-def score(problem: AllocationProblem, answer: Allocation, objective: Objective) -> float:
+def objective_value(problem: AllocationProblem, answer: Allocation, objective: Objective) -> float:
     """Value of the objective [s]; smaller is better.
 
     Sum of completion times, last completion, sum over robots of the time on the way, or sum

@@ -19,10 +19,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 
 NONE = -1
-FREE, GONE = -1, -2  #: owners of tasks that nobody has, and that are not in the table any more
+FREE, GONE = -1, -2  #: owners of tasks that no robot has, and that are not in the table any more
 FAR = 1e18
 
 #: one record per node; a record is passed on as one pointer, which halves the time to compile
@@ -83,7 +83,7 @@ class Weights(NamedTuple):
     own: float  #: extra weight of the inserted task's own completion time
 
 
-class Place(NamedTuple):
+class Slot(NamedTuple):
     """Where a task goes in a route."""
 
     cost: float  #: increase of the objective, inf: nowhere
@@ -93,7 +93,7 @@ class Place(NamedTuple):
 
 @entry()
 def refresh(w: Routes, r: int) -> None:  # pragma: no cover - compiled
-    """Times, loads and slacks of robot ``r``'s route, from its order of nodes."""
+    """Work out times, loads and slacks of robot ``r``'s route from its order of nodes."""
     n = len(w.capacity)
     last, x = r, w.node[r].after
     while x != NONE:
@@ -139,14 +139,14 @@ def _reach(
 
 
 @inner()
-def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
+def cheapest_slot(  # noqa: PLR0915 - one loop, split would cost calls per place
     w: Routes, k: int, r: int, weights: Weights, span: float, blink: float, seed: NDArray[np.uint64]
-) -> Place:  # pragma: no cover - compiled
-    """Cheapest place of task ``k`` in the route of robot ``r`` that keeps all due times.
+) -> Slot:  # pragma: no cover - compiled
+    """Find the cheapest place of task ``k`` in the route of robot ``r`` that keeps all due times.
 
     Args:
         w: routes.
-        k: task that nobody has.
+        k: task that no robot has.
         r: robot.
         weights: objective.
         span: last end of all routes [s], for the makespan.
@@ -167,7 +167,7 @@ def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
         if t_pick + ride > drop.due:
             break  # later places are later still
         c = ahead.after
-        if ahead.load < limit and (blink == 0.0 or draw(seed) >= blink):
+        if ahead.load < limit and (blink == 0.0 or uniform(seed) >= blink):
             t_drop = t_pick + ride
             if c == NONE:
                 cost = _price(weights, t_drop, 0.0, old_end, t_drop, span)
@@ -178,9 +178,8 @@ def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
                 t_c = _reach(w, drop.room, t_drop, here)
                 if t_c <= here.latest:
                     shift = t_c - here.time
-                    cost = _price(
-                        weights, t_drop, shift * ahead.drops, old_end, old_end + shift, span
-                    )
+                    moved = shift * ahead.drops
+                    cost = _price(weights, t_drop, moved, old_end, old_end + shift, span)
                     if cost < best:
                         best, best_a, best_b = cost, a, n + 2 * k
                 t_x = _reach(w, pick.room, t_pick, here)
@@ -199,24 +198,22 @@ def place_of(  # noqa: PLR0915 - one loop, split would cost calls per place
                         break
                     follows = w.node[y]
                     t_y = _reach(w, drop.room, t_drop, follows)
-                    if t_y <= follows.latest and (blink == 0.0 or draw(seed) >= blink):
+                    if t_y <= follows.latest and (blink == 0.0 or uniform(seed) >= blink):
                         shift = t_y - follows.time
-                        cost = _price(
-                            weights, t_drop, shifts + shift * here.drops, old_end,
-                            old_end + shift, span,
-                        )  # fmt: skip
+                        moved = shifts + shift * here.drops
+                        cost = _price(weights, t_drop, moved, old_end, old_end + shift, span)
                         if cost < best:
                             best, best_a, best_b = cost, a, x
                     t_x = _reach(w, here.room, t_x, follows)
                     x, here = y, follows
         a = c
-    return Place(best, best_a, best_b)
+    return Slot(best, best_a, best_b)
 
 
 @inner()
 def drop_place_of(
     w: Routes, k: int, r: int, weights: Weights
-) -> Place:  # pragma: no cover - compiled
+) -> Slot:  # pragma: no cover - compiled
     """Cheapest place of the drop of task ``k``, which is on board of robot ``r``."""
     n = len(w.capacity)
     drop = w.node[n + 2 * k + 1]
@@ -240,7 +237,7 @@ def drop_place_of(
         x = y
         if x != NONE and w.node[x].load > w.capacity[r]:
             break
-    return Place(best, NONE, best_b)
+    return Slot(best, NONE, best_b)
 
 
 @inner()
@@ -266,7 +263,7 @@ def unlink(w: Routes, x: int) -> None:  # pragma: no cover - compiled
 
 
 @inner()
-def insert(w: Routes, k: int, r: int, place: Place) -> None:  # pragma: no cover - compiled
+def insert(w: Routes, k: int, r: int, place: Slot) -> None:  # pragma: no cover - compiled
     """Give task ``k`` to robot ``r`` at ``place``."""
     n = len(w.capacity)
     if place.pick != NONE:
@@ -278,7 +275,7 @@ def insert(w: Routes, k: int, r: int, place: Place) -> None:  # pragma: no cover
 
 @inner()
 def remove(w: Routes, k: int) -> int:  # pragma: no cover - compiled
-    """Take task ``k``, which is not on board, from its robot; gives the robot."""
+    """Take task ``k``, which is not on board, from its robot, and return the robot."""
     n = len(w.capacity)
     r = int(w.task[k].owner)
     unlink(w, n + 2 * k)
@@ -289,14 +286,20 @@ def remove(w: Routes, k: int) -> int:  # pragma: no cover - compiled
 
 
 @inner()
-def draw(seed: NDArray[np.uint64]) -> float:  # pragma: no cover - compiled
-    """Uniform number in [0, 1): xorshift64* of Vigna, 2016."""
+def uniform(seed: NDArray[np.uint64]) -> float:  # pragma: no cover - compiled
+    """Draw a uniform number in [0, 1): xorshift64* of Vigna, 2016."""
     x = seed[0]
     x ^= x >> np.uint64(12)
     x ^= x << np.uint64(25)
     x ^= x >> np.uint64(27)
     seed[0] = x
     return float((x * np.uint64(2685821657736338717)) >> np.uint64(11)) / 9007199254740992.0
+
+
+@inner()
+def _span(w: Routes, weights: Weights) -> float:  # pragma: no cover - compiled
+    """Makespan [s] if it counts, else 0."""
+    return last_end(w) if weights.makespan > 0.0 else 0.0
 
 
 @inner()
@@ -317,11 +320,11 @@ def construct(
     blink: float,
     seed: NDArray[np.uint64],
 ) -> IntArray:  # pragma: no cover - compiled
-    """Insert pending tasks one by one; gives those that fit nowhere.
+    """Insert pending tasks one by one, and return those that fit nowhere.
 
     Args:
         w: routes; changed.
-        pending: (p,) tasks that nobody has.
+        pending: (p,) tasks that no robot has.
         weights: objective.
         by_bid: False: the task that would suffer most from waiting first (regret);
             True: the task with the lowest bid of all first (a sequential auction).
@@ -331,35 +334,25 @@ def construct(
     n, p = len(w.capacity), len(pending)
     price = np.empty((p, n))
     first, best, second = np.empty(p, np.int64), np.empty(p), np.empty(p)
-    waits = np.empty(p, np.int64)
-    span = last_end(w) if weights.makespan > 0.0 else 0.0
+    waits = np.ones(p, np.bool_)
+    span = _span(w, weights)
     for i in range(p):
-        waits[i] = 1
         for r in range(n):
-            price[i, r] = place_of(w, pending[i], r, weights, span, blink, seed).cost
+            price[i, r] = cheapest_slot(w, pending[i], r, weights, span, blink, seed).cost
         first[i], best[i], second[i] = _two_best(price, i)
     for _ in range(p):
-        chosen, top, top_due = -1, -np.inf, np.inf
-        for i in range(p):
-            if waits[i] == 0 or best[i] == np.inf:
-                continue
-            due = w.node[n + 2 * pending[i] + 1].due
-            rank = second[i] - best[i] if second[i] < np.inf else FAR
-            rank = -best[i] if by_bid else rank
-            if rank > top or (rank == top and due < top_due):
-                chosen, top, top_due = i, rank, due
+        chosen = _next_task(w, pending, waits, best, second, by_bid)
         if chosen < 0:
             break
         r = first[chosen]
-        place = place_of(w, pending[chosen], r, weights, span, 0.0, seed)
+        place = cheapest_slot(w, pending[chosen], r, weights, span, 0.0, seed)
         insert(w, pending[chosen], r, place)
-        waits[chosen] = 0
-        if weights.makespan > 0.0:
-            span = last_end(w)
+        waits[chosen] = False
+        span = _span(w, weights)
         for i in range(p):
-            if waits[i] == 0 or (price[i, r] == np.inf and blink == 0.0):
+            if not waits[i] or (price[i, r] == np.inf and blink == 0.0):
                 continue
-            new = place_of(w, pending[i], r, weights, span, blink, seed).cost
+            new = cheapest_slot(w, pending[i], r, weights, span, blink, seed).cost
             old = price[i, r]
             price[i, r] = new
             if r == first[i] and new < second[i]:
@@ -368,13 +361,25 @@ def construct(
                 first[i], best[i], second[i] = _two_best(price, i)
             elif new < second[i]:
                 second[i] = new
-    left = np.empty(p, np.int64)
-    count = 0
-    for i in range(p):
-        if waits[i]:
-            left[count] = pending[i]
-            count += 1
-    return left[:count]
+    return pending[waits]
+
+
+@inner()
+def _next_task(
+    w: Routes, pending: IntArray, waits: BoolArray, best: Array, second: Array, by_bid: bool
+) -> int:  # pragma: no cover - compiled
+    """Which of the pending tasks that wait is inserted next, -1: none fits anywhere."""
+    n = len(w.capacity)
+    chosen, top, top_due = -1, -np.inf, np.inf
+    for i in range(len(pending)):
+        if not waits[i] or best[i] == np.inf:
+            continue
+        due = w.node[n + 2 * pending[i] + 1].due
+        rank = second[i] - best[i] if second[i] < np.inf else FAR
+        rank = -best[i] if by_bid else rank
+        if rank > top or (rank == top and due < top_due):
+            chosen, top, top_due = i, rank, due
+    return chosen
 
 
 @inner()

@@ -1,8 +1,10 @@
 """Compiled: can one robot serve a set of tasks in time? Exact, by depth-first search.
 
-States already seen without success no later than now are not entered again, and a state is
-left as soon as a task cannot be in time even if the robot goes to it directly, or the tasks
-due first cannot be in time even if every leg were the shortest one to its end.
+Two tests cut the search short:
+
+- A state that was entered before, no later than now, is not entered again.
+- A state is left as soon as a task cannot be in time even if the robot goes to it directly. The
+  same holds if the tasks due first cannot be in time even with the shortest leg to each stop.
 """
 
 from __future__ import annotations
@@ -38,8 +40,27 @@ class Starts(NamedTuple):
     capacity: IntArray  #: (n,)
 
 
+class _Stops(NamedTuple):
+    """The 2 s stops of s tasks: ``2 i`` is the pickup of task i, ``2 i + 1`` its drop."""
+
+    room: IntArray  #: (2 s,)
+    service: Array  #: (2 s,) [s]
+    release: Array  #: (2 s,) [s]
+    least: Array  #: (2 s,) shortest leg to the stop, with its service [s]
+    due: Array  #: (s,) of the tasks [s], inf: does not count
+    by_due: IntArray  #: (s,) tasks, the first due first
+    power: IntArray  #: (s,) weight of the task's state in the key of a search state
+
+
+class _Seen(NamedTuple):
+    """Search states that led nowhere: a hash table."""
+
+    key: IntArray  #: (size,) -1: free
+    time: Array  #: (size,) the earliest time at which the state was entered [s]
+
+
 @entry()
-def search_route(  # noqa: PLR0915 - one search
+def search_route(
     travel: Array,
     jobs: Jobs,
     starts: Starts,
@@ -49,7 +70,7 @@ def search_route(  # noqa: PLR0915 - one search
     soft: BoolArray,
     limit: int,
 ) -> tuple[int, int, IntArray]:  # pragma: no cover - compiled
-    """Order of stops with which a robot keeps the due times of all chosen tasks.
+    """Find an order of stops with which a robot keeps the due times of all chosen tasks.
 
     Args:
         travel: ``(R, R)`` [s], closed under shortest paths.
@@ -66,47 +87,17 @@ def search_route(  # noqa: PLR0915 - one search
         and ``2 i + 1`` for the drop of ``chosen[i]``.
     """
     s = len(chosen)
-    due = np.empty(s)
-    for i in range(s):
-        due[i] = np.inf if soft[i] else jobs.due[chosen[i]]
-    by_due = np.argsort(due, kind="mergesort")
-    room = np.empty(2 * s, np.int64)
-    service = np.empty(2 * s)
-    release = np.zeros(2 * s)
-    for i in range(s):
-        k = chosen[i]
-        room[2 * i], room[2 * i + 1] = jobs.start[k], jobs.end[k]
-        service[2 * i], service[2 * i + 1] = jobs.load[k], jobs.unload[k]
-        release[2 * i] = jobs.release[k]
-    least = np.empty(2 * s)  # shortest leg to each stop, with its service
-    for x in range(2 * s):
-        least[x] = travel[starts.room[robot], room[x]]
-        for y in range(2 * s):
-            if y != x and (state[y >> 1] == 0 or y & 1):
-                least[x] = min(least[x], travel[room[y], room[x]])
-        least[x] += service[x]
-    power = np.empty(s, np.int64)
-    value = 64
-    for i in range(s):
-        power[i] = value
-        value *= 3
+    stops = _stops_of(travel, jobs, starts.room[robot], chosen, state, soft)
     now = state.copy()
-    load, key, to_drop = 0, 0, s
-    for i in range(s):
-        load += now[i]
-        key += now[i] * power[i]
-    depth = 0
-    time = np.empty(2 * s + 1)
-    here = np.empty(2 * s + 1, np.int64)
+    load, to_drop = int(np.sum(now)), s
+    key = int(np.sum(now * stops.power))
     path = np.empty(2 * s, np.int64)
-    options = np.empty((2 * s + 1, 2 * s), np.int64)
-    count = np.zeros(2 * s + 1, np.int64)
-    tried = np.zeros(2 * s + 1, np.int64)
-    rank = np.empty(2 * s)
+    time, here = np.empty(2 * s + 1), np.empty(2 * s + 1, np.int64)
     time[0], here[0] = starts.time[robot], starts.room[robot]
-    seen_key = np.empty(1, np.int64)
-    seen_time = np.empty(1)
-    size, filled, nodes, entering = 0, 0, 0, True
+    options = np.empty((2 * s + 1, 2 * s), np.int64)
+    count, tried = np.zeros(2 * s + 1, np.int64), np.zeros(2 * s + 1, np.int64)
+    seen, filled = _Seen(np.full(1, -1, np.int64), np.empty(1)), 0
+    depth, nodes, entering = 0, 0, True
     while True:
         if entering:
             entering = False
@@ -116,99 +107,147 @@ def search_route(  # noqa: PLR0915 - one search
             if nodes > limit:
                 return CUT_OFF, nodes, path[:0]
             count[depth] = tried[depth] = 0
-            open_state = _may_be_in_time(
-                travel, room, service, release, due, by_due, least, now, time[depth], here[depth]
-            )
-            if open_state and nodes > _REMEMBER_FROM:
-                if size == 0 or 2 * filled > size:
-                    size, seen_key, seen_time = _larger(size, seen_key, seen_time)
+            is_open = _may_be_in_time(travel, stops, now, time[depth], here[depth])
+            if is_open and nodes > _REMEMBER_FROM:
+                seen = _with_room(seen, filled)
                 last = path[depth - 1] if depth > 0 else 63
-                slot = _slot(seen_key, key + last)
-                if seen_key[slot] == -1:
-                    seen_key[slot] = key + last
-                    seen_time[slot] = time[depth]
-                    filled += 1
-                elif seen_time[slot] <= time[depth]:
-                    open_state = False
-                else:
-                    seen_time[slot] = time[depth]
-            if open_state:
-                c = 0
-                for i in range(s):
-                    if now[i] == 2 or (now[i] == 0 and load >= starts.capacity[robot]):
-                        continue
-                    x = 2 * i + now[i]
-                    arrives = max(time[depth], release[x]) + travel[here[depth], room[x]]
-                    r = arrives + min(due[i], 1e9)
-                    j = c
-                    while j > 0 and rank[j - 1] > r:
-                        rank[j] = rank[j - 1]
-                        options[depth, j] = options[depth, j - 1]
-                        j -= 1
-                    rank[j] = r
-                    options[depth, j] = x
-                    c += 1
-                count[depth] = c
+                is_open, new = _note_state(seen, key + last, time[depth])
+                filled += new
+            if is_open:
+                may_load = load < starts.capacity[robot]
+                count[depth] = _fill_options(
+                    options[depth], travel, stops, now, time[depth], here[depth], may_load
+                )
         if tried[depth] < count[depth]:
             x = options[depth, tried[depth]]
             tried[depth] += 1
-            t = max(time[depth], release[x]) + travel[here[depth], room[x]] + service[x]
-            i = x >> 1
-            if x & 1:
-                if t > due[i]:
-                    continue
-                load -= 1
-                to_drop -= 1
-            else:
-                load += 1
-            now[i] += 1
-            key += power[i]
+            t = _done_at(travel, stops, x, time[depth], here[depth])
+            if x & 1 and t > stops.due[x >> 1]:
+                continue
             path[depth] = x
             depth += 1
-            time[depth], here[depth] = t, room[x]
-            entering = True
-            continue
-        if depth == 0:
+            time[depth], here[depth] = t, stops.room[x]
+            step, entering = 1, True
+        elif depth == 0:
             return INFEASIBLE, nodes, path[:0]
-        depth -= 1
-        x = path[depth]
-        now[x >> 1] -= 1
-        key -= power[x >> 1]
-        if x & 1:
-            load += 1
-            to_drop += 1
         else:
-            load -= 1
+            depth -= 1
+            x, step = path[depth], -1
+        now[x >> 1] += step
+        key += step * stops.power[x >> 1]
+        load += step * (1 - 2 * (x & 1))
+        to_drop -= step * (x & 1)
+
+
+@inner()
+def _stops_of(
+    travel: Array, jobs: Jobs, room: int, chosen: IntArray, state: IntArray, soft: BoolArray
+) -> _Stops:  # pragma: no cover - compiled
+    """Stops of the chosen tasks for a robot that begins in ``room``."""
+    s = len(chosen)
+    stops = _Stops(
+        np.empty(2 * s, np.int64),
+        np.empty(2 * s),
+        np.zeros(2 * s),
+        np.empty(2 * s),
+        np.empty(s),
+        np.empty(s, np.int64),
+        np.empty(s, np.int64),
+    )
+    value = 64
+    for i in range(s):
+        k = chosen[i]
+        stops.due[i] = np.inf if soft[i] else jobs.due[k]
+        stops.room[2 * i], stops.room[2 * i + 1] = jobs.start[k], jobs.end[k]
+        stops.service[2 * i], stops.service[2 * i + 1] = jobs.load[k], jobs.unload[k]
+        stops.release[2 * i] = jobs.release[k]
+        stops.power[i] = value
+        value *= 3
+    stops.by_due[:] = np.argsort(stops.due, kind="mergesort")
+    for x in range(2 * s):
+        least = travel[room, stops.room[x]]
+        for y in range(2 * s):
+            if y != x and (state[y >> 1] == 0 or y & 1):
+                least = min(least, travel[stops.room[y], stops.room[x]])
+        stops.least[x] = least + stops.service[x]
+    return stops
+
+
+@inner()
+def _done_at(
+    travel: Array, stops: _Stops, x: int, time: float, here: int
+) -> float:  # pragma: no cover - compiled
+    """When stop ``x`` is done by a robot that is ready in room ``here`` at ``time`` [s]."""
+    begun = max(time, stops.release[x])
+    return float(begun + travel[here, stops.room[x]] + stops.service[x])
+
+
+@inner()
+def _fill_options(
+    options: IntArray,
+    travel: Array,
+    stops: _Stops,
+    now: IntArray,
+    time: float,
+    here: int,
+    may_load: bool,
+) -> int:  # pragma: no cover - compiled
+    """List the stops that may come next, the most urgent first, and return how many."""
+    rank = np.empty(len(options))
+    count = 0
+    for i in range(len(now)):
+        if now[i] == 2 or (now[i] == 0 and not may_load):
+            continue
+        x = 2 * i + now[i]
+        arrives = max(time, stops.release[x]) + travel[here, stops.room[x]]
+        r = arrives + min(stops.due[i], 1e9)
+        j = count
+        while j > 0 and rank[j - 1] > r:
+            rank[j] = rank[j - 1]
+            options[j] = options[j - 1]
+            j -= 1
+        rank[j] = r
+        options[j] = x
+        count += 1
+    return count
 
 
 @inner()
 def _may_be_in_time(
-    travel: Array,
-    room: IntArray,
-    service: Array,
-    release: Array,
-    due: Array,
-    by_due: IntArray,
-    least: Array,
-    now: IntArray,
-    time: float,
-    here: int,
+    travel: Array, stops: _Stops, now: IntArray, time: float, here: int
 ) -> bool:  # pragma: no cover - compiled
+    """Whether each open task alone, and the tasks due first together, can still be in time."""
     work = time
-    for i in by_due:
-        if now[i] == 2 or due[i] == np.inf:
+    for i in stops.by_due:
+        if now[i] == 2 or stops.due[i] == np.inf:
             continue
         p, d = 2 * i, 2 * i + 1
         if now[i] == 0:
-            t = max(time, release[p]) + travel[here, room[p]] + service[p]
-            t += travel[room[p], room[d]] + service[d]
-            work += least[p]
+            t = _done_at(travel, stops, p, time, here)
+            t += travel[stops.room[p], stops.room[d]] + stops.service[d]
+            work += stops.least[p]
         else:
-            t = time + travel[here, room[d]] + service[d]
-        work += least[d]
-        if t > due[i] or work > due[i]:
+            t = time + travel[here, stops.room[d]] + stops.service[d]
+        work += stops.least[d]
+        if t > stops.due[i] or work > stops.due[i]:
             return False
     return True
+
+
+@inner()
+def _note_state(
+    seen: _Seen, key: int, time: float
+) -> tuple[bool, int]:  # pragma: no cover - compiled
+    """Whether a state is worth entering at ``time`` [s], and how many entries that adds."""
+    slot = _slot(seen.key, key)
+    if seen.key[slot] == -1:
+        seen.key[slot] = key
+        seen.time[slot] = time
+        return True, 1
+    if seen.time[slot] <= time:
+        return False, 0
+    seen.time[slot] = time
+    return True, 0
 
 
 @inner()
@@ -221,24 +260,24 @@ def _slot(keys: IntArray, key: int) -> int:  # pragma: no cover - compiled
 
 
 @inner()
-def _larger(
-    size: int, keys: IntArray, times: Array
-) -> tuple[int, IntArray, Array]:  # pragma: no cover - compiled
-    new_size = max(1024, 4 * size)
-    new_keys = np.full(new_size, -1, np.int64)
-    new_times = np.empty(new_size)
-    for i in range(size):
-        if keys[i] != -1:
-            slot = _slot(new_keys, keys[i])
-            new_keys[slot], new_times[slot] = keys[i], times[i]
-    return new_size, new_keys, new_times
+def _with_room(seen: _Seen, filled: int) -> _Seen:  # pragma: no cover - compiled
+    """Table that is at most half full: the same one, or one of four times the size."""
+    if len(seen.key) > 1 and 2 * filled <= len(seen.key):
+        return seen
+    size = max(1024, 4 * len(seen.key))
+    larger = _Seen(np.full(size, -1, np.int64), np.empty(size))
+    for i in range(len(seen.key)):
+        if seen.key[i] != -1:
+            slot = _slot(larger.key, seen.key[i])
+            larger.key[slot], larger.time[slot] = seen.key[i], seen.time[i]
+    return larger
 
 
 @entry()
 def clashing_pairs(
     travel: Array, jobs: Jobs, starts: Starts, alone: BoolArray
 ) -> BoolArray:  # pragma: no cover - compiled
-    """Which pairs of tasks a robot without load cannot both serve in time.
+    """Find the pairs of tasks that a robot without load cannot both serve in time.
 
     Args:
         travel: ``(R, R)`` [s].
@@ -272,7 +311,7 @@ def feasible_sets(
     allowed: IntArray,
     most: int,
 ) -> tuple[bool, IntArray, int]:  # pragma: no cover - compiled
-    """All largest sets of tasks that one robot can serve in time.
+    """List all largest sets of tasks that one robot can serve in time.
 
     Args:
         travel: ``(R, R)`` [s].
@@ -287,55 +326,68 @@ def feasible_sets(
         Whether the list is complete, the sets as bits, and the nodes searched.
     """
     one = np.int64(1)
-    level = np.zeros(1, np.int64)
-    found = np.empty(0, np.int64)
+    level, found = np.zeros(1, np.int64), np.empty(0, np.int64)
     looked, total = 0, 0
     is_carried = np.zeros(len(jobs.due), np.bool_)
     for k in carried:
         is_carried[k] = True
-    chosen = np.empty(len(jobs.due), np.int64)
-    state = np.zeros(len(jobs.due), np.int64)
-    soft = np.zeros(len(jobs.due), np.bool_)
     while len(level) > 0:
-        largest = np.ones(len(level), np.bool_)
-        following = np.empty(1024, np.int64)
-        count = 0
+        following, count = np.empty(1024, np.int64), 0
         for base in level:
             for k in allowed:
                 if base >> k != 0:
                     continue  # sets grow by tasks of larger number only
                 tasks = base | (one << k)
-                s = 0
-                for j in range(len(jobs.due)):
-                    chosen_here = (tasks >> j) & 1 == 1
-                    if chosen_here or is_carried[j]:
-                        chosen[s] = j
-                        state[s] = 1 if is_carried[j] else 0
-                        soft[s] = not chosen_here
-                        s += 1
+                chosen, state, soft = _members(tasks, is_carried)
                 looked += 1
-                if looked > most or s > MOST_TASKS:
+                if looked > most or len(chosen) > MOST_TASKS:
                     return False, found, total
                 answer, nodes, _ = search_route(
-                    travel, jobs, starts, robot, chosen[:s], state[:s], soft[:s], 1_000_000
+                    travel, jobs, starts, robot, chosen, state, soft, 1_000_000
                 )
                 total += nodes
                 if answer == CUT_OFF:
                     return False, found, total
                 if answer == FEASIBLE:
                     if count == len(following):
-                        longer = np.empty(2 * count, np.int64)
-                        longer[:count] = following
-                        following = longer
+                        following = np.concatenate((following, np.empty_like(following)))
                     following[count] = tasks
                     count += 1
         following = np.sort(following[:count])
-        for tasks in following:
-            for k in allowed:
-                if (tasks >> k) & 1:
-                    i = np.searchsorted(level, tasks ^ (one << k))
-                    if i < len(level) and level[i] == tasks ^ (one << k):
-                        largest[i] = False
-        found = np.concatenate((found, level[largest]))
+        found = np.concatenate((found, level[_largest(level, following, allowed)]))
         level = following
     return True, found, total
+
+
+@inner()
+def _members(
+    tasks: int, is_carried: BoolArray
+) -> tuple[IntArray, IntArray, BoolArray]:  # pragma: no cover - compiled
+    """Tasks of a set and on board, whether each is on board, and whether it is not in the set."""
+    m = len(is_carried)
+    chosen, state, soft = np.empty(m, np.int64), np.zeros(m, np.int64), np.zeros(m, np.bool_)
+    s = 0
+    for j in range(m):
+        in_set = (tasks >> j) & 1 == 1
+        if in_set or is_carried[j]:
+            chosen[s] = j
+            state[s] = 1 if is_carried[j] else 0
+            soft[s] = not in_set
+            s += 1
+    return chosen[:s], state[:s], soft[:s]
+
+
+@inner()
+def _largest(
+    level: IntArray, following: IntArray, allowed: IntArray
+) -> BoolArray:  # pragma: no cover - compiled
+    """Which sets of a sorted ``level`` are in no set that is larger by one task."""
+    one = np.int64(1)
+    largest = np.ones(len(level), np.bool_)
+    for tasks in following:
+        for k in allowed:
+            if (tasks >> k) & 1:
+                i = np.searchsorted(level, tasks ^ (one << k))
+                if i < len(level) and level[i] == tasks ^ (one << k):
+                    largest[i] = False
+    return largest

@@ -10,20 +10,20 @@ from mrta_falsify.stack.allocation.route_kernels import (
     FREE,
     GONE,
     NONE,
-    Place,
     Routes,
+    Slot,
     Weights,
+    cheapest_slot,
     construct,
-    draw,
     drop_place_of,
     entry,
     inner,
     insert,
     last_end,
     link,
-    place_of,
     refresh,
     remove,
+    uniform,
     unlink,
 )
 
@@ -81,7 +81,7 @@ def _place_aboard(w: Routes, k: int, r: int, weights: Weights) -> None:  # pragm
         w.node[n + 2 * k + 1].due = np.inf
         place = drop_place_of(w, k, r, weights)
     if place.cost == np.inf:  # no place spares the others: directly, they are looked at after it
-        place = Place(0.0, NONE, r)
+        place = Slot(0.0, NONE, r)
     insert(w, k, r, place)
 
 
@@ -137,9 +137,9 @@ def place_late(w: Routes, k: int, weights: Weights) -> None:  # pragma: no cover
     w.node[n + 2 * k + 1].due = np.inf
     seed = np.ones(1, np.uint64)
     span = last_end(w)
-    best, robot = Place(np.inf, NONE, NONE), NONE
+    best, robot = Slot(np.inf, NONE, NONE), NONE
     for r in range(n):
-        place = place_of(w, k, r, weights, span, 0.0, seed)
+        place = cheapest_slot(w, k, r, weights, span, 0.0, seed)
         if place.cost < best.cost:
             best, robot = place, r
     insert(w, k, robot, best)
@@ -174,7 +174,7 @@ def copy_routes(source: Routes, target: Routes) -> None:  # pragma: no cover - c
 
 
 @entry()
-def ruin_and_recreate(  # noqa: PLR0915 - one loop
+def ruin_and_recreate(
     w: Routes,
     spare: Routes,
     best: Routes,
@@ -202,51 +202,23 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
     Returns:
         The tasks left over.
     """
-    n, m = len(w.capacity), len(w.task)
-    movable = np.empty(m, np.int64)
-    count = 0
-    for k in range(m):
-        if w.task[k].owner >= 0 and w.task[k].aboard == 0:
-            movable[count] = k
-            count += 1
-    for k in left:
-        movable[count] = k
-        count += 1
-    movable = movable[:count]
+    movable = _movable(w, left)
+    count = len(movable)
     cost = total_cost(w, weights)
     copy_routes(w, best)
     best_left, best_cost, now_left, now_cost = left, cost, left, cost
     warmth = 0.02 * (cost / max(1, count))
-    nearness = np.empty(count)
     for step in range(steps):
         if count == 0 or (only_until_served and len(best_left) == 0):
             break
         copy_routes(w, spare)
-        wanted = 2 + int(draw(seed) * min(count, 10))
-        if len(now_left) > 0 and draw(seed) < 0.7:
-            centre = now_left[int(draw(seed) * len(now_left))]
+        wanted = 2 + int(uniform(seed) * min(count, 10))
+        if len(now_left) > 0 and uniform(seed) < 0.7:
+            centre = now_left[int(uniform(seed) * len(now_left))]
         else:
-            centre = movable[int(draw(seed) * count)]
-        pick, drop = w.node[n + 2 * centre], w.node[n + 2 * centre + 1]
-        for i in range(count):
-            p, d = w.node[n + 2 * movable[i]], w.node[n + 2 * movable[i] + 1]
-            near = w.travel[pick.room, p.room] + w.travel[drop.room, d.room]
-            near += w.travel[p.room, pick.room]
-            nearness[i] = (near + 1.0) * draw(seed)
-        order = np.argsort(nearness, kind="mergesort")
-        out = np.empty(count, np.int64)
-        out[: len(now_left)] = now_left
-        filled, removed = len(now_left), 0
-        for i in order:
-            k = movable[i]
-            if removed == wanted:
-                break
-            if w.task[k].owner >= 0:
-                remove(w, k)
-                out[filled] = k
-                filled += 1
-                removed += 1
-        still = construct(w, out[:filled], weights, draw(seed) < 0.3, 0.05, seed)
+            centre = movable[int(uniform(seed) * count)]
+        out = _take_out(w, _by_nearness(w, centre, movable, seed), now_left, wanted)
+        still = construct(w, out, weights, uniform(seed) < 0.3, 0.05, seed)
         new_cost = total_cost(w, weights)
         allowed = warmth * (1.0 - step / steps) if len(still) == len(now_left) else 0.0
         if len(still) < len(now_left) or (
@@ -264,6 +236,56 @@ def ruin_and_recreate(  # noqa: PLR0915 - one loop
     return best_left
 
 
+@inner()
+def _movable(w: Routes, left: IntArray) -> IntArray:  # pragma: no cover - compiled
+    """Tasks that are in a route without being on board, then those left over."""
+    m = len(w.task)
+    movable = np.empty(m, np.int64)
+    count = 0
+    for k in range(m):
+        if w.task[k].owner >= 0 and w.task[k].aboard == 0:
+            movable[count] = k
+            count += 1
+    for k in left:
+        movable[count] = k
+        count += 1
+    return movable[:count]
+
+
+@inner()
+def _by_nearness(
+    w: Routes, centre: int, movable: IntArray, seed: NDArray[np.uint64]
+) -> IntArray:  # pragma: no cover - compiled
+    """Tasks in a random order that prefers those near task ``centre``."""
+    n = len(w.capacity)
+    nearness = np.empty(len(movable))
+    pick, drop = w.node[n + 2 * centre], w.node[n + 2 * centre + 1]
+    for i in range(len(movable)):
+        p, d = w.node[n + 2 * movable[i]], w.node[n + 2 * movable[i] + 1]
+        near = w.travel[pick.room, p.room] + w.travel[drop.room, d.room]
+        near += w.travel[p.room, pick.room]
+        nearness[i] = (near + 1.0) * uniform(seed)
+    return movable[np.argsort(nearness, kind="mergesort")]
+
+
+@inner()
+def _take_out(
+    w: Routes, tasks: IntArray, left: IntArray, wanted: int
+) -> IntArray:  # pragma: no cover - compiled
+    """Take the first ``wanted`` of ``tasks`` off their routes; return them behind ``left``."""
+    out = np.empty(len(tasks), np.int64)
+    out[: len(left)] = left
+    filled = len(left)
+    for k in tasks:
+        if filled == len(left) + wanted:
+            break
+        if w.task[k].owner >= 0:
+            remove(w, k)
+            out[filled] = k
+            filled += 1
+    return out[:filled]
+
+
 @entry()
 def link_last(w: Routes, x: int, r: int) -> None:  # pragma: no cover - compiled
     """Put node ``x`` at the end of a route, without new times."""
@@ -274,8 +296,8 @@ def link_last(w: Routes, x: int, r: int) -> None:  # pragma: no cover - compiled
 
 
 @entry()
-def strip(w: Routes, r: int) -> IntArray:  # pragma: no cover - compiled
-    """Take every task that is not on board off a route; gives them."""
+def strip_route(w: Routes, r: int) -> IntArray:  # pragma: no cover - compiled
+    """Take every task that is not on board off a route, and return these tasks."""
     n = len(w.capacity)
     off = np.empty(len(w.task), np.int64)
     count = 0

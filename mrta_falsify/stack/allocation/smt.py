@@ -22,9 +22,9 @@ from mrta_falsify.stack.allocation.exact import without_plans, without_robots
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.timing import (
     append_only,
-    assemble,
     dropoff_of,
     pickup_of,
+    timed_allocation,
     with_kept_plans,
 )
 
@@ -57,13 +57,13 @@ class Smt:
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         if not problem.tasks:
-            return assemble(problem, [()] * len(problem.robots))
+            return timed_allocation(problem, [()] * len(problem.robots))
         if not problem.robots:
             return without_robots(problem)
         query = _Query(problem, self._options.resource_limit)
         found = query.solve()
         if isinstance(found, list):
-            return assemble(problem, found)
+            return timed_allocation(problem, found)
         rest = self._insertion.allocate(without_plans(problem))
         if rest.status == "plan":  # only where the resource limit was reached
             return rest

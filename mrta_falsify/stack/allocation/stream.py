@@ -28,7 +28,7 @@ from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.protocols import Allocator
 from mrta_falsify.stack.allocation.insertion import Insertion
 from mrta_falsify.stack.allocation.table import RouteTable
-from mrta_falsify.stack.allocation.timing import assemble, lost_in_words
+from mrta_falsify.stack.allocation.timing import lost_in_words, timed_allocation
 from mrta_falsify.stack.allocation.verification import Fault, verify
 
 
@@ -50,7 +50,7 @@ class Batch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class StreamOutcome:
     """Everything that a stream of batches came to."""
 
     answer: Allocation  #: whole itineraries, executed part first
@@ -143,7 +143,7 @@ class Stream:
         carried_out = [fault for fault in verify(answer, problem) if not fault.promise]
         if carried_out:
             raise HarnessError(f"the allocator's plan cannot be carried out: {carried_out[0]}")
-        self._table.adopt(assemble(problem, answer.itineraries))
+        self._table.adopt(timed_allocation(problem, answer.itineraries))
         if answer.reason:
             self._reasons.append(answer.reason)
         if answer.infeasible is not None and self._proof is None:
@@ -169,7 +169,7 @@ class Stream:
         done = self._table.committed()
         return [(*done[r], *self._table.stops(r)) for r in range(self._table.n)]
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> StreamOutcome:
         """The plan as it stands, judged by the strict checker."""
         problem, itineraries = self.whole_problem(), self.itineraries()
         deadline = {task.number: task.deadline for task in problem.tasks}
@@ -187,7 +187,7 @@ class Stream:
             infeasible=proof,
             least_lost=self._least_lost if proof is not None else None,
         )
-        return Outcome(answer=answer, faults=verify(answer, problem))
+        return StreamOutcome(answer=answer, faults=verify(answer, problem))
 
 
 def _rehearse_a_late_robot(insertion: Insertion) -> None:
@@ -201,7 +201,7 @@ def _rehearse_a_late_robot(insertion: Insertion) -> None:
     insertion.settle(table, rescue=False)
 
 
-def run_stream(stream: Stream, batches: Sequence[Batch]) -> Outcome:
+def run_stream(stream: Stream, batches: Sequence[Batch]) -> StreamOutcome:
     """Take batches in order of arrival; everything happens as it was planned."""
     for batch in sorted(batches, key=lambda batch: batch.arrival):
         stream.advance(batch.arrival)

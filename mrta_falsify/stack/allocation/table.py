@@ -30,7 +30,7 @@ from mrta_falsify.stack.allocation.ruin_and_recreate import (
     commit_until,
     link_last,
     relieve,
-    strip,
+    strip_route,
 )
 
 COMPLETION = Weights(completion=1.0, travel=0.0, makespan=0.0, own=0.0)
@@ -128,7 +128,7 @@ class RouteTable:
             link_last(w, x, r)
         refresh(w, r)
         if visits and w.node["load"][visits].max() > w.capacity[r]:
-            strip(w, r)
+            strip_route(w, r)
         missing = sorted(carried, key=lambda k: (self.tasks[k].deadline, k))
         for k in missing:
             board(w, k, r, COMPLETION)

@@ -53,7 +53,7 @@ def timed_route(
     return tuple(timed)
 
 
-def assemble(
+def timed_allocation(
     problem: AllocationProblem, itineraries: Sequence[Sequence[Stop]], *, reason: str = ""
 ) -> Allocation:
     """Answer with predicted times, late and unserved tasks worked out from the stops alone.
@@ -159,7 +159,7 @@ def with_kept_plans(problem: AllocationProblem, answer: Allocation) -> Allocatio
         (*plan.planned, *rest)
         for plan, rest in zip(problem.robots, answer.itineraries, strict=True)
     ]
-    whole = assemble(problem, itineraries)
+    whole = timed_allocation(problem, itineraries)
     kept_late = tuple(number for number in whole.late if number not in answer.late)
     parts = [answer.reason]
     if kept_late:

@@ -16,9 +16,9 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.stack.allocation.timing import (
     append_only,
-    assemble,
     dropoff_of,
     pickup_of,
+    timed_allocation,
     with_kept_plans,
 )
 
@@ -45,7 +45,7 @@ class Tsp:
             ConfigError: OR-Tools is not installed.
         """
         if not problem.robots:
-            return assemble(problem, [], reason="there is no robot that can be reached")
+            return timed_allocation(problem, [], reason="there is no robot that can be reached")
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         carried = {number for plan in problem.robots for number in plan.onboard}
@@ -53,8 +53,10 @@ class Tsp:
         tours = self._tours(problem, fresh) if fresh else [[] for _ in problem.robots]
         if tours is None:
             routes = [_unload(problem, r, []) for r in range(len(problem.robots))]
-            return assemble(problem, routes, reason="the TSP solver found no tours")
-        return assemble(problem, [_unload(problem, r, tour) for r, tour in enumerate(tours)])
+            return timed_allocation(problem, routes, reason="the TSP solver found no tours")
+        return timed_allocation(
+            problem, [_unload(problem, r, tour) for r, tour in enumerate(tours)]
+        )
 
     def _tours(self, problem: AllocationProblem, tasks: list[OpenTask]) -> list[list[Stop]] | None:
         """Stops per robot in the order of the TSP's solution, None if it has none."""

@@ -81,22 +81,28 @@ def _order_faults(
             note(
                 number, f"{stop.action} of task {number} in room {stop.room}; it is in room {place}"
             )
+        misplaced = _misplaced(stop, load, done)
+        if misplaced:
+            note(number, f"task {number} {misplaced}")
         if stop.action == "pickup":
-            if number in load or number in done:
-                note(number, f"task {number} is picked up twice")
             load.add(number)
             if len(load) > plan.capacity:
                 note(number, f"carries {len(load)} at task {number}; at most {plan.capacity}")
-        elif number in done:
-            note(number, f"task {number} is dropped twice")
-        elif number not in load:
-            note(number, f"task {number} is dropped without having been picked up")
-        else:
+        elif not misplaced:
             load.remove(number)
             done.add(number)
     for number in sorted(load & tasks.keys()):
         note(number, f"never drops task {number}")
     return faults
+
+
+def _misplaced(stop: Stop, load: set[int], done: set[int]) -> str:
+    """What is wrong with a stop after the stops before it, in words; empty if nothing is."""
+    if stop.action == "pickup":
+        return "is picked up twice" if stop.task in load or stop.task in done else ""
+    if stop.task in done:
+        return "is dropped twice"
+    return "" if stop.task in load else "is dropped without having been picked up"
 
 
 def _time_faults(

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.geometry import path_length
+from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.protocols import Plan
 from mrta_falsify.stack.planning import search_kernels as kernels
 from mrta_falsify.stack.planning.grid import PlanningGrid, lethal_cells

@@ -1,116 +1,138 @@
-"""Idle robots leave what others ask for, and where they stand in the way."""
+"""Parking: idle robots leave what others ask for, and where they stand in the way."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import FleetState, StackEvent
+from mrta_falsify.core.plane import NO_POINTS, distance_of, is_within
+from mrta_falsify.core.polyline import cut_path, look_along
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.lookahead import LOOK_AHEAD
-from mrta_falsify.stack.mission import (
-    IDLE,
-    MAKING_ROOM,
-    NOWHERE,
-    TO_PARKING,
-    Mission,
-    StackState,
-    distance_of,
-    has_reached,
-)
-from mrta_falsify.stack.planning_service import (
-    NO_POINTS,
-    RETRY,
-    SPOT_REACHED,
-    cut_path,
-    is_within,
-    look_along,
-)
-from mrta_falsify.stack.resources.parking_spots import APART, choose_refuge, refuges_of
+from mrta_falsify.stack.activity import Idle, Parking
+from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.resources.parking_spots import APART, choose_spot, parking_spots_of
+from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.resources.rooms import RoomTraffic
+from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED
 
 LOOK_TICKS = 10  # between two looks whether a robot is in the way, 2 Hz at 20 Hz control
 IN_THE_WAY_AFTER = 5.0  # s without progress, then an idle robot ahead is sent away
 CLEARED = 1.5  # m of a stuck robot's path that idle robots have to clear
 
 
-class MakingRoom:
-    """The rule by which idle robots are sent to refuges; has no memory of its own."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reason:
+    """Why an idle robot has to leave."""
 
-    def __init__(self, world: World, rooms: RoomTraffic, defects: frozenset[str]) -> None:
+    other: int  #: robot that wants the resource, or the way
+    resource: str  #: name of the resource, "" if it is about the way
+    avoid: Array  #: (L, 2) the way to be cleared [m], may be empty
+
+
+class ParkingTraffic:
+    """The rule by which idle robots are sent to parking spots; has no memory of its own."""
+
+    def __init__(self, world: World, rooms: RoomTraffic, *, is_careless: bool) -> None:
+        """Serve a world.
+
+        Args:
+            world: parking, waiting spots and lanes.
+            rooms: tells which queue guards a room.
+            is_careless: robots ignore one that parks in a room it has freed, or on their way
+                (the planted defect `room_freed_while_parked`).
+        """
         self._rooms = rooms
-        self._refuges = refuges_of(world)
-        # the defect: nobody minds a robot that is parked in a room it has freed, or on the way
-        self._is_careless = "room_freed_while_parked" in defects
+        self._spots = parking_spots_of(world)
+        self._is_careless = is_careless
 
-    def refuge(self, number: int) -> Array:
-        """Its point ``(2,)`` [m]."""
-        return np.asarray(self._refuges.points[number])
+    def point(self, spot: int) -> Array:
+        """Point ``(2,)`` [m] of a parking spot."""
+        return np.asarray(self._spots.points[spot])
 
-    def step(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
-        """Idle robots leave what others ask for; those that arrived at a refuge rest."""
-        resting = []
-        for robot, mission in enumerate(state.missions):
-            if mission.aim == TO_PARKING:
-                self._end_parking(mission, robot, fleet)
-            if (
-                mission.phase is IDLE
-                and mission.aim == NOWHERE
-                and not mission.itinerary
-                and fleet.time >= mission.park_at
-            ):
-                resting.append(robot)
-        if not resting:
-            return
-        wanted = self._wanted_queues(state)
+    def step(
+        self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
+    ) -> tuple[list[Mission], list[StackEvent]]:
+        """Let robots that arrived at their spot rest, and send away those in the way."""
+        missions = [
+            self._arrived(mission, fleet.pose[robot, :2])
+            if isinstance(mission.activity, Parking)
+            else mission
+            for robot, mission in enumerate(missions)
+        ]
+        resting = [
+            robot
+            for robot, mission in enumerate(missions)
+            if isinstance(mission.activity, Idle)
+            and not mission.itinerary
+            and fleet.time >= mission.parking.not_before
+        ]
+        events: list[StackEvent] = []
+        wanted = self._wanted_queues(missions, memories) if resting else {}
         for robot in resting:
-            for index, other in wanted.items():
-                if self._occupies(state, index, robot, fleet.pose[robot, :2]):
-                    name = self._rooms.queues[index].resource.name
-                    self._send_away(state, robot, fleet, events, name=name, other=other)
-                    break
-            else:
-                if (fleet.tick + robot) % LOOK_TICKS == 0:
-                    self._clear_way(state, robot, fleet, events)
+            reason = self._occupied(memories, wanted, robot, fleet.pose[robot, :2])
+            if reason is None and (fleet.tick + robot) % LOOK_TICKS == 0:
+                reason = self._blocked(missions, robot, fleet)
+            if reason is not None:
+                missions[robot], left = self._send_away(missions, robot, fleet, reason)
+                events += left
+        return missions, events
 
-    def _end_parking(self, mission: Mission, robot: int, fleet: FleetState) -> None:
-        place = self._refuges.points[mission.parking]
-        if has_reached(place, fleet.pose[robot, :2], SPOT_REACHED, mission.way):
-            mission.unreachable.clear()
+    def _arrived(self, mission: Mission, position: Array) -> Mission:
+        """End the way to a parking spot, if it is reached or has no path."""
+        memory, spot = mission.parking, mission.parking.spot
+        assert spot is not None
+        if mission.way.has_reached(self.point(spot), position, SPOT_REACHED):
+            memory = replace(memory, unreachable=())
         elif mission.way.failed:
-            mission.unreachable.append(mission.parking)
-            mission.parking = -1
+            memory = replace(memory, spot=None, unreachable=(*memory.unreachable, spot))
         else:
-            return
-        mission.way.stop()
-        mission.aim, mission.phase = NOWHERE, IDLE
+            return mission
+        return replace(mission.rest(), parking=memory)
 
-    def _wanted_queues(self, state: StackState) -> dict[int, int]:
-        """Resources that somebody waits for or is on the way to, and who that is."""
+    # --- why a robot has to leave ---------------------------------------------------------------
+
+    def _wanted_queues(
+        self, missions: Sequence[Mission], memories: Sequence[QueueState]
+    ) -> dict[int, int]:
+        """Queues that a robot waits in or is on the way to, and the number of that robot."""
         wanted: dict[int, int] = {}
-        for robot, mission in enumerate(state.missions):
+        for robot, mission in enumerate(missions):
             if mission.itinerary:
                 index = self._rooms.queue_of_room.get(mission.itinerary[0].room)
                 if index is not None:
                     wanted.setdefault(index, robot)
-        for index, memory in enumerate(state.queues):
+        for index, memory in enumerate(memories):
             if memory.waiters:
                 wanted[index] = memory.waiters[0].robot
         return wanted
 
-    def _occupies(self, state: StackState, index: int, robot: int, position: Array) -> bool:
-        if robot in state.queues[index].holders:
-            return True
-        return not self._is_careless and not self._rooms.queues[index].is_left_at(position)
+    def _occupied(
+        self,
+        memories: Sequence[QueueState],
+        wanted: dict[int, int],
+        robot: int,
+        position: Array,
+    ) -> _Reason | None:
+        """Find a resource that a robot occupies and another one wants."""
+        for index, other in wanted.items():
+            queue = self._rooms.queues[index]
+            stands_there = not self._is_careless and not queue.is_left_at(position)
+            if robot in memories[index].holders or stands_there:
+                return _Reason(other, queue.resource.name, NO_POINTS)
+        return None
 
-    def _clear_way(
-        self, state: StackState, robot: int, fleet: FleetState, events: list[StackEvent]
-    ) -> None:
-        """Send an idle robot away from another's destination, or from where one is stuck."""
+    def _blocked(
+        self, missions: Sequence[Mission], robot: int, fleet: FleetState
+    ) -> _Reason | None:
+        """Find a robot whose destination an idle robot covers, or that is stuck before it."""
         if self._is_careless:
-            return
+            return None
         position = fleet.pose[robot, :2]
-        for other, mission in enumerate(state.missions):
+        for other, mission in enumerate(missions):
             way = mission.way
             if other == robot or not way.is_going:
                 continue
@@ -120,38 +142,36 @@ class MakingRoom:
             if stuck:
                 x, y, _ = fleet.pose[other]
                 ahead = cut_path(look_along(way.path, x, y, LOOK_AHEAD)[0], CLEARED)
-            covers_end = distance_of(end, position) < APART
-            if covers_end or is_within(ahead, position, APART):
-                avoid = np.vstack([ahead, end[None, :]])
-                self._send_away(state, robot, fleet, events, other=other, avoid=avoid)
-                return
+            if distance_of(end, position) < APART or is_within(ahead, position, APART):
+                return _Reason(other, "", np.vstack([ahead, end[None, :]]))
+        return None
+
+    # --- where it goes ----------------------------------------------------------------------------
 
     def _send_away(
-        self,
-        state: StackState,
-        robot: int,
-        fleet: FleetState,
-        events: list[StackEvent],
-        *,
-        name: str = "",
-        other: int = -1,
-        avoid: Array = NO_POINTS,
-    ) -> None:
-        mission = state.missions[robot]
-        excluded = {m.parking for m in state.missions} | set(mission.unreachable)
+        self, missions: Sequence[Mission], robot: int, fleet: FleetState, reason: _Reason
+    ) -> tuple[Mission, list[StackEvent]]:
+        mission = missions[robot]
+        reserved = {m.parking.spot for m in missions if m.parking.spot is not None}
         here = np.delete(fleet.pose[:, :2], robot, axis=0)
-        ends = [
-            m.way.route[-1] for i, m in enumerate(state.missions) if i != robot and m.way.is_going
-        ]
+        ends = [m.way.route[-1] for i, m in enumerate(missions) if i != robot and m.way.is_going]
         others = np.vstack([here, *(end[None, :] for end in ends)])
-        position = fleet.pose[robot, :2]
-        place = choose_refuge(self._refuges, position, others, avoid, excluded)
-        mission.park_at = fleet.time + RETRY
-        if place < 0:
-            mission.unreachable.clear()
-            return
-        mission.parking, mission.aim, mission.phase = place, TO_PARKING, MAKING_ROOM
-        mission.way.head_for(self._refuges.points[place][None, :])
-        events.append(
-            StackEvent(time=fleet.time, kind="makes-room", robot=robot, resource=name, other=other)
+        excluded = reserved | set(mission.parking.unreachable)
+        spot = choose_spot(self._spots, fleet.pose[robot, :2], others, reason.avoid, excluded)
+        memory = replace(mission.parking, not_before=fleet.time + RETRY)
+        if spot is None:
+            return replace(mission, parking=replace(memory, unreachable=())), []
+        leaving = replace(
+            mission,
+            activity=Parking(),
+            way=mission.way.head_for(self.point(spot)[None, :]),
+            parking=replace(memory, spot=spot),
         )
+        event = StackEvent(
+            time=fleet.time,
+            kind="makes-room",
+            robot=robot,
+            resource=reason.resource,
+            other=reason.other,
+        )
+        return leaving, [event]

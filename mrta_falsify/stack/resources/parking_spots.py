@@ -1,4 +1,4 @@
-"""Where idle robots go when they are in the way."""
+"""Where idle robots park when they are in the way."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.resources.queue import inside
 
-APART = 0.6  # m between a place and other robots
-OFF_WAY = 0.8  # m between a place and the way that is to be cleared
+APART = 0.6  # m between a spot and other robots, as far as robots keep from each other
+OFF_WAY = 0.8  # m between a spot and the way that is to be cleared
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refuges:
-    """Places to stand, best kind first."""
+class ParkingSpots:
+    """Points to park at, best kind first."""
 
     points: Array  #: (P, 2) [m]
     kind: Array  #: (P,) 0: parking of the world, 1: waiting spot, 2: corner of a lane
 
 
-def refuges_of(world: World) -> Refuges:
-    """Parking, then what lies outside every release area: waiting spots, corners of lanes.
+def parking_spots_of(world: World) -> ParkingSpots:
+    """List the parking of the world, then waiting spots and corners of lanes.
 
-    Parking inside a release area comes with the waiting spots.
+    Spots and corners inside a release area are left out. Parking inside one counts as a waiting
+    spot.
     """
     found: list[tuple[int, Array]] = [(0, point) for point in world.parking]
     found += [(1, spot) for resource in world.resources for spot in resource.spots]
@@ -42,35 +43,35 @@ def refuges_of(world: World) -> Refuges:
             continue
         points[len(kinds)] = point
         kinds.append(1.0 if guarded else float(kind))
-    return Refuges(points[: len(kinds)], np.array(kinds))
+    return ParkingSpots(points[: len(kinds)], np.array(kinds))
 
 
-def choose_refuge(
-    refuges: Refuges,
+def choose_spot(
+    spots: ParkingSpots,
     position: Array,
     others: Array,
     avoid: Array,
     excluded: Collection[int],
-) -> int:
-    """The nearest free place of the best kind.
+) -> int | None:
+    """Choose the nearest free spot of the best kind.
 
     Args:
-        refuges: the places.
+        spots: to choose from.
         position: ``(2,)`` of the robot that is to go [m].
-        others: ``(K, 2)`` robots, and places that robots stand or wait at [m].
+        others: ``(K, 2)`` robots, and places that robots drive to [m].
         avoid: ``(L, 2)`` points of a way to be cleared [m], may be empty.
-        excluded: numbers of places that are taken, or that could not be reached.
+        excluded: numbers of spots that are taken, or that could not be reached.
 
     Returns:
-        Number of the place, -1 if there is none.
+        Number of the spot, None if none is free.
     """
-    gaps = np.hypot(*(refuges.points - position).T)
-    for place in np.lexsort((gaps, refuges.kind)).tolist():
-        point = refuges.points[place]
-        if place in excluded or _near(point, others, APART) or _near(point, avoid, OFF_WAY):
+    gaps = np.hypot(*(spots.points - position).T)
+    for spot in np.lexsort((gaps, spots.kind)).tolist():
+        point = spots.points[spot]
+        if spot in excluded or _near(point, others, APART) or _near(point, avoid, OFF_WAY):
             continue
-        return int(place)
-    return -1
+        return int(spot)
+    return None
 
 
 def _near(point: Array, points: Array, distance: float) -> bool:

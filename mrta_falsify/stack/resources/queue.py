@@ -1,8 +1,8 @@
-"""Queues of shared resources: who holds a room, who waits where.
+"""The queue of one shared resource: who holds it, and who waits in which place.
 
-One set of rules for rooms, corridors, doors, lifts and chargers: at most ``capacity`` holders,
-everybody else waits in the order of the queue policy, nobody is dropped. ``areas`` and
-``stack`` say when a robot asks and lets go.
+Rooms, corridors, doors, lifts and chargers obey the same rules. A resource has at most
+``capacity`` holders. All other robots that ask for it wait in the order of the queue policy, and
+none is dropped. ``rooms`` and ``corridors`` say when a robot asks and when it lets go.
 """
 
 from __future__ import annotations
@@ -11,13 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.fleet import StackEvent
+from mrta_falsify.core.plane import inside
+from mrta_falsify.core.polyline import point_before_end
 from mrta_falsify.core.protocols import QueuePolicy, Waiter
 from mrta_falsify.core.world import Resource
 
-FORGOTTEN_FROM = 3  #: waiters that `fourth_waiter_dropped` keeps
+FORGOTTEN_FROM = 3  # waiters that the planted defect `fourth_waiter_dropped` keeps
 
 
 @dataclass(slots=True)
@@ -27,29 +29,11 @@ class QueueState:
     holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
     entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]
-    forgotten: list[int] = field(default_factory=list)  #: by `fourth_waiter_dropped`
-
-
-@njit(cache=True)
-def inside(polygon: Array, point: Array) -> bool:
-    """Whether ``point`` ``(2,)`` lies in the simple polygon ``(V, 2)`` (even-odd rule)."""
-    x, y = point[0], point[1]
-    hit = False
-    if len(polygon) == 0:
-        return hit
-    last_x, last_y = polygon[-1, 0], polygon[-1, 1]
-    for i in range(len(polygon)):
-        corner_x, corner_y = polygon[i, 0], polygon[i, 1]
-        if (corner_y > y) != (last_y > y):
-            crossing = (last_x - corner_x) * (y - corner_y) / (last_y - corner_y) + corner_x
-            if x < crossing:
-                hit = not hit
-        last_x, last_y = corner_x, corner_y
-    return hit
+    forgotten: list[int] = field(default_factory=list)  #: by the defect `fourth_waiter_dropped`
 
 
 class Queue:
-    """Rules of one resource; its memory is a :class:`QueueState` that the caller keeps."""
+    """Rules of one resource; its memory is a :class:`QueueState` that the caller owns."""
 
     def __init__(self, resource: Resource, policy: QueuePolicy, defects: Sequence[str]) -> None:
         self.resource = resource
@@ -61,15 +45,15 @@ class Queue:
         return bool(inside(self.resource.request_area, position))
 
     def is_left_at(self, position: Array) -> bool:
-        """Whether a robot at ``position`` ``(2,)`` [m] is out of the others' way."""
+        """Whether a robot at ``position`` ``(2,)`` [m] leaves the resource free."""
         return not inside(self.resource.release_area, position)
 
     def is_served(self, state: QueueState, robot: int, time: float) -> bool:
-        """Whether a holder's visit has lasted for the service time, or not begun."""
+        """Whether a holder's visit has lasted for the service time, or has not begun."""
         return time >= state.entered.get(robot, -np.inf) + self.resource.service_time
 
     def ask(self, state: QueueState, waiter: Waiter) -> bool:
-        """Enter the queue; says whether the robot was not in it before."""
+        """Enter the queue, or renew what it knows; True if the robot was not in it before."""
         if waiter.robot in state.holders or waiter.robot in state.forgotten:
             return False
         for place, known in enumerate(state.waiters):
@@ -92,34 +76,34 @@ class Queue:
         """Waiting robots, the next holder first."""
         return self._policy.order(state.waiters) if state.waiters else ()
 
-    def place_of(self, state: QueueState, robot: int) -> int:
-        """Place of a robot in the queue, 0 = head, -1 if it does not wait."""
+    def place_of(self, state: QueueState, robot: int) -> int | None:
+        """Place of a robot in the queue, 0 = head; None if it does not wait."""
         ordered = self.order(state)
-        return ordered.index(robot) if robot in ordered else -1
+        return ordered.index(robot) if robot in ordered else None
 
     def has_place(self, state: QueueState) -> bool:
-        """Whether another robot may hold the resource."""
+        """Whether one more robot may hold the resource."""
         return len(state.holders) < self.resource.capacity
 
     def grant(self, state: QueueState) -> tuple[int, ...]:
-        """Give free places to waiting robots; the robots that got one."""
+        """Give free places to waiting robots, and return those robots."""
         granted = []
         while state.waiters and self.has_place(state):
             granted.append(self.admit(state, self.order(state)[0]))
         return tuple(granted)
 
     def admit(self, state: QueueState, robot: int) -> int:
-        """Make ``robot`` a holder; it waits no longer."""
+        """Make ``robot`` a holder, which waits no longer."""
         self.withdraw(state, robot)
         state.holders.append(robot)
         return robot
 
     def withdraw(self, state: QueueState, robot: int) -> None:
-        """Leave the queue without having had a turn."""
+        """Take ``robot`` out of the queue without a grant."""
         state.waiters = [waiter for waiter in state.waiters if waiter.robot != robot]
 
     def release(self, state: QueueState, robot: int) -> bool:
-        """Give the place back; says whether the robot had one."""
+        """Give the place back; True if the robot had one."""
         if robot not in state.holders:
             return False
         state.holders.remove(robot)
@@ -127,7 +111,10 @@ class Queue:
         return True
 
     def careless_admission(self, state: QueueState) -> tuple[int, ...]:
-        """What `queue_release_loses_exclusion` does whenever anybody leaves the queue."""
+        """Admit the head of the queue, full or not.
+
+        The planted defect `queue_release_loses_exclusion` does so whenever a robot leaves.
+        """
         if "queue_release_loses_exclusion" not in self._defects or not state.waiters:
             return ()
         return (self.admit(state, self.order(state)[0]),)
@@ -140,8 +127,8 @@ class Queue:
             approach: ``(K, 2)`` waypoints that end at the tail spot [m].
 
         Returns:
-            ``(2,)`` the spot; for more waiters than spots a point on ``approach``, one metre
-            further back each.
+            ``(2,)`` the spot [m]. Waiters beyond the last spot line up behind it on
+            ``approach``, one metre apart.
         """
         spots = self.resource.spots
         if place < len(spots):
@@ -149,14 +136,34 @@ class Queue:
         behind = float(place - len(spots) + 1) if len(spots) else float(place)
         return point_before_end(approach, behind)
 
+    # --- the same, told as events -------------------------------------------------------------
 
-def point_before_end(points: Array, distance: float) -> Array:
-    """Point of the polyline ``(K, 2)`` that lies ``distance`` [m] before its end."""
-    left = distance
-    for i in range(len(points) - 1, 0, -1):
-        step = points[i - 1] - points[i]
-        length = float(np.hypot(*step))
-        if length >= left and length > 0.0:
-            return np.asarray(points[i] + step * (left / length))
-        left -= length
-    return np.asarray(points[0])
+    def request(self, state: QueueState, waiter: Waiter) -> list[StackEvent]:
+        """Let a robot ask for the resource; tell it if the robot did not wait before."""
+        if not self.ask(state, waiter):
+            return []
+        holder = -1 if self.has_place(state) else state.holders[0]
+        return [self.event(waiter.since, "waits-for", waiter.robot, other=holder)]
+
+    def let_go(self, state: QueueState, robot: int, time: float) -> list[StackEvent]:
+        """Take the resource back from a holder."""
+        self.release(state, robot)
+        released = self.event(time, "released", robot)
+        return [released, *self.grants(self.careless_admission(state), time)]
+
+    def grants(self, robots: Sequence[int], time: float) -> list[StackEvent]:
+        """Tell that ``robots`` became holders."""
+        return [self.event(time, "granted", robot) for robot in robots]
+
+    def event(
+        self, time: float, kind: str, robot: int, *, other: int = -1, detail: str = ""
+    ) -> StackEvent:
+        """Event of this resource at ``time`` [s]."""
+        return StackEvent(
+            time=time,
+            kind=kind,
+            robot=robot,
+            resource=self.resource.name,
+            other=other,
+            detail=detail,
+        )

@@ -1,8 +1,9 @@
-"""Rooms are asked for, granted, entered and left; the way there, and to the waiting spots."""
+"""Rooms: when robots ask for them, enter them and leave them, and their ways there."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,31 +11,22 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
+from mrta_falsify.core.plane import distance_of, is_within
 from mrta_falsify.core.protocols import Waiter, WaypointGenerator
 from mrta_falsify.core.world import Lane, World
-from mrta_falsify.stack.mission import (
-    DRIVING,
-    IDLE,
-    MAKING_ROOM,
-    NOWHERE,
-    QUEUEING,
-    TO_ROOM,
-    TO_SPOT,
-    Mission,
-    StackState,
-    distance_of,
-    has_reached,
-    next_deadline,
-)
-from mrta_falsify.stack.planning_service import NO_POINTS, SPOT_REACHED, is_within
+from mrta_falsify.stack.activity import Heading, Idle, Parking, Stalled, Waiting
+from mrta_falsify.stack.mission import Mission
 from mrta_falsify.stack.resources.queue import Queue, QueueState
+from mrta_falsify.stack.route import SPOT_REACHED
 from mrta_falsify.stack.waypoints import join
 
-NEAR_SPOT = 0.9  # m, a robot this near to a waiting spot uses the way from there
+NEAR_SPOT = 0.9  # m, a robot this near to a waiting spot drives on from the spot
+
+_OUTSIDE = (Waiting, Parking, Stalled)  # activities of holders that do not use the room any more
 
 
 class RoomTraffic:
-    """The rule by which robots get at rooms; has no memory of its own."""
+    """The rule by which robots get into rooms; has no memory of its own."""
 
     def __init__(self, world: World, config: StackConfig) -> None:
         defects = config.defects
@@ -58,209 +50,203 @@ class RoomTraffic:
         self._tasks = world.tasks
         self._frees_early = "room_freed_while_parked" in defects
 
-    def start(self, missions: Sequence[Mission], positions: Sequence[Array]) -> list[QueueState]:
-        """Queues at time 0: robots hold the rooms they stand in, and know which those are."""
-        queues = [QueueState() for _ in self.queues]
-        for robot, (mission, position) in enumerate(zip(missions, positions, strict=True)):
-            for queue, state in zip(self.queues, queues, strict=True):
+    def start(self, positions: Sequence[Array]) -> tuple[list[Mission], list[QueueState]]:
+        """Begin at time 0: robots hold the rooms they stand in, and know which those are."""
+        memories = [QueueState() for _ in self.queues]
+        rooms = []
+        for robot, position in enumerate(positions):
+            room = -1
+            for queue, memory in zip(self.queues, memories, strict=True):
                 if not queue.is_left_at(position):
-                    state.holders.append(robot)
+                    memory.holders.append(robot)
                     if queue.resource.room is not None:
-                        mission.room = queue.resource.room
-            if mission.room < 0 and self._points:
-                gaps = [distance_of(point, position) for point in self._points]
-                mission.room = int(np.argmin(gaps))
-        return queues
+                        room = queue.resource.room
+            if room < 0 and self._points:
+                room = int(np.argmin([distance_of(point, position) for point in self._points]))
+            rooms.append(room)
+        return [Mission(room=room) for room in rooms], memories
+
+    # --- asking for the room of the next stop -----------------------------------------------
 
     def head_for_stop(
-        self, state: StackState, robot: int, fleet: FleetState, events: list[StackEvent]
-    ) -> None:
+        self, robot: int, mission: Mission, memories: Sequence[QueueState], fleet: FleetState
+    ) -> tuple[Mission, list[StackEvent]]:
         """Go to the room of a robot's next stop, or ask for it and go where to wait for it."""
-        mission = state.missions[robot]
         room = mission.itinerary[0].room
         position = fleet.pose[robot, :2]
         index = self.queue_of_room.get(room)
         if index is None:
-            self._head_for_room(mission, room, position, from_spot=False)
-            return
-        queue, memory = self.queues[index], state.queues[index]
+            return self._head_for_room(mission, position, from_spot=False), []
+        queue, memory = self.queues[index], memories[index]
         if robot in memory.holders:
-            self._head_for_room(mission, room, position, from_spot=mission.place >= 0)
-            return
+            activity = mission.activity
+            from_spot = isinstance(activity, Waiting) and activity.place is not None
+            return self._head_for_room(mission, position, from_spot=from_spot), []
+        events: list[StackEvent] = []
         near = (
-            mission.wants_room
+            mission.passage.asks_for_room
             or queue.is_asked_from(position)
-            or self._is_near_spot(queue, position)
+            or _is_near_spot(queue, position)
         )
         if near and not mission.way.failed:
             waiter = Waiter(
                 robot=robot,
                 since=fleet.time,
                 distance=distance_of(self._points[room], position),
-                deadline=next_deadline(mission, self._tasks),
+                deadline=mission.next_deadline(self._tasks),
             )
-            if queue.ask(memory, waiter):
-                holder = -1 if queue.has_place(memory) else memory.holders[0]
-                name = queue.resource.name
-                events.append(
-                    StackEvent(
-                        time=fleet.time, kind="waits-for", robot=robot, resource=name, other=holder
-                    )
-                )
-        self._head_for_spot(state, robot, mission, index, room, position)
+            events = queue.request(memory, waiter)
+        place = queue.place_of(memory, robot)
+        return self._wait(mission, index, place, position), events
 
-    def may_serve(self, state: StackState, robot: int, room: int) -> bool:
-        """Whether a robot at a room's point holds the room, or needs not to."""
+    def may_serve(self, memories: Sequence[QueueState], robot: int, room: int) -> bool:
+        """Whether a robot at a room's point holds the room, or need not hold it."""
         index = self.queue_of_room.get(room)
-        return index is None or robot in state.queues[index].holders
+        return index is None or robot in memories[index].holders
 
-    def enter(self, state: StackState, robot: int, room: int) -> float:
+    def enter(self, memories: Sequence[QueueState], robot: int, room: int, time: float) -> float:
         """Note that a robot is served there; service time of the room itself [s], once a visit."""
         index = self.queue_of_room.get(room)
-        if index is None or robot in state.queues[index].entered:
+        if index is None or robot in memories[index].entered:
             return 0.0
-        state.queues[index].entered[robot] = state.missions[robot].serve_until
+        memories[index].entered[robot] = time
         return self.queues[index].resource.service_time
 
-    def _head_for_room(
-        self, mission: Mission, room: int, position: Array, *, from_spot: bool
-    ) -> None:
-        mission.phase = DRIVING
-        if mission.aim == TO_ROOM:
-            return
+    # --- the ways there -----------------------------------------------------------------------
+
+    def _head_for_room(self, mission: Mission, position: Array, *, from_spot: bool) -> Mission:
+        if isinstance(mission.activity, Heading):
+            return mission
+        room = mission.itinerary[0].room
         index = self.queue_of_room.get(room)
-        lane = self._lanes.get((mission.room, room))
-        entry = self.queues[index].resource.entry if index is not None else NO_POINTS
-        if from_spot or (lane is None and len(entry)):
-            route = join(entry, position) if not from_spot else np.asarray(entry)
-        elif lane is None:
-            route = self._points[room][None, :]
+        entry = () if index is None else self.queues[index].resource.entry
+        if from_spot:
+            route = np.asarray(entry)
+        elif (mission.room, room) not in self._lanes and len(entry):
+            route = join(np.asarray(entry), position)
         else:
-            route = join(self._waypoints.to_room(lane), position, self._points[mission.room])
+            route = self._way_to_room(mission, room, position)
         if not len(route):
             route = self._points[room][None, :]
-        mission.aim, mission.place, mission.parking = TO_ROOM, -1, -1
-        mission.stops_short_of, mission.wants_room = -1, False
-        mission.unreachable.clear()
-        mission.way.head_for(np.asarray(route))
+        return mission.depart(Heading(), route)
 
-    def _head_for_spot(
-        self,
-        state: StackState,
-        robot: int,
-        mission: Mission,
-        index: int,
-        room: int,
-        position: Array,
-    ) -> None:
-        queue = self.queues[index]
-        spots = queue.resource.spots
-        place = queue.place_of(state.queues[index], robot)
-        if mission.aim == TO_SPOT and mission.place == place:
-            self._note_waiting(mission, position)
-            return
-        lane = self._lanes.get((mission.room, room))
-        moves_up = mission.aim == TO_SPOT and self._is_near_spot(queue, position)
-        if not len(spots):
-            # Nowhere to wait: on the way to the room, short of it.
-            mission.stops_short_of = index
-            if lane is None:
-                route = self._points[room][None, :]
-            else:
-                way = self._waypoints.to_room(lane)
-                route = join(way, position, self._points[mission.room])
-        else:
-            approach = spots if lane is None else np.asarray(lane.to_queue)
-            spot = queue.waiting_point(place if place >= 0 else len(spots) - 1, approach)
-            if lane is None or moves_up:
-                route = spot[None, :]
-            else:
-                way = self._waypoints.to_queue(lane, spot)
-                route = join(way, position, self._points[mission.room])
-        goes_on = mission.stops_short_of >= 0 and mission.aim == TO_SPOT
-        mission.aim, mission.place, mission.parking = TO_SPOT, place, -1
-        mission.unreachable.clear()
-        if not goes_on:
-            mission.way.head_for(np.asarray(route))
-        self._note_waiting(mission, position)
-
-    @staticmethod
-    def _note_waiting(mission: Mission, position: Array) -> None:
-        """Queueing as soon as the robot stands at its place; a little later on the way back."""
-        reach = 2.0 * SPOT_REACHED if mission.phase is QUEUEING else SPOT_REACHED
+    def _wait(self, mission: Mission, index: int, place: int | None, position: Array) -> Mission:
+        """Go to the place in the queue, or stand there."""
+        before = mission.activity
+        if not isinstance(before, Waiting) or before.place != place:
+            mission = self._line_up(mission, index, place, position)
+        waiting, way = mission.activity, mission.way
+        assert isinstance(waiting, Waiting)
+        # Queueing as soon as the robot stands at its place, a little later on the way back.
+        reach = 2.0 * SPOT_REACHED if waiting.arrived else SPOT_REACHED
         arrived = (
-            mission.stops_short_of < 0
-            and mission.place >= 0
-            and len(mission.way.route) > 0
-            and has_reached(mission.way.route[-1], position, reach, mission.way)
+            place is not None
+            and len(way.route) > 0
+            and len(self.queues[index].resource.spots) > 0
+            and way.has_reached(way.route[-1], position, reach)
         )
-        mission.phase = QUEUEING if arrived else DRIVING
+        if arrived == waiting.arrived:
+            return mission
+        return replace(mission, activity=replace(waiting, arrived=arrived))
 
-    @staticmethod
-    def _is_near_spot(queue: Queue, position: Array) -> bool:
-        return bool(is_within(queue.resource.spots, position, NEAR_SPOT))
+    def _line_up(self, mission: Mission, index: int, place: int | None, position: Array) -> Mission:
+        """Take up a place in the queue; without waiting spots, head for the room itself."""
+        queue, before = self.queues[index], mission.activity
+        was_waiting = isinstance(before, Waiting)
+        activity = Waiting(index, place, isinstance(before, Waiting) and before.arrived)
+        if len(queue.resource.spots):
+            moves_up = was_waiting and _is_near_spot(queue, position)
+            route = self._way_to_spot(mission, queue, place, position, moves_up=moves_up)
+            return mission.depart(activity, route)
+        if was_waiting:
+            return replace(mission, activity=activity, parking=mission.parking.given_up())
+        room = mission.itinerary[0].room
+        return mission.depart(activity, self._way_to_room(mission, room, position))
 
-    def leave(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
-        """Take back rooms that were left and requests of those who head elsewhere now."""
+    def _way_to_room(self, mission: Mission, room: int, position: Array) -> Array:
+        lane = self._lanes.get((mission.room, room))
+        if lane is None:
+            return self._points[room][None, :]
+        return join(self._waypoints.to_room(lane), position, self._points[mission.room])
+
+    def _way_to_spot(
+        self, mission: Mission, queue: Queue, place: int | None, position: Array, *, moves_up: bool
+    ) -> Array:
+        """Find the way to a place in the queue, to the last spot while the place is unknown."""
+        lane = self._lanes.get((mission.room, mission.itinerary[0].room))
+        spots = queue.resource.spots
+        approach = spots if lane is None else np.asarray(lane.to_queue)
+        spot = queue.waiting_point(len(spots) - 1 if place is None else place, approach)
+        if lane is None or moves_up:
+            return spot[None, :]
+        way = self._waypoints.to_queue(lane, spot)
+        return join(way, position, self._points[mission.room])
+
+    # --- leaving and granting -------------------------------------------------------------------
+
+    def leave(
+        self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
+    ) -> tuple[list[Mission], list[StackEvent]]:
+        """Take back rooms that were left, and requests of robots that head elsewhere now."""
+        missions = list(missions)
+        events: list[StackEvent] = []
         for index, queue in self._of_rooms:
-            memory = state.queues[index]
-            if not memory.holders and not memory.waiters:
-                continue
+            memory = memories[index]
             for robot in tuple(memory.holders):
-                mission = state.missions[robot]
-                heads_here = (
-                    bool(mission.itinerary) and mission.itinerary[0].room == queue.resource.room
+                missions[robot], lets_go = self._may_let_go(
+                    queue, memory, robot, missions[robot], fleet.pose[robot, :2]
                 )
-                outside = queue.is_left_at(fleet.pose[robot, :2])
-                shut_out = outside and bool(mission.way.failed) and bool(memory.waiters)
-                if heads_here and shut_out:
-                    mission.aim = NOWHERE  # it asks again when there is a way
-                elif heads_here and mission.aim in (TO_ROOM, NOWHERE):
-                    continue
-                if shut_out or self._lets_go(queue, memory, robot, mission, fleet):
-                    queue.release(memory, robot)
-                    name = queue.resource.name
-                    events.append(
-                        StackEvent(time=fleet.time, kind="released", robot=robot, resource=name)
-                    )
-                    self._note_grants(queue.careless_admission(memory), queue, fleet, events)
+                if lets_go:
+                    events += queue.let_go(memory, robot, fleet.time)
             for waiter in tuple(memory.waiters):
-                mission = state.missions[waiter.robot]
-                room = queue.resource.room
-                if not mission.itinerary or mission.itinerary[0].room != room:
+                if not _heads_for(missions[waiter.robot], queue):
                     queue.withdraw(memory, waiter.robot)
-                    self._note_grants(queue.careless_admission(memory), queue, fleet, events)
+                    events += queue.grants(queue.careless_admission(memory), fleet.time)
+        return missions, events
 
-    def _lets_go(
-        self, queue: Queue, memory: QueueState, robot: int, mission: Mission, fleet: FleetState
-    ) -> bool:
-        """Whether a holder that has no further stop in the room gives it back."""
-        has_finished = not mission.itinerary and mission.phase in (IDLE, MAKING_ROOM)
+    def _may_let_go(
+        self, queue: Queue, memory: QueueState, robot: int, mission: Mission, position: Array
+    ) -> tuple[Mission, bool]:
+        """Whether a holder gives the room back, and its mission then."""
+        if _heads_for(mission, queue):
+            shut_out = (
+                bool(mission.way.failed) and bool(memory.waiters) and queue.is_left_at(position)
+            )
+            if shut_out:  # it asks again when there is a way
+                return replace(mission, activity=Idle()), True
+            if not isinstance(mission.activity, _OUTSIDE):
+                return mission, False
+        has_finished = not mission.itinerary and isinstance(mission.activity, (Idle, Parking))
         if has_finished and self._frees_early:
-            return True
+            return mission, True
         if queue.resource.hold == "until_served" and robot in memory.entered:
-            return True
-        return queue.is_left_at(fleet.pose[robot, :2])
+            return mission, True
+        return mission, queue.is_left_at(position)
 
-    def grant(self, state: StackState, fleet: FleetState, events: list[StackEvent]) -> None:
+    def grant(
+        self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
+    ) -> tuple[list[Mission], list[StackEvent]]:
         """Give free rooms to those who wait for them, and send them in."""
+        missions = list(missions)
+        events: list[StackEvent] = []
         for index, queue in self._of_rooms:
-            memory = state.queues[index]
-            if not memory.waiters:
+            if not memories[index].waiters:
                 continue
-            granted = queue.grant(memory)
-            self._note_grants(granted, queue, fleet, events)
+            granted = queue.grant(memories[index])
+            events += queue.grants(granted, fleet.time)
             for robot in granted:
-                mission = state.missions[robot]
-                room = mission.itinerary[0].room
                 position = fleet.pose[robot, :2]
-                waited = self._is_near_spot(queue, position)
-                self._head_for_room(mission, room, position, from_spot=waited)
+                from_spot = _is_near_spot(queue, position)
+                missions[robot] = self._head_for_room(
+                    missions[robot], position, from_spot=from_spot
+                )
+        return missions, events
 
-    @staticmethod
-    def _note_grants(
-        granted: Sequence[int], queue: Queue, fleet: FleetState, events: list[StackEvent]
-    ) -> None:
-        name = queue.resource.name
-        for robot in granted:
-            events.append(StackEvent(time=fleet.time, kind="granted", robot=robot, resource=name))
+
+def _is_near_spot(queue: Queue, position: Array) -> bool:
+    return bool(is_within(queue.resource.spots, position, NEAR_SPOT))
+
+
+def _heads_for(mission: Mission, queue: Queue) -> bool:
+    """Whether the robot's next stop is in the room of ``queue``."""
+    return bool(mission.itinerary) and mission.itinerary[0].room == queue.resource.room

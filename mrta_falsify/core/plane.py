@@ -1,0 +1,52 @@
+"""Compiled geometry of points and polygons in the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from mrta_falsify.core.arrays import Array
+
+#: no points ``(0, 2)``; read-only, so that values may share it
+NO_POINTS = np.zeros((0, 2))
+NO_POINTS.setflags(write=False)
+
+
+@njit(cache=True)
+def inside(polygon: Array, point: Array) -> bool:
+    """Whether ``point`` ``(2,)`` lies in the simple polygon ``(V, 2)`` (even-odd rule)."""
+    x, y = point[0], point[1]
+    hit = False
+    if len(polygon) == 0:
+        return hit
+    last_x, last_y = polygon[-1, 0], polygon[-1, 1]
+    for i in range(len(polygon)):
+        corner_x, corner_y = polygon[i, 0], polygon[i, 1]
+        if (corner_y > y) != (last_y > y):
+            crossing = (last_x - corner_x) * (y - corner_y) / (last_y - corner_y) + corner_x
+            if x < crossing:
+                hit = not hit
+        last_x, last_y = corner_x, corner_y
+    return hit
+
+
+@njit(cache=True)
+def is_near(point: Array, position: Array, distance: float) -> bool:
+    """Whether ``point`` is at most ``distance`` [m] away; x and y come first in both."""
+    dx, dy = point[0] - position[0], point[1] - position[1]
+    return bool(dx * dx + dy * dy <= distance * distance)
+
+
+@njit(cache=True)
+def is_within(points: Array, position: Array, distance: float) -> bool:
+    """Whether one of the points ``(K, 2)`` is at most ``distance`` [m] away."""
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - position[0], points[i, 1] - position[1]
+        if dx * dx + dy * dy <= distance * distance:
+            return True
+    return False
+
+
+def distance_of(point: Array, other: Array) -> float:
+    """Distance [m] between two points ``(2,)``."""
+    return float(np.hypot(point[0] - other[0], point[1] - other[1]))
