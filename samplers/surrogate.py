@@ -17,7 +17,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
 from samplers.asking import BestResults, Counter, Mutator
 
-PARENTS = 8
+PARENTS = 8  # best scenes that have children
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube

@@ -30,7 +30,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import GoalMap
 from mrta_falsify.specs.deadlock.no_path import NoPathReasons
 from mrta_falsify.specs.deadlock.obstruction import Obstruction
-from mrta_falsify.specs.deadlock.occupancy import FreeSpace
+from mrta_falsify.specs.deadlock.occupancy import SolidGrid
 from mrta_falsify.specs.deadlock.queue_edges import queue_edges, queue_edges_from_afar
 from mrta_falsify.specs.deadlock.service_clock import ServiceClock
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
@@ -50,7 +50,7 @@ class BlockedByTracker:
     world: World
     dt: float  #: control period [s]
     _standstill: Standstill = field(init=False)
-    _space: FreeSpace = field(init=False)
+    _space: SolidGrid = field(init=False)
     _service: ServiceClock = field(init=False)
     _obstruction: Obstruction = field(init=False)
     _no_path: NoPathReasons = field(init=False)
@@ -61,7 +61,7 @@ class BlockedByTracker:
     def __post_init__(self) -> None:
         world = self.world
         self._standstill = Standstill(len(world.robots))
-        self._space = FreeSpace(world)
+        self._space = SolidGrid(world)
         self._service = ServiceClock(world, GoalMap(world))
         self._obstruction = Obstruction(world, self._space)
         self._no_path = NoPathReasons(world, self._space)

@@ -7,7 +7,7 @@ import numpy as np
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import Goal
-from mrta_falsify.specs.deadlock.occupancy import FreeSpace, is_temporary
+from mrta_falsify.specs.deadlock.occupancy import SolidGrid, is_temporary
 from mrta_falsify.specs.deadlock.queue_edges import queue_edges_from_afar
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 
@@ -24,7 +24,7 @@ class NoPathReasons:
         space: where its solids are; kept furnished by its owner.
     """
 
-    def __init__(self, world: World, space: FreeSpace) -> None:
+    def __init__(self, world: World, space: SolidGrid) -> None:
         self._world = world
         self._space = space
         self._radius = np.array([robot.radius for robot in world.robots])

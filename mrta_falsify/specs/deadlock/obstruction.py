@@ -7,7 +7,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.occupancy import FreeSpace
+from mrta_falsify.specs.deadlock.occupancy import SolidGrid
 from mrta_falsify.specs.deadlock.path_ahead import first_conflicts, points_ahead
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 
@@ -32,7 +32,7 @@ class Obstruction:
         space: where its solids are; kept furnished by its owner.
     """
 
-    def __init__(self, world: World, space: FreeSpace) -> None:
+    def __init__(self, world: World, space: SolidGrid) -> None:
         self._space = space
         self._radius = np.array([robot.radius for robot in world.robots])
         self._human_radius = np.array([human.radius for human in world.humans])

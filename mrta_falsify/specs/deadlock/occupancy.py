@@ -1,7 +1,8 @@
-"""Where a robot's body fits in a world: the oracle's own coarse map.
+"""Occupancy grid: the oracle's own coarse map of where a robot fits.
 
-The oracle judges the stack, so it must not borrow the stack's costmap. It needs little: is
-this spot inside a solid, and is there any way from here to there. A grid of 0.1 m does.
+The oracle judges the stack, so it must not borrow the stack's costmap. It needs to
+know two things only: is a spot inside a solid, and does any way lead from here to there. A grid
+of 0.1 m is fine enough for that.
 """
 
 from __future__ import annotations
@@ -21,38 +22,38 @@ from mrta_falsify.specs.deadlock.occupancy_kernels import (
     flood,
 )
 
-CELL = 0.1  # m, of the grid
+GRID_CELL = 0.1  # m, of the grid
 REDRAWN_BEYOND = 0.03  # m or rad; furniture that has moved less is not drawn anew
-#: a cell is solid if its centre is this near to a solid [m]: less than any planner's clearance
-#: (0.22 m) minus half a cell's diagonal, so that no valid path ever looks blocked
-CLEARANCE = 0.15
+#: m; a cell is solid if its centre is this near to a solid. This is less than any planner's
+#: clearance (0.22 m) minus half a cell's diagonal, so that no valid path ever looks blocked
+SOLID_CLEARANCE = 0.15
 START_REACH = 0.35  # m, a robot stands on any free cell this near
 GOAL_REACH = 0.3  # m, the same at the goal
 
 
 @dataclass(slots=True)
-class FreeSpace:
-    """Free cells of one world; the grid is built at the first question."""
+class SolidGrid:
+    """Occupancy grid of one world; built at the first question."""
 
     world: World
-    cell: float = CELL  #: [m]
-    clearance: float = CLEARANCE  #: of a cell's centre [m]
+    cell: float = GRID_CELL  #: [m]
+    clearance: float = SOLID_CLEARANCE  #: of a cell's centre [m]
     names: tuple[str, ...] = ()  #: of walls, furniture, blockages; ``owner - 1`` indexes it
     _owner: Owners | None = None
     _blockages: tuple[tuple[Blockage, int], ...] = ()
     _active: tuple[int, ...] = ()
     _pieces: tuple[tuple[Furniture, int], ...] = ()
-    _furniture_pose: Array | None = None  #: (F, 3) as far as told
+    _furniture_pose: Array | None = None  #: (F, 3) as last set
     _drawn_pose: Array | None = None  #: (F, 3) as it is on ``_current``
     _current: Owners | None = None
     _origin: Array = field(default_factory=lambda: np.zeros(2))
 
     def furnish(self, poses: Array) -> None:
-        """Say where the movable furniture stands; until then it is left out.
+        """Set where the movable furniture stands; until then it is left out.
 
         Args:
             poses: ``(F, 3)`` centre x, y [m] and turn since the start [rad], in the world's
-                order; other lengths say nothing.
+                order; an array of another length is ignored.
         """
         if len(poses) and len(poses) == len(self.world.movable_furniture()):
             self._furniture_pose = poses
@@ -140,10 +141,10 @@ class FreeSpace:
         return self._current
 
     def _has_moved(self) -> bool:
-        told, drawn = self._furniture_pose, self._drawn_pose
-        if told is None or told is drawn:
+        now, drawn = self._furniture_pose, self._drawn_pose
+        if now is None or now is drawn:
             return False
-        return drawn is None or bool(np.abs(told - drawn).max() > REDRAWN_BEYOND)
+        return drawn is None or bool(np.abs(now - drawn).max() > REDRAWN_BEYOND)
 
     def _fill_furniture(self, owner: Owners) -> None:
         if self._furniture_pose is None:

@@ -14,7 +14,7 @@ import numpy as np
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.no_path import UNREACHABLE
-from mrta_falsify.specs.deadlock.occupancy import FreeSpace
+from mrta_falsify.specs.deadlock.occupancy import SolidGrid
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot
 
 BODY_CELL = 0.05  # m, grid on which ways round are looked for
@@ -57,7 +57,7 @@ class Hardness:
 
     def __init__(self, world: World, robot_gap: float) -> None:
         radius = min((robot.radius for robot in world.robots), default=0.0)
-        self._space = FreeSpace(world, cell=BODY_CELL, clearance=radius + BODY_MARGIN)
+        self._space = SolidGrid(world, cell=BODY_CELL, clearance=radius + BODY_MARGIN)
         self._robot_gap = robot_gap
         self._known: dict[frozenset[BlockedBy], tuple[float, bool]] = {}
 

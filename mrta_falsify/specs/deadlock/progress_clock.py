@@ -17,11 +17,11 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.occupancy import CELL, FreeSpace
+from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
 
 PROGRESS_STEP = 0.1  # m nearer to the goal than ever before: progress
 GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is no progress
-DETOUR_FROM = 5 * CELL  # m; below this the straight distance is better than one in cells
+DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class ProgressClock:
         robots = len(self.world.robots)
         self.last = np.zeros(robots)
         self._best = [[] for _ in range(robots)]
-        self._free = FreeSpace(self.world).lasting_free()
+        self._free = SolidGrid(self.world).lasting_free()
 
     def update(self, frame: Frame) -> Array:
         """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
@@ -85,14 +85,14 @@ class ProgressClock:
         straight = float(np.hypot(*(position - goal)))
         cell = self._cell(goal)
         if cell not in self._maps:
-            self._maps[cell] = _distances(self._free, *cell, CELL)
+            self._maps[cell] = _distances(self._free, *cell, GRID_CELL)
         row, col = self._cell(position)
         way = float(self._maps[cell][row, col])
         return way if np.isfinite(way) and way > DETOUR_FROM else straight
 
     def _cell(self, point: Array) -> tuple[int, int]:
         rows, cols = self._free.shape
-        col, row = np.floor((point - self.world.bounds[:2]) / CELL).astype(int)
+        col, row = np.floor((point - self.world.bounds[:2]) / GRID_CELL).astype(int)
         return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
 
 
