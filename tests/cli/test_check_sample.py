@@ -198,6 +198,7 @@ CASES = {
         "'Robot' is not defined",
         "need the line `model scenic_worlds.",
     ],
+    "unknown_without_model": [":1: ", "'Zeppelin' is not defined", "need the line `model scenic_"],
     "parts_without_model": ["has no `model scenic_worlds.model` at its top"],
     "in_the_wall": [":3: bookshelf_1 fits nowhere", "`on along_wall(1)`, which puts its back edge"],
     "no_robots": ["no_robots.scenic: has no robot"],
