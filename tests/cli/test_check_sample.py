@@ -184,7 +184,7 @@ CASES = {
     "requirement_that_fails": [":4: ", "requirement cannot be evaluated: ZeroDivisionError"],
     "outside": ["outside.scenic:3: ", "stray bed at (100, 100) is not inside its region"],
     "colliding": ["colliding.scenic:4: ", "second chair at (0.2, 9)", "first chair at (0, 9)"],
-    "crowded_out": ["bed_0 collides with bed_1 ("],
+    "crowded_out": ["bed_0 collides with bed_1 (", "bed_0 is made at ", "crowded_out.scenic:4"],
     "robots_too_near": ["robots_too_near.scenic:3: ", "robot2 at (0, 2.2) stands where robot1"],
     "no_model": ["no_model.scenic", "has no `model scenic_worlds.model` at its top"],
     "misspelt_model": [":1: ", "scenic_worlds.modle; did you mean 'scenic_worlds.model'?"],
