@@ -111,10 +111,9 @@ def _name_hint(error: NameError, path: Path) -> str:
     hint = did_you_mean(name, _of_the_same_use(name, visible, frame, line))
     if hint or library_names() <= visible.keys():
         return hint
-    needed = did_you_mean(name, library_names())
-    if not needed:
-        return ""
-    meant = "" if name in library_names() else needed
+    meant = "" if name in library_names() else did_you_mean(name, library_names())
+    if Path(frame.f_code.co_filename) != path:  # an imported file imports what it needs
+        return meant
     return f"; the library's names need the line `model {MODEL}` before them{meant}"
 
 

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.checking import FastChecker, Rejection
+from scenic_worlds.origins import origin_of
 from scenic_worlds.placing import Placing
 from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver, Sample, bits
@@ -49,10 +51,17 @@ class RejectedScene(WorldError):  # noqa: N818 - a result of sampling, not a fau
         attempts: scenes that were tried.
         rejections: how often each rejecter rejected.
         hopeless: the last rejecter does not depend on anything random.
+        places: ``file:line`` of objects by name, for those that rejecters begin with.
     """
 
     def __init__(
-        self, program: str, attempts: int, rejections: dict[str, int], *, hopeless: bool
+        self,
+        program: str,
+        attempts: int,
+        rejections: dict[str, int],
+        *,
+        hopeless: bool,
+        places: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.attempts = attempts
         self.rejections = rejections
@@ -65,9 +74,16 @@ class RejectedScene(WorldError):  # noqa: N818 - a result of sampling, not a fau
             else "leave more room, place fewer objects, or weaken what rejects most"
         )
         times = "1 attempt" if attempts == 1 else f"{attempts} attempts"
+        made = [f"{name} is made at {at}" for name, at in places.items() if _begins(worst, name)]
         super().__init__(
-            f"{program}: no scene accepted in {times}. Rejected by: {listing}{more}. Hint: {advice}"
+            f"{program}: no scene accepted in {times}. Rejected by: {listing}{more}. "
+            f"Hint: {advice}{''.join(f'; {text}' for text in made)}"
         )
+
+
+def _begins(worst: list[tuple[str, int]], name: str) -> bool:
+    """Whether the most frequent rejecter begins with an object's name."""
+    return bool(worst) and worst[0][0].startswith(f"{name} ")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,13 +183,22 @@ class SceneSearch:
                 else:
                     rejections[_FRACTION.sub("...", blame.who)] += 1
                 if not blame.wide:
-                    raise RejectedScene(self._name, attempt, dict(rejections), hopeless=True)
+                    raise self._rejected(attempt, rejections, hopeless=True)
                 if rejections.total() > DRAWS * max_attempts:
                     break
                 changed = driver.all_units if restart else _redraw(blame, strikes, numbers)
                 mask = driver.coordinates(changed)
                 u[mask] = numbers.random(int(mask.sum()))
-        raise RejectedScene(self._name, attempt, dict(rejections), hopeless=False)
+        raise self._rejected(attempt, rejections, hopeless=False)
+
+    def _rejected(
+        self, attempts: int, rejections: Counter[str], *, hopeless: bool
+    ) -> RejectedScene:
+        origins = {name: origin_of(thing) for thing, name in self.driver.names.items()}
+        places = {name: f"{at[0]}:{at[1]}" for name, at in origins.items() if at is not None}
+        return RejectedScene(
+            self._name, attempts, dict(rejections), hopeless=hopeless, places=places
+        )
 
     def _try(
         self,

@@ -1,4 +1,4 @@
-"""Drives small fleets over every kind of layout: are all tasks done, does anybody touch a wall?
+"""Drives small fleets over every kind of layout: are all tasks done, does a robot touch a wall?
 
 Run: ``python benchmarks/scenic/layouts.py [--engine kinematic] [--seeds 3] [--only NAME]``
 """

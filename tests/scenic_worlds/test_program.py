@@ -44,11 +44,11 @@ BROKEN = {
     "python": ("x = 1 / 0\n", r"broken\.scenic:4: ZeroDivisionError"),
     "outside": (
         "new Bed at (400, 400), with name 'lost'\n",
-        r"broken\.scenic: lost at \(400, 400\) is not inside its region",
+        r"broken\.scenic:4: lost at \(400, 400\) is not inside its region",
     ),
     "collision": (
         "new Cabinet at (4.45, -3)\nnew Cabinet at (4.45, -3), with name 'late'\n",
-        r"broken\.scenic: late at \(4\.45, -3\) stands where cabinet_1 at \(4\.45, -3\)",
+        r"broken\.scenic:5: late at \(4\.45, -3\) stands where cabinet_1 at \(4\.45, -3\)",
     ),
     "no options": ("x = Uniform()\n", r"broken\.scenic:4: .*over empty domain"),
 }
