@@ -66,6 +66,20 @@ def run_job(
     )
 
 
+def run_first_tick(job: Job) -> None:
+    """Simulate the first tick of a job, to find what only a frame can tell.
+
+    Raises:
+        InputError: a formula names a signal or a robot that the job does not have.
+    """
+    _run_episode(
+        job,
+        build_specifications(job.specifications),
+        keep_trace=False,
+        stop=lambda frame: "decided",
+    )
+
+
 def _run_episode(
     job: Job,
     specifications: tuple[Specification, ...],

@@ -26,15 +26,15 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, trial_folder
 from mrta_falsify.core import codec
-from mrta_falsify.core.config import Choice, StackConfig, apply_setting
+from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs import campaign as campaigns
-from mrta_falsify.verbs.campaign import open_campaign, open_store, replay, store_replay
+from mrta_falsify.verbs.campaign import open_store, run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import (
     JITTERED,
     Explanation,
@@ -43,6 +43,9 @@ from mrta_falsify.verbs.explain import (
     stored_explanation,
 )
 from mrta_falsify.verbs.minimize.minimising import minimise
+from mrta_falsify.verbs.replay import replay_trial, store_replay
+from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.workers import local_workers
 from reports.sentences import edge_sentence, sentence
 from tools.gallery_pictures import Seen, write_picture
 
@@ -140,19 +143,19 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
             raise StoreError(f"{directory}: holds another campaign than {case.name}")
         if any(record.number == case.trial for record in campaign.records):
             return campaign
-    settings = campaigns.new_settings(
+    settings = new_settings(
         case.scenario,
-        directory=directory,
-        config=case.config(),
+        output=directory,
+        stack=case.config(),
         params=case.params,
-        sampler=Choice(case.sampler),
+        sampler=case.sampler,
         seed=case.seed,
-        specifications=case.specifications,
+        specs=case.specifications,
         time_limit=PATIENCE,
     )
     with open_store(directory, settings) as store:
-        executor = campaigns.local_workers(workers)
-        return campaigns.run(store, Limits(budget=case.trial + 1), executor).campaign
+        executor = local_workers(workers)
+        return run_store(store, Limits(budget=case.trial + 1), executor).campaign
 
 
 def is_made(case: GalleryCase, directory: Path) -> bool:
@@ -165,7 +168,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     """Everything about a case; what is kept beside the trial is not computed again."""
     folder = campaign.folder(record)
     if not (folder / "verify.json").is_file():
-        store_replay(campaign, replay(campaign, record, times=3))
+        store_replay(campaign, replay_trial(campaign, record, times=3))
     if not (folder / "minimize.json").is_file():
         minimise(campaign, record, max_runs=MAX_RUNS)
     verified = codec.read_json(folder / "verify.json")

@@ -13,7 +13,7 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.campaign import stored_world
+from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import rerun
 from scenic_worlds.variation import jittered_worlds
 

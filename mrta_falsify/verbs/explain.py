@@ -32,7 +32,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.campaign import job_of
+from mrta_falsify.verbs.stored_trials import job_of
 from reports.sentences import listed
 from scenic_worlds.variation import jittered_worlds
 from simulator_interface.continuation import Running, run_to

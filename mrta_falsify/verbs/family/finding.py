@@ -23,10 +23,10 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, judge, quick_stack
-from mrta_falsify.verbs.campaign import stored_world
 from mrta_falsify.verbs.family.learning import Search
 from mrta_falsify.verbs.family.rule import Family, program_text, rule_lines, sentence, summary
 from mrta_falsify.verbs.family.samples import Runs
+from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import open_program, specifications_of
 
 if TYPE_CHECKING:

@@ -27,7 +27,6 @@ from mrta_falsify.core.trace import Trace, write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.trial import Job, Judged, judge
-from mrta_falsify.verbs.campaign import job_of
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Runs, Smaller
 from mrta_falsify.verbs.minimize.search import (
     GROUPS,
@@ -40,6 +39,7 @@ from mrta_falsify.verbs.minimize.search import (
     named,
     without,
 )
+from mrta_falsify.verbs.stored_trials import job_of
 
 CACHE = "minimize.cache.jsonl"  # answers so far, so that a second call goes on
 

@@ -16,7 +16,12 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.verbs.campaign import modes, probability_of, screening_agreement
+from mrta_falsify.verbs.campaign_summary import (
+    NoProbability,
+    modes,
+    probability_of,
+    screening_agreement,
+)
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import commands_of, readable_cases
 from reports import text_forms
@@ -97,14 +102,14 @@ def _modes(
         cases.setdefault(case.signature, []).append(case)
     found = []
     for mode in modes(campaign):
-        verdict = leading(by_id[mode["ids"][0]].verdicts)
-        layers = Counter(by_id[i].layer for i in mode["ids"] if by_id[i].layer)
-        layers.update(case.layer for case in cases.get(mode["signature"], []) if case.layer)
+        verdict = leading(by_id[mode.ids[0]].verdicts)
+        layers = Counter(by_id[i].layer for i in mode.ids if by_id[i].layer)
+        layers.update(case.layer for case in cases.get(mode.signature, []) if case.layer)
         found.append(
             Mode(
-                signature=mode["signature"],
-                ids=tuple(mode["ids"]),
-                cases=tuple(cases.get(mode["signature"], ())),
+                signature=mode.signature,
+                ids=tuple(mode.ids),
+                cases=tuple(cases.get(mode.signature, ())),
                 happened=sentence(verdict) if verdict is not None else "",
                 layers=tuple(sorted(layers, key=lambda name: (-layers[name], name))),
             )
@@ -135,21 +140,21 @@ def _facts(
     ]
     agreed = screening_agreement(campaign)
     if agreed is not None:
-        text = f"{agreed['confirmed']} of {agreed['failed_in_screening']} kinematic failures"
+        text = f"{agreed.confirmed} of {agreed.failed_in_screening} kinematic failures"
         facts.append(("confirmed by physics", text))
     return tuple(facts)
 
 
 def _notes(campaign: Campaign) -> tuple[str, ...]:
     chance = probability_of(campaign)
-    if "why_not" in chance:
-        return (f"No probability of failure is given: {chance['why_not']}.",)
+    if isinstance(chance, NoProbability):
+        return (f"No probability of failure is given: {chance.why_not}.",)
     text = (
-        f"Probability of a violation: {chance['estimate']:.3g}, "
-        f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}] "
-        f"({chance['method']}, {chance['trials']} trials)."
+        f"Probability of a violation: {chance.estimate:.3g}, "
+        f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] "
+        f"({chance.method}, {chance.trials} trials)."
     )
-    return (text, f"{chance['note']}.") if chance["note"] else (text,)
+    return (text, f"{chance.note}.") if chance.note else (text,)
 
 
 def _warnings(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str, ...]:

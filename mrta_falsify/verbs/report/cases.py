@@ -18,9 +18,9 @@ from mrta_falsify.core.record import Jittered, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs.campaign import modes
+from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.explain import Removal, removal_text
-from mrta_falsify.verbs.run import costmap_of
+from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
 from reports.contents import Case, Counterfactual, FailureFamily
 from reports.sentences import listed
@@ -68,7 +68,7 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[Case], list[str]
 def in_turn(campaign: Campaign) -> Iterator[TrialRecord]:
     """Failures whose runs were kept: of each mode the first, then of each the second, and so on."""
     by_id = {record.id: record for record in campaign.records if record.trace_file}
-    queues = [[by_id[i] for i in mode["ids"] if i in by_id] for mode in modes(campaign)]
+    queues = [[by_id[i] for i in mode.ids if i in by_id] for mode in modes(campaign)]
     for turn in range(max(map(len, queues), default=0)):
         for queue in queues:
             if turn < len(queue):
