@@ -77,21 +77,21 @@ def compare_command(scenario: str, style: str, **options: Any) -> int:
 def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:
     numbers = (
         "found",
-        "simulations to failure",
+        "simulations",
         "median",
         "per failure",
         "seconds",
         "p",
         "modes per 1000",
     )
-    table = output.new_table("sampler", *numbers, right=numbers)
+    table = output.new_table("sampler", *numbers, right=numbers, whole=("sampler", "found"))
     for row in rows:
         rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
         found = round(rate.value * row.searches)
         table.add_row(
             row.sampler,
             f"{found} of {row.searches}\n[{rate.low:.0%}, {rate.high:.0%}]",
-            f"{mean.value:.1f}\n[{mean.low:.1f}, {mean.high:.1f}]",
+            f"{mean.value:.1f}\n[{mean.low:.0f}, {mean.high:.0f}]",
             _number(row.simulations_to_failure.median),
             _number(row.simulations_per_failure.value),
             f"{row.seconds_to_failure:.0f}",

@@ -42,12 +42,18 @@ def say(text: str) -> None:
 # --- tables ----------------------------------------------------------------------------------
 
 
-def new_table(*columns: str, right: Collection[str] = (), headings: bool = True) -> Table:
+def new_table(
+    *columns: str,
+    right: Collection[str] = (),
+    whole: Collection[str] = (),
+    headings: bool = True,
+) -> Table:
     """Make a table without lines; text that is too long for its column goes on below.
 
     Args:
         columns: headings.
         right: those of columns of numbers.
+        whole: those of columns whose text is never broken.
         headings: whether to print them.
     """
     from rich.table import Table
@@ -56,8 +62,12 @@ def new_table(*columns: str, right: Collection[str] = (), headings: bool = True)
         box=None, pad_edge=False, show_edge=False, header_style="bold", show_header=headings
     )
     for name in columns:
-        is_number = name in right
-        table.add_column(name, justify="right" if is_number else "left", overflow="fold")
+        table.add_column(
+            name,
+            justify="right" if name in right else "left",
+            no_wrap=name in whole,
+            overflow="fold",
+        )
     return table
 
 

@@ -137,7 +137,7 @@ def _print_written(directory: Path | None) -> None:
 
 def _print_programs(checked: dict[str, CheckSummary | InputError]) -> None:
     numbers = ("k", "compile s", "ms a scene", "accepted", "lint")
-    table = output.new_table("program", *numbers, "rejects most", right=numbers)
+    table = output.new_table("program", *numbers, "rejects most", right=numbers, whole=("program",))
     for name, found in checked.items():
         if isinstance(found, InputError):
             table.add_row(name, *[""] * len(numbers), "error, see below", style="red")
