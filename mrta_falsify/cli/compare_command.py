@@ -77,7 +77,7 @@ def compare_command(scenario: str, style: str, **options: Any) -> int:
 def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:
     numbers = (
         "found",
-        "simulations",
+        "runs to failure",
         "median",
         "per failure",
         "seconds",

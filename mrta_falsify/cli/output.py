@@ -113,7 +113,7 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
 
 
 class PipedProgress:
-    """Lines of progress for a stderr that is no terminal; none for work that is soon done."""
+    """Lines of progress on a stderr that is not a terminal; none for work that ends soon."""
 
     def __init__(self, what: str, total: float, unit: str) -> None:
         self._what, self._total, self._unit = what, total, unit

@@ -109,9 +109,9 @@ def show_command(directory: Path, id: str, style: str) -> int:
 def replay_command(directory: Path, id: str, verify: int, style: str) -> int:
     """Run a stored trial again and compare digests. Exit code 1: they differ.
 
-    Where they do, says whether the verdicts are the same all the same, and names the first tick
-    that differs from the stored trace. Of a trial that another version recorded, verdicts count
-    instead of digests.
+    Where they do, says whether the verdicts still agree, and names the first tick that differs
+    from the stored trace. For a trial that another version recorded, verdicts count instead of
+    digests.
     """
     from mrta_falsify.verbs.replay import replay, summarise_replay
 

@@ -136,7 +136,7 @@ class PlannedStop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobotPlan:
+class RobotStops:
     """What one robot does."""
 
     robot: int
@@ -149,7 +149,7 @@ class PlanSummary:
 
     status: Status
     wall_s: float
-    robots: tuple[RobotPlan, ...]
+    robots: tuple[RobotStops, ...]
     late: tuple[TaskPlace, ...]  #: those unserved included
     unserved: tuple[TaskPlace, ...]
     conflict: tuple[TaskPlace, ...]  #: tasks that cannot all be in time, as proved
@@ -168,7 +168,7 @@ def summarise_plan(answer: PlanAnswer) -> PlanSummary:
         status=answer.status,
         wall_s=answer.wall_s,
         robots=tuple(
-            RobotPlan(robot=r, stops=tuple(_planned_stop(answer.case, stop) for stop in stops))
+            RobotStops(robot=r, stops=tuple(_planned_stop(answer.case, stop) for stop in stops))
             for r, stops in enumerate(plan.itineraries)
         ),
         late=places(sorted({*plan.late, *plan.unserved})),

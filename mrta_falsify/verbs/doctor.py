@@ -1,4 +1,4 @@
-"""What ``doctor`` checks: whether this machine can run the toolkit, and run it the same twice."""
+"""Check whether this machine can run the toolkit, and gets the same result twice."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def _check_browser() -> HealthCheck:
 
 
 def _check_determinism() -> HealthCheck:
-    """The same ten seconds in two processes with different hash seeds."""
+    """Run the same ten seconds in two processes with different hash seeds."""
     digests = []
     for hash_seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}

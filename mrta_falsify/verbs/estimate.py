@@ -12,7 +12,7 @@ from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core.candidate import uniform_point
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.workers import count_cores
-from mrta_falsify.worker import Trials, open_program
+from mrta_falsify.worker import TrialRunner, open_program
 
 BYTES_OF_RECORD = 4000  # of a line in the log, as measured, without its point
 BYTES_OF_DIMENSION = 30  # of one coordinate of the point
@@ -49,7 +49,7 @@ def estimate_cost(
     size = 0
     with tempfile.TemporaryDirectory() as folder:
         here = dataclasses.replace(settings.trials, directory=folder, sources_digest="")
-        runner = Trials(here, open_program(here))
+        runner = TrialRunner(here, open_program(here))
         for number in range(trials):
             u = uniform_point(here.seed, number, settings.cube.dimensions)
             records.append(runner.run(number, u))

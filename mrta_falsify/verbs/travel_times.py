@@ -174,7 +174,7 @@ class _TripClock:
 
 
 def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -> float | None:
-    """Time [s] of one trip, None if the robot did not arrive."""
+    """Drive one trip and return its time [s]; None if the robot did not arrive."""
     clock = _TripClock()
     outcome = simulate(
         vary_world(_trip_world(world, start, end), seed),

@@ -86,7 +86,7 @@ def find_world_and_scene(
 
 
 def shipped_scenarios() -> tuple[str, ...]:
-    """Names of the shipped Scenic programs, without loading Scenic."""
+    """List the names of the shipped Scenic programs, without loading Scenic."""
     folder = Path(layouts.__file__).parent.parent / "scenarios"
     return tuple(sorted(path.stem for path in folder.glob("*.scenic")))
 

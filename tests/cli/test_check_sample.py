@@ -293,7 +293,7 @@ def test_a_campaign_refuses_a_misspelt_parameter(cli, program):
 
 def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import Trials, open_program
+    from mrta_falsify.worker import TrialRunner, open_program
 
     path = tmp_path / "sometimes.scenic"
     path.write_text(
@@ -310,6 +310,6 @@ def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
     assert refused
     assert all("speed is -0." in item.error for item in refused)
     settings = TrialSettings(scenario=str(path), seed=seed)
-    record = Trials(settings, open_program(settings)).run(0, np.array([0.25]))
+    record = TrialRunner(settings, open_program(settings)).run(0, np.array([0.25]))
     assert record.status == "rejected"
     assert "humans[0] (human_1).speed is -0.5 m/s; it must be >= 0" in record.error

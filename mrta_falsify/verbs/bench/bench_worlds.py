@@ -49,7 +49,7 @@ def _free_places(world: World, config: StackConfig, count: int) -> list[Array]:
     """Draw points ``(2,)`` [m] on reachable floor, clear of obstacles, robots and each other."""
     if count <= 0:
         return []
-    costmap = build_costmap(world, config)
+    costmap = starting_costmap(world, config)
     planner = build_planner(config, costmap)
     cells = np.argwhere(costmap.cost == 0)
     order = stream(0, "bench/places").permutation(len(cells))
@@ -88,7 +88,7 @@ def _is_clear(place: Array, world: World) -> bool:
     return all(np.hypot(*(place - other)) > 2.0 for other in actors)
 
 
-def build_costmap(world: World, config: StackConfig) -> Costmap:
+def starting_costmap(world: World, config: StackConfig) -> Costmap:
     """Build the costmap of a world at time 0, without robots on it."""
     source = registry.build("costmap", config.costmap).bind(world)
     built: Costmap = source.costmap(0.0, np.zeros((0, 2)))

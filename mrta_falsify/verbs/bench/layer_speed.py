@@ -12,7 +12,11 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.bench.bench_worlds import build_costmap, build_planner, with_new_furniture
+from mrta_falsify.verbs.bench.bench_worlds import (
+    build_planner,
+    starting_costmap,
+    with_new_furniture,
+)
 from mrta_falsify.verbs.bench.timing_values import PlanTimes, milliseconds, timed
 from simulator_interface.episode import Episode
 
@@ -22,13 +26,13 @@ TRIPS = 40  # planned start and goal pairs
 def time_costmap(world: World, config: StackConfig) -> float:
     """Time the costmap of a world never seen [ms]; median of ten."""
     worlds = [with_new_furniture(world, number) for number in range(10)]
-    spent = [timed(functools.partial(build_costmap, changed, config)) for changed in worlds]
+    spent = [timed(functools.partial(starting_costmap, changed, config)) for changed in worlds]
     return milliseconds(np.array(spent), 50.0)
 
 
 def time_planner(world: World, config: StackConfig) -> PlanTimes:
     """Time the first plan to a goal, and another plan to a goal seen before."""
-    planner = build_planner(config, build_costmap(world, config))
+    planner = build_planner(config, starting_costmap(world, config))
     random = stream(0, "bench/trips")
     rooms = [room.point for room in world.rooms]
     jitter = random.uniform(-0.2, 0.2, size=(TRIPS, 2))
