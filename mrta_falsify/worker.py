@@ -78,7 +78,7 @@ class TrialRunner:
         self._program = program
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
-        """Run proposal ``number`` at ``u`` ``(k,)`` and return its record; files are written first."""
+        """Run proposal ``number`` at ``u`` ``(k,)``; its files are written before it returns."""
         settings = self._settings
         began = time.perf_counter()
         asked = Candidate(

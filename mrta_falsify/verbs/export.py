@@ -70,8 +70,7 @@ def export(
         assert not isinstance(target, World)
         subject = trial_subject(target, id, with_trace=format in OF_RUNS)
     else:
-        world = target if isinstance(target, World) else find_world(target)
-        subject = ExportSubject(world=world, config=load_stack(stack, settings))
+        subject = ExportSubject(world=find_world(target), config=load_stack(stack, settings))
     return write_export(subject, format, Path(output))
 
 

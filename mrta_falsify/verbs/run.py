@@ -55,14 +55,14 @@ def run(
     """Run the full stack in ``world`` and judge it.
 
     Args:
-        world: what to simulate: a world, or a file or name as of
-            :func:`~mrta_falsify.verbs.worlds.find_world`.
+        world: what to simulate, as of :func:`~mrta_falsify.verbs.worlds.find_world`, or what
+            ``find_world_and_scene`` found.
         stack: the stack under test, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
-        seed: varies a world given by name, or samples a program.
-        tasks: MRTA-Sim testcase that replaces the tasks of a world given by name.
-        robots: MRTA-Sim robot setup that replaces its robots.
-        humans: MRTA-Sim waypoint file that replaces its people.
+        seed: varies a fixed world, or samples a program.
+        tasks: MRTA-Sim testcase that replaces the tasks.
+        robots: MRTA-Sim robot setup that replaces the robots.
+        humans: MRTA-Sim waypoint file that replaces the people.
         specs: names of specifications, or ``stl:FORMULA``; all that ship if empty.
         output: directory for the files of :func:`write_run`; none are written if None.
         gui: show the physics engine's window.
@@ -77,9 +77,7 @@ def run(
     if (gif or mp4) and output is None:
         raise ConfigError("gif and mp4 need an output directory")
     config = load_stack(stack, (*settings, SHOW_WINDOW) if gui else settings)
-    if isinstance(world, World):
-        world = FoundWorld(world=world)
-    elif not isinstance(world, FoundWorld):
+    if not isinstance(world, FoundWorld):
         world = find_world_and_scene(world, seed=seed, tasks=tasks, robots=robots, humans=humans)
     if output is not None:
         make_directory(Path(output))

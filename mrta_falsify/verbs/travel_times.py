@@ -87,7 +87,7 @@ def write_travel_times(
     if statistic not in STATISTICS:
         raise ConfigError(f"statistic is {statistic!r}; it must be one of {', '.join(STATISTICS)}")
     config = load_stack(stack, settings)
-    found = world if isinstance(world, World) else find_world(world)
+    found = find_world(world)
     make_directory(path.parent)
     times = measure_travel_times(
         found,

@@ -28,7 +28,7 @@ class FoundWorld:
 
 
 def find_world(
-    name: Place,
+    name: World | Place,
     *,
     seed: int | None = None,
     tasks: Place | None = None,
@@ -38,8 +38,8 @@ def find_world(
     """Load a world by file or shipped name, or sample one from a Scenic program, ready to run.
 
     Args:
-        name: a world file (``.json``), a Scenic program (``.scenic``), or a shipped name
-            of either.
+        name: a world file (``.json``), a Scenic program (``.scenic``), a shipped name of either,
+            or a world.
         seed: varies a fixed world (see :func:`scenic_worlds.variation.vary_world`) or
             samples a program; without, a fixed world is taken as it is and a program
             is sampled with seed 0.
@@ -59,7 +59,7 @@ def find_world(
 
 
 def find_world_and_scene(
-    name: Place,
+    name: World | Place,
     *,
     seed: int | None = None,
     tasks: Place | None = None,
@@ -67,8 +67,10 @@ def find_world_and_scene(
     humans: Place | None = None,
 ) -> FoundWorld:
     """Find a world as :func:`find_world` does, with the scene it was sampled from, if it was."""
-    name, scene = str(name), None
-    if name in layouts.world_names():
+    scene = None
+    if isinstance(name, World):
+        world, name, fixed = name, name.name, True
+    elif (name := str(name)) in layouts.world_names():
         world, fixed = layouts.load_world(name), True
     elif name.endswith(".scenic") or name in shipped_scenarios():
         sampled = _sample_program(name, seed or 0)
