@@ -77,14 +77,14 @@ def compare_command(scenario: str, style: str, **options: Any) -> int:
 def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:
     numbers = (
         "found",
-        "runs to failure",
+        "runs to\nfailure",
         "median",
-        "per failure",
-        "seconds",
+        "per\nfailure",
+        "time\n[s]",
         "p",
-        "modes per 1000",
+        "modes\nper\n1000",
     )
-    table = output.new_table("sampler", *numbers, right=numbers, whole=("sampler", "found"))
+    table = output.new_table("sampler", *numbers, right=numbers, whole=("sampler",))
     for row in rows:
         rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
         found = round(rate.value * row.searches)
@@ -95,7 +95,7 @@ def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:
             _number(row.simulations_to_failure.median),
             _number(row.simulations_per_failure.value),
             f"{row.seconds_to_failure:.0f}",
-            f"{row.log_rank_p:.3g}",
+            f"{row.log_rank_p:.2g}",
             f"{row.modes_per_1000:.1f}",
         )
     output.print_table(table)

@@ -146,18 +146,18 @@ def format_option(command: Command) -> Command:
 
 
 def output_option(
-    metavar: str, text: str = "", *, required: bool = False, default: Path | None = None
+    metavar: str, text: str = "", *, required: bool = False, **default: Path
 ) -> Callable[[Command], Command]:
-    """Make ``-o PATH``, as ``output``."""
+    """Make ``-o PATH``, as ``output``; ``default=PATH`` is shown."""
     return click.option(
         "-o",
         "--output",
         type=FILE,
         metavar=metavar,
         required=required,
-        default=default,
-        show_default=default is not None,
+        show_default=bool(default),
         help=text or None,
+        **default,  # click takes default=None for a value
     )
 
 

@@ -52,8 +52,8 @@ def new_table(
 
     Args:
         columns: headings.
-        right: those of columns of numbers.
-        whole: those of columns whose text is never broken.
+        right: those of columns of numbers, which are never broken.
+        whole: those of other columns that are never broken.
         headings: whether to print them.
     """
     from rich.table import Table
@@ -65,7 +65,7 @@ def new_table(
         table.add_column(
             name,
             justify="right" if name in right else "left",
-            no_wrap=name in whole,
+            no_wrap=name in whole or name in right,
             overflow="fold",
         )
     return table

@@ -136,11 +136,11 @@ def _print_written(directory: Path | None) -> None:
 
 
 def _print_programs(checked: dict[str, CheckSummary | InputError]) -> None:
-    numbers = ("k", "compile s", "ms a scene", "accepted", "lint")
+    numbers = ("k", "compile\n[s]", "scene\n[ms]", "accepted", "lint")
     table = output.new_table("program", *numbers, "rejects most", right=numbers, whole=("program",))
     for name, found in checked.items():
         if isinstance(found, InputError):
-            table.add_row(name, *[""] * len(numbers), "error, see below", style="red")
+            table.add_row(Path(name).stem, *[""] * len(numbers), "error, see below", style="red")
             continue
         table.add_row(
             found.scenario,

@@ -52,7 +52,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_copies = any(row.jittered for row in rows)
     columns = ["id", "status", "score", "signature", "layer", "simulated"]
     columns += ["copies that fail"] if with_copies else []
-    table = output.new_table(*columns, right=("score", "simulated"), whole=("id", "simulated"))
+    table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
     for row in rows:
         cells = [
             row.id,
