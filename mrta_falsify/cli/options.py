@@ -146,7 +146,7 @@ def format_option(command: Command) -> Command:
 
 
 def output_option(
-    metavar: str, text: str = "", *, required: bool = False, **default: Path
+    metavar: str, text: str = "", *, required: bool = False, **default: Any
 ) -> Callable[[Command], Command]:
     """Make ``-o PATH``, as ``output``; ``default=PATH`` is shown."""
     return click.option(
