@@ -1,12 +1,14 @@
 """Finds, explains and reproduces deadlocks in multi-robot task-allocation stacks.
 
-The verbs of the command line, from Python::
+Every command of the command line is a function here, with the same name (``-`` becomes ``_``), the
+same options and the same defaults; it returns a value::
 
     import mrta_falsify as mf
 
-    world = mf.vary_world(mf.load_world("aws_hospital_day"), seed=3)
-    outcome = mf.run(world)
-    mf.write_run(outcome, world, "out")
+    found = mf.campaign("hospital_day", "runs/first", budget=20)
+    for row in mf.list("runs/first", failed=True):
+        print(row.id, row.signature)
+    mf.report("runs/first")
 
 Names are resolved on first use (PEP 562), so importing a lower floor never runs an upper one.
 """
@@ -14,51 +16,72 @@ Names are resolved on first use (PEP 562), so importing a lower floor never runs
 from __future__ import annotations
 
 import importlib
-import importlib.metadata
 from typing import Any
 
+#: the commands, and the functions that do their work
+VERBS = {
+    "allocate": "mrta_falsify.verbs.allocate:allocate",
+    "bench": "mrta_falsify.verbs.bench.benchmark:bench",
+    "campaign": "mrta_falsify.verbs.campaign:campaign",
+    "check": "mrta_falsify.verbs.check:check",
+    "compare": "mrta_falsify.verbs.compare:compare",
+    "corpus": "mrta_falsify.verbs.stored_failures:recheck_corpus",
+    "demo": "mrta_falsify.verbs.demo:demo",
+    "doctor": "mrta_falsify.verbs.doctor:doctor",
+    "explain": "mrta_falsify.verbs.stored_failures:explain_trial",
+    "export": "mrta_falsify.verbs.export:export",
+    "family": "mrta_falsify.verbs.stored_failures:family_of_trial",
+    "init": "mrta_falsify.verbs.init:init",
+    "list": "mrta_falsify.verbs.stored_trials:list_trials",
+    "minimize": "mrta_falsify.verbs.stored_failures:minimize_trial",
+    "plugins": "mrta_falsify.verbs.plugins:plugins",
+    "replay": "mrta_falsify.verbs.replay:replay",
+    "report": "mrta_falsify.verbs.stored_failures:write_reports",
+    "run": "mrta_falsify.verbs.run:run",
+    "sample": "mrta_falsify.verbs.sample:sample",
+    "show": "mrta_falsify.verbs.stored_trials:show_trial",
+    "travel_times": "mrta_falsify.verbs.travel_times:write_travel_times",
+}
+
 _NAMES_OF = {
-    "mrta_falsify.verbs.run": (
-        "export_nav2",
-        "find_world",
-        "plugins",
-        "run",
-        "summary",
-        "write_run",
-    ),
-    "mrta_falsify.verbs.bench": ("bench",),
+    "mrta_falsify.verbs.campaign": ("CampaignResult", "resume_campaign"),
+    "mrta_falsify.verbs.campaign_settings": ("new_settings",),
+    "mrta_falsify.verbs.campaign_summary": ("summarise_campaign",),
+    "mrta_falsify.verbs.check": ("summarise_check", "write_check"),
+    "mrta_falsify.verbs.estimate": ("estimate_cost",),
+    "mrta_falsify.verbs.export": ("export_nav2",),
+    "mrta_falsify.verbs.programs": ("open_scenario",),
+    "mrta_falsify.verbs.run": ("summarise_run", "write_run"),
+    "mrta_falsify.verbs.stacks": ("load_stack",),
+    "mrta_falsify.verbs.stored_trials": ("open_campaign",),
+    "mrta_falsify.verbs.travel_times": ("measure_travel_times",),
+    "mrta_falsify.verbs.worlds": ("find_world",),
     "mrta_falsify.core.config": ("Choice", "StackConfig", "apply_setting", "read_config"),
     "mrta_falsify.core.errors": ("HarnessError", "InputError", "MrtaFalsifyError"),
     "mrta_falsify.core.trace": ("Trace", "read_trace", "write_trace"),
     "mrta_falsify.core.verdict": ("Verdict",),
     "mrta_falsify.core.world": ("World", "read_world", "write_world"),
-    "mrta_falsify.verbs.doctor": ("doctor",),
-    "mrta_falsify.verbs.check": (
-        "check",
-        "check_summary",
-        "open_scenario",
-        "sample",
-        "write_check",
-    ),
-    "mrta_falsify.verbs.travel_times": ("measure_travel_times",),
     "scenic_worlds.layouts": ("layout_names", "load_layout", "load_world", "world_names"),
     "scenic_worlds.variation": ("vary_world",),
     "simulator_interface.simulate": ("Outcome", "frames_of", "simulate"),
 }
-_HOME = {name: module for module, names in _NAMES_OF.items() for name in names}
+_HOME = VERBS | {name: f"{module}:{name}" for module, names in _NAMES_OF.items() for name in names}
 
-__all__ = sorted((*_HOME, "__version__"))  # noqa: PLE0605 - one table says where names live
+__all__ = sorted((*_HOME, "VERBS", "__version__"))  # noqa: PLE0605 - one table says where names live
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return importlib.metadata.version("mrta-falsify")
+        from importlib import metadata  # noqa: PLC0415 - 30 ms that few imports need
+
+        return metadata.version("mrta-falsify")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
+    module, _, attribute = _HOME[name].partition(":")
+    value = getattr(importlib.import_module(module), attribute)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return list(__all__)
+    return [*__all__]  # `list` is a verb here

@@ -66,6 +66,20 @@ def run_job(
     )
 
 
+def run_first_tick(job: Job) -> None:
+    """Simulate the first tick of a job, to find what only a frame can tell.
+
+    Raises:
+        InputError: a formula names a signal or a robot that the job does not have.
+    """
+    _run_episode(
+        job,
+        build_specifications(job.specifications),
+        keep_trace=False,
+        stop=lambda frame: "decided",
+    )
+
+
 def _run_episode(
     job: Job,
     specifications: tuple[Specification, ...],
@@ -74,7 +88,7 @@ def _run_episode(
     on_progress: Callable[[float], None] | None = None,
     stop: Callable[[Frame], str] | None = None,
 ) -> Outcome:
-    """Our own loop, or Scenic's over the same loop for a scripted world."""
+    """Run our own loop, or Scenic's over the same loop for a scripted world."""
     episode = functools.partial(simulate, job.world, job.config)
     if job.world.scripted and job.scene is not None:
         from simulator_interface.scenic_bridge.simulator import simulate_scene  # noqa: PLC0415 - Scenic
@@ -139,12 +153,12 @@ def _bounded(verdict: Verdict) -> Verdict:
 
 
 def quick_stack(config: StackConfig) -> StackConfig:
-    """``config`` on the kinematic engine."""
+    """Put ``config`` on the kinematic engine."""
     return dataclasses.replace(config, engine=Choice("kinematic"))
 
 
 def campaign_specifications() -> tuple[str, ...]:
-    """Specifications of a campaign unless the user says otherwise.
+    """List the specifications of a campaign unless the user says otherwise.
 
     All that score a run but ``human_clearance``: people who do not react to robots come
     nearer than its 0.1 m on their own, and a search would find nothing else.

@@ -47,7 +47,7 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
     Raises:
         InputError: the program does not compile, or is not the one the campaign began with.
     """
-    trials = Trials(settings, open_program(settings))
+    trials = TrialRunner(settings, open_program(settings))
     return lambda job: codec.encode(
         trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
     )
@@ -70,7 +70,7 @@ def open_program(settings: TrialSettings) -> Program:
     return compiled
 
 
-class Trials:
+class TrialRunner:
     """Runs the trials of one campaign in this process."""
 
     def __init__(self, settings: TrialSettings, program: Program) -> None:
@@ -78,7 +78,7 @@ class Trials:
         self._program = program
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
-        """The record of proposal ``number`` at ``u`` ``(k,)``; its files are written first."""
+        """Run proposal ``number`` at ``u`` ``(k,)``; its files are written before it returns."""
         settings = self._settings
         began = time.perf_counter()
         asked = Candidate(
@@ -202,12 +202,12 @@ def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
 
 
 def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
-    """The campaign's stack on the engine that a record's verdicts come from."""
+    """Put the campaign's stack on the engine that a record's verdicts come from."""
     if record.engine in ("", settings.stack.engine.name):
         return settings.stack
     return quick_stack(settings.stack)
 
 
 def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
-    """What the trials of a campaign are judged by."""
+    """List what the trials of a campaign are judged by."""
     return settings.specifications or campaign_specifications()

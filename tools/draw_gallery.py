@@ -36,11 +36,14 @@ from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs import campaign as campaigns
-from mrta_falsify.verbs.campaign import open_campaign, open_store, replay, store_replay
+from mrta_falsify.verbs.campaign import open_store, run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import explain, removal_text
 from mrta_falsify.verbs.explain.explaining import JITTERED
 from mrta_falsify.verbs.minimize import minimize
+from mrta_falsify.verbs.replay import replay_trial, store_replay
+from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.workers import local_workers
 from reports.sentences import edge_sentence, sentence
 from tools.gallery_pictures import Seen, write_picture
 
@@ -137,7 +140,7 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
             raise StoreError(f"{directory}: holds another campaign than {case.name}")
         if any(record.number == case.trial for record in campaign.records):
             return campaign
-    settings = campaigns.new_settings(
+    settings = new_settings(
         case.scenario,
         directory=directory,
         config=case.config(),
@@ -148,8 +151,8 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
         time_limit=PATIENCE,
     )
     with open_store(directory, settings) as store:
-        executor = campaigns.local_workers(workers)
-        return campaigns.run(store, Limits(budget=case.trial + 1), executor).campaign
+        executor = local_workers(workers)
+        return run_store(store, Limits(budget=case.trial + 1), executor).campaign
 
 
 def is_made(case: GalleryCase, directory: Path) -> bool:
@@ -164,7 +167,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     folder = campaign.folder(record)
     verified = read_finding(folder, ReplayCheck)
     if verified is None:
-        verified = store_replay(campaign, replay(campaign, record, times=3))
+        verified = store_replay(campaign, replay_trial(campaign, record, times=3))
     if verified.identical != verified.runs:
         raise InputError(f"{case.name}: its replay differs; delete its campaign in WORK")
     small = read_finding(folder, Minimisation) or minimize(campaign, record, max_runs=MAX_RUNS)

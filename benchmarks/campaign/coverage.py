@@ -23,7 +23,7 @@ from scipy import stats
 
 from mrta_falsify.campaigns.statistics import blaker_interval, why_no_probability
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.verbs.campaign import open_campaign
+from mrta_falsify.verbs.stored_trials import open_campaign
 
 
 def coverage(p: float, trials: int, campaigns: int, seed: int) -> dict[str, float]:

@@ -23,16 +23,18 @@ from mrta_falsify.campaigns.executors import ProcessExecutor
 from mrta_falsify.campaigns.settings import Limits, TrialSettings
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice
-from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.campaign import run_store
+from mrta_falsify.verbs.replay import replay_trial
+from mrta_falsify.verbs.stored_trials import open_campaign
 
 
 def open_replays(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What a worker opens to replay stored trials instead of running new ones."""
-    campaign = campaigns.open_campaign(Path(settings.directory))
+    campaign = open_campaign(settings.directory)
     records = {record.number: record for record in campaign.records}
 
     def replay(job: dict[str, Any]) -> dict[str, Any]:
-        again = campaigns.replay(campaign, records[job["number"]])
+        again = replay_trial(campaign, records[job["number"]])
         return {"same_digest": again.same_digest == 1, "same_verdicts": again.same_verdicts == 1}
 
     return replay
@@ -40,7 +42,7 @@ def open_replays(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str
 
 def replay_all(directory: Path, workers: int) -> dict[str, Any]:
     """Replay all simulated trials of a campaign on ``workers`` processes."""
-    campaign = campaigns.open_campaign(directory)
+    campaign = open_campaign(directory)
     chosen = replace(campaign.settings, target="benchmarks.campaign.replays:open_replays")
     numbers = [record.number for record in campaign.records if record.status == "ok"]
     executor = ProcessExecutor(ProcessExecutor.Options(workers=workers))
@@ -77,7 +79,7 @@ def main() -> None:
         directory = arguments.campaign or Path(folder)
         if arguments.campaign is None:
             with Store.create(directory, ward_rounds(directory)) as store:
-                campaigns.run(
+                run_store(
                     store,
                     Limits(budget=arguments.trials),
                     Choice("processes", {"workers": 2, "recycle": 100}),

@@ -25,7 +25,8 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.campaign import run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
 
 
 def one_run(
@@ -42,15 +43,15 @@ def one_run(
 
     with tempfile.TemporaryDirectory() as folder:
         directory = Path(folder) / "campaign"
-        settings = campaigns.new_settings(
+        settings = new_settings(
             scenario,
-            directory=directory,
-            config=dataclasses.replace(StackConfig(), engine=Choice(engine)),
-            sampler=Choice(sampler),
+            output=directory,
+            stack=dataclasses.replace(StackConfig(), engine=Choice(engine)),
+            sampler=sampler,
         )
         began = time.perf_counter()
         with Store.create(directory, settings) as store:
-            result = campaigns.run(
+            result = run_store(
                 store,
                 Limits(budget=trials),
                 Choice("processes", {"workers": workers, "recycle": 10**6}),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.verbs.campaign import new_settings
+from mrta_falsify.verbs.campaign_settings import new_settings
 
 PROGRAM = Path(__file__).parent / "ward_rounds.scenic"
 
@@ -18,9 +18,9 @@ def ward_rounds(
     """A campaign on the kinematic engine."""
     return new_settings(
         str(PROGRAM),
-        directory=directory,
-        config=dataclasses.replace(StackConfig(), engine=Choice("kinematic")),
-        sampler=Choice(sampler),
+        output=directory,
+        stack=dataclasses.replace(StackConfig(), engine=Choice("kinematic")),
+        sampler=sampler,
         seed=seed,
         mode=mode,
     )

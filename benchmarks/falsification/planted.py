@@ -25,9 +25,11 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, campaign_specifications, judge
-from mrta_falsify.verbs import campaign as campaigns
-from mrta_falsify.verbs.campaign import open_store, stored_world
+from mrta_falsify.verbs.campaign import open_store, run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import explain
+from mrta_falsify.verbs.stored_trials import stored_world
+from mrta_falsify.verbs.workers import local_workers
 
 OF_SUITE = Path(__file__).parent / "scenarios"
 
@@ -55,12 +57,12 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
     began = clock.monotonic()
     config = StackConfig(engine=Choice("kinematic"), defects=(defect,))
     specifications = SPECIFICATIONS.get(defect, campaign_specifications())
-    settings = campaigns.new_settings(
+    settings = new_settings(
         PAIRS[defect],
-        directory=directory,
-        config=config,
-        specifications=specifications,
-        sampler=Choice("auto"),
+        output=directory,
+        stack=config,
+        specs=specifications,
+        sampler="auto",
         seed=seed,
     )
     name = Path(PAIRS[defect]).stem
@@ -70,7 +72,7 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
     while row["found_at"] is None:
         limits = Limits(budget=budget, stop_after=len(judged) + 1)
         with open_store(directory, settings) as store:
-            result = campaigns.run(store, limits, campaigns.local_workers(workers))
+            result = run_store(store, limits, local_workers(workers))
         new = [r for r in result.campaign.records if r.failed and r.number not in judged]
         for record in new:
             judged.add(record.number)

@@ -37,11 +37,17 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, campaign_specifications, judge
-from mrta_falsify.verbs import campaign as campaigns
-from mrta_falsify.verbs import compare as comparison
-from mrta_falsify.verbs import run as app
-from mrta_falsify.verbs.campaign import open_campaign, open_store, stored_world
-from mrta_falsify.verbs.compare import Plan, Told
+from mrta_falsify.verbs.campaign import open_store, run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
+from mrta_falsify.verbs.search_outcomes import (
+    SamplerRow,
+    SearchOutcome,
+    sampler_rows,
+    survival_curves,
+)
+from mrta_falsify.verbs.searches import ComparisonPlan, outcomes, run_searches
+from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.verbs.workers import local_workers
 from reports.figure_searches import Curve, write_searches
 
 HERE = Path(__file__).parent
@@ -70,17 +76,19 @@ class Pair:
             StackConfig, codec.encode(sound) | codec.encode(layers), where=self.name
         )
 
-    def plan(self, directory: Path, options: argparse.Namespace, *, stop_after: int = 1) -> Plan:
+    def plan(
+        self, directory: Path, options: argparse.Namespace, *, stop_after: int = 1
+    ) -> ComparisonPlan:
         """Searches on this pair."""
-        settings = campaigns.new_settings(
+        settings = new_settings(
             str(HERE / "scenarios" / f"{self.scenario}.scenic"),
-            directory=directory,
-            config=self.stack,
-            specifications=self.specifications,
+            output=directory,
+            stack=self.stack,
+            specs=self.specifications,
             window=1,  # a search runs in one process: nothing has to run ahead
             jittered=options.jittered,
         )
-        return Plan(
+        return ComparisonPlan(
             settings=settings,
             samplers=tuple(options.samplers),
             repeats=options.repeats,
@@ -110,7 +118,7 @@ def rates(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
         settings = dataclasses.replace(plan.settings, trials=trials, sampler=sampler, window=8)
         limits = Limits(budget=options.trials)
         with open_store(folder, settings) as store:
-            result = campaigns.run(store, limits, campaigns.local_workers(options.workers))
+            result = run_store(store, limits, local_workers(options.workers))
         if result.ended == "interrupted":
             raise KeyboardInterrupt
         print(json.dumps(rate_row(pair.name, result.campaign.records)), flush=True)
@@ -148,7 +156,7 @@ def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = 
             minutes = (clock.monotonic() - began) / 60.0
             print(f"{minutes:5.1f} min  {name} {done}/{total}  {text}", flush=True)
 
-        if not comparison.run(plan, folder, workers=options.workers, on_search=say):
+        if not run_searches(plan, folder, workers=options.workers, on_search=say):
             raise KeyboardInterrupt
 
 
@@ -209,29 +217,29 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     out["modes"] = modes_table(pairs, options)
     out["confirmation"] = confirmation(options.directory)
     path = options.output / "results.json"
-    path.write_text(json.dumps(app.finite(out), indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(codec.finite(codec.encode(out)), indent=1) + "\n", encoding="utf-8")
     print(json.dumps({name: out[name] for name in ("modes", "confirmation")}, indent=1))
 
 
 def searches_table(
     pairs: Iterable[Pair], options: argparse.Namespace, *, knife_edges: bool
-) -> tuple[dict[str, list[dict[str, Any]]], dict[str, dict[str, Curve]]]:
+) -> tuple[dict[str, tuple[SamplerRow, ...]], dict[str, dict[str, Curve]]]:
     """Rows and survival curves of the searches, per pair and of all pairs together."""
-    rows: dict[str, list[dict[str, Any]]] = {}
+    rows: dict[str, tuple[SamplerRow, ...]] = {}
     panels: dict[str, dict[str, Curve]] = {}
-    pooled: dict[str, list[Told]] = {}
+    pooled: dict[str, list[SearchOutcome]] = {}
     for pair in pairs:
         plan = pair.plan(options.directory, options)
         folder = options.directory / "searches" / pair.name
-        found = comparison.results(plan, folder, knife_edges=knife_edges)
+        found = outcomes(plan, folder, knife_edges=knife_edges)
         if not found:
             continue
-        rows[pair.name] = comparison.table(found, options.budget)
-        panels[pair.name] = comparison.curves(found)
+        rows[pair.name] = sampler_rows(found, options.budget)
+        panels[pair.name] = survival_curves(found)
         for name, told in found.items():
             pooled.setdefault(name, []).extend(told)
-    rows[ALL] = comparison.table(pooled, options.budget)
-    panels[ALL] = comparison.curves(pooled)
+    rows[ALL] = sampler_rows(pooled, options.budget)
+    panels[ALL] = survival_curves(pooled)
     return rows, panels
 
 
@@ -274,21 +282,21 @@ def confirmation(directory: Path) -> dict[str, Any]:
     }
 
 
-def print_rows(rows: dict[str, list[dict[str, Any]]]) -> None:
+def print_rows(rows: dict[str, tuple[SamplerRow, ...]]) -> None:
     """The searches as a table in Markdown."""
     heads = ("Pair", "Sampler", "Found", "Simulations", "Per failure", "Seconds", "Log-rank p")
     print(f"| {' | '.join(heads)} |")
     print("|---" * len(heads) + "|")
     for pair, of in rows.items():
         for row in of:
-            rate, mean = row["falsification_rate"], row["simulations_to_failure"]
-            mean, per = mean["restricted_mean"], row["simulations_per_failure"]
+            rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
+            per = row.simulations_per_failure
             print(
-                f"| {pair} | `{row['sampler']}` | {rate['value']:.0%} of {row['searches']} "
-                f"[{rate['low']:.0%}, {rate['high']:.0%}] | {mean['value']:.1f} "
-                f"[{mean['low']:.1f}, {mean['high']:.1f}] | {per['value']:.0f} "
-                f"[{per['low']:.0f}, {per['high']:.0f}] | {row['seconds_to_failure']:.0f} | "
-                f"{row['log_rank_p']:.2g} |"
+                f"| {pair} | `{row.sampler}` | {rate.value:.0%} of {row.searches} "
+                f"[{rate.low:.0%}, {rate.high:.0%}] | {mean.value:.1f} "
+                f"[{mean.low:.1f}, {mean.high:.1f}] | {per.value:.0f} "
+                f"[{per.low:.0f}, {per.high:.0f}] | {row.seconds_to_failure:.0f} | "
+                f"{row.log_rank_p:.2g} |"
             )
 
 

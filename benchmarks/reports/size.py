@@ -32,10 +32,14 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import explain as explaining
 from mrta_falsify.verbs import minimize as minimising
 from mrta_falsify.verbs import report as reporting
+from mrta_falsify.verbs.campaign import open_store, run_store
+from mrta_falsify.verbs.campaign_settings import new_settings
+from mrta_falsify.verbs.replay import replay_trial, store_replay
+from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.workers import local_workers
 
 SCENARIO = "burst_of_tasks"
 TRIALS = 6  # of the real campaign
@@ -44,19 +48,19 @@ MODES = 60  # of the large one
 
 def real_campaign(directory: Path) -> Campaign:
     """Run a campaign with a few failures, one of them with every finding."""
-    settings = campaigns.new_settings(
+    settings = new_settings(
         SCENARIO,
         directory=directory,
         config=StackConfig(engine=Choice("kinematic")),
         sampler=Choice("random"),
     )
-    with campaigns.open_store(directory, settings) as store:
-        campaigns.run(store, Limits(budget=TRIALS), campaigns.local_workers(1))
-    campaign = campaigns.open_campaign(directory)
+    with open_store(directory, settings) as store:
+        run_store(store, Limits(budget=TRIALS), local_workers(1))
+    campaign = open_campaign(directory)
     first = next(record for record in campaign.records if record.failed)
     minimising.minimize(campaign, first, max_runs=40)
     explaining.explain(campaign, first, max_runs=12)
-    campaigns.store_replay(campaign, campaigns.replay(campaign, first, times=2))
+    store_replay(campaign, replay_trial(campaign, first, times=2))
     return campaign
 
 
@@ -83,7 +87,7 @@ def multiply(
             store.add(_copy(source, number, modes))
             if is_failed:
                 _link_files(campaign.folder(source), trial_folder(directory, number))
-    return campaigns.open_campaign(directory)
+    return open_campaign(directory)
 
 
 def _copy(source: TrialRecord, number: int, modes: int) -> TrialRecord:
@@ -126,7 +130,7 @@ def measure(campaign: Campaign, folder: Path, cases: int) -> dict[str, Any]:
         return {"bytes": path.stat().st_size, "cpu_s": round(spent, 2), "cases": shown}
 
     began = time.process_time()
-    campaigns.open_campaign(campaign.directory)
+    open_campaign(campaign.directory)
     return {
         "trials": len(campaign.records),
         "open_cpu_s": round(time.process_time() - began, 2),
@@ -149,7 +153,7 @@ def main() -> None:
     if arguments.source is not None:
         # copied, so that files can be linked whatever file system it lies on
         shutil.copytree(arguments.source, folder / "real", dirs_exist_ok=True)
-        source = campaigns.open_campaign(folder / "real")
+        source = open_campaign(folder / "real")
     else:
         source = real_campaign(folder / "real")
     rows = {}

@@ -35,7 +35,7 @@ from scipy.sparse import csgraph
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.world import Blockage, Furniture, World
-from mrta_falsify.verbs import check as scenarios
+from mrta_falsify.verbs.programs import draw_candidates, open_scenario
 from scenic_worlds.program import Program
 from scenic_worlds.shipped import scenario_names
 from simulator_interface.costmap_layers import build_costmap
@@ -244,10 +244,10 @@ def run(names: Sequence[str], worlds: int, seed: int) -> dict[str, Agreement]:
     """Counts per program over ``worlds`` candidates each."""
     results = {}
     for name in names:
-        program = scenarios.open_scenario(name)
+        program = open_scenario(name)
         fixed = fixed_furniture(program)
         total = results.setdefault(program.name, Agreement())
-        for drawn in scenarios.draw(program, count=worlds, seed=seed):
+        for drawn in draw_candidates(program, count=worlds, seed=seed):
             if drawn.world is not None:
                 compare(drawn.world, fixed, total)
     return results

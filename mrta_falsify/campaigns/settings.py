@@ -1,16 +1,25 @@
-"""What a campaign is: everything that decides its trials, as one value."""
+"""What a campaign is: everything that decides its trials, as one value.
+
+A field with a ``text`` is an option of the command line: its name, default, range and help are
+written here and nowhere else. What belongs to :class:`Limits` may change when a campaign is
+resumed; everything else belongs to the campaign.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
 
 FORMAT_VERSION = 2
+MOST_COPIES = 100  # copies of one failing world
+
+#: how scenes are accepted
+Mode = Literal["repair", "exact"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,13 +31,23 @@ class TrialSettings:
     sources_digest: str = ""  #: of the program with all it imports, "" : not checked
     stack: StackConfig = StackConfig()
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
-    seed: int = quantity(low=0, default=0)  #: of the campaign
-    mode: Literal["repair", "exact"] = "repair"  #: how scenes are accepted: "repair" or "exact"
+    seed: int = quantity(low=0, default=0, text="Same seed, same candidates.")
+    mode: Mode = quantity(
+        default="repair",
+        text="repair redraws only what is to blame for a rejected scene; exact rejects whole "
+        "scenes and so keeps Scenic's distribution.",
+    )
     early_stop: bool = True  #: end an episode once its verdict is decided
-    screen: bool = False  #: kinematic engine first, physics only for its failures
-    jittered: int = quantity(low=0, high=100, default=0)
-    """Copies with small differences that are run of each failing world. With them the search
-    goes for worlds most copies of which fail."""
+    screen: bool = quantity(
+        default=False, text="Kinematic engine first; physics only confirms what fails there."
+    )
+    jittered: int = quantity(
+        low=0,
+        high=MOST_COPIES,
+        default=0,
+        text="Runs of each failing world with small differences; then the search goes for "
+        "failures that most of them share, and only these count for --stop-after.",
+    )
     keep_every: int = quantity(low=1, default=50)  #: of the passing trials, one in so many traces
     directory: str = ""  #: for worlds and traces, "" : nothing is written
 
@@ -44,19 +63,36 @@ class CampaignSettings:
     version: int = FORMAT_VERSION
     trials: TrialSettings
     target: str = "mrta_falsify.worker:open_trials"  #: what a worker opens, ``module:function``
-    sampler: Choice = Choice("random")
+    sampler: Choice = quantity(default=Choice("auto"), text="See `mrta-falsify plugins`.")
     cube: Cube = Cube()
     window: int = quantity(low=1, high=1024, default=8)
     """Proposal n is asked for as soon as results 0 to n - window are told: how far workers may
     run ahead of what the sampler knows. Not the number of workers, so that 1 or 8 of them give
     the same campaign."""
-    time_limit: float = quantity(above=0.0, unit="s", default=300.0)  #: wall clock of one trial
+    time_limit: float = quantity(
+        above=0.0,
+        unit="s",
+        default=300.0,
+        text="Wall clock of one trial, its copies included, after which it is killed.",
+    )
+    budget: int = later(0)
+    """Simulated candidates last asked for, which a resumed campaign keeps; 0: not recorded (a
+    campaign of an older version). Changes no trial."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """How much of a campaign to run; none of it changes any trial."""
 
-    budget: int = quantity(low=1, default=100)  #: simulated candidates
-    stop_after: int = quantity(low=0, default=0)  #: failures after which to stop, 0: never
+    budget: int = quantity(
+        low=1, default=100, text="Simulated candidates, those already stored included."
+    )
+    stop_after: int = quantity(
+        low=0, default=0, text="Failures to stop at; 0 runs the whole budget."
+    )
     rejected_in_a_row: int = quantity(low=1, default=200)  #: after which to give up
+
+
+#: the defaults of a campaign's options, for signatures of functions
+DEFAULTS = CampaignSettings(trials=TrialSettings(scenario=""))
+DEFAULT_LIMITS = Limits()

@@ -2,7 +2,7 @@
 
 ::
 
-    campaign.json        settings, format version (written once, atomically)
+    campaign.json        settings, format version (written atomically; later only its budget)
     records.jsonl        one line per finished trial: checksum, tab, JSON of a TrialRecord
     lock                 held (flock) by the one owner; says who
     trials/0042/         world.json and trace.zip of trials worth keeping
@@ -14,6 +14,7 @@ nothing is changed.
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import hashlib
 import json
@@ -180,6 +181,22 @@ def read_campaign_settings(directory: Path) -> CampaignSettings:
     Raises:
         StoreError: not a campaign, or of another version.
     """
+    data = _stored_settings(directory)
+    if data["version"] == 1:
+        data = _from_version_1(data)
+    return codec.decode(CampaignSettings, data, where=str(directory / SETTINGS))
+
+
+def format_version(directory: Path) -> int:
+    """Version of the format that a campaign directory was written in.
+
+    Raises:
+        StoreError: not a campaign, or of another version.
+    """
+    return int(_stored_settings(directory)["version"])
+
+
+def _stored_settings(directory: Path) -> dict[str, Any]:
     path = directory / SETTINGS
     if not path.is_file():
         raise StoreError(f"{directory}: is not a campaign directory (it has no {SETTINGS})")
@@ -187,9 +204,7 @@ def read_campaign_settings(directory: Path) -> CampaignSettings:
     version = data.get("version") if isinstance(data, dict) else None
     if version not in (1, FORMAT_VERSION):
         raise StoreError(f"{path}: has format version {version}; this reads 1 to {FORMAT_VERSION}")
-    if version == 1:
-        data = _from_version_1(data)
-    return codec.decode(CampaignSettings, data, where=str(path))
+    return dict(data)
 
 
 def _from_version_1(data: dict[str, Any]) -> dict[str, Any]:
@@ -264,8 +279,7 @@ class Store:
                 raise StoreError(f"{directory}: is not empty (it holds {others[0]})")
             store = cls(directory, settings)
             store._take_lock()
-            text = json.dumps(codec.encode(settings), indent=1) + "\n"
-            write_atomically(directory / SETTINGS, text.encode())
+            store._write_settings()
         except OSError as error:
             raise StoreError(f"{directory}: cannot be written: {error.strerror}") from None
         store._open_log()
@@ -311,6 +325,12 @@ class Store:
             ) from None
         self.finished[record.number] = record
 
+    def keep_budget(self, budget: int) -> None:
+        """Note the budget that a resumed campaign keeps."""
+        if budget != self.settings.budget:
+            self.settings = dataclasses.replace(self.settings, budget=budget)
+            self._write_settings()
+
     def campaign(self) -> Campaign:
         """Give what is stored so far."""
         records = tuple(self.finished[number] for number in sorted(self.finished))
@@ -328,6 +348,10 @@ class Store:
 
     def __exit__(self, *reason: object) -> None:
         self.close()
+
+    def _write_settings(self) -> None:
+        text = json.dumps(codec.encode(self.settings), indent=1) + "\n"
+        write_atomically(self.directory / SETTINGS, text.encode())
 
     def _take_lock(self) -> None:
         path = self.directory / LOCK

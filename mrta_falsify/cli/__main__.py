@@ -1,5 +1,5 @@
 """``python -m mrta_falsify.cli``."""
 
-from mrta_falsify.cli.run_commands import main
+from mrta_falsify.cli import main
 
 main()

@@ -1,4 +1,4 @@
-"""Exit codes and error texts: the one place where exceptions become words."""
+"""Exit codes and error texts: the one place where exceptions become sentences."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mrta_falsify.core.errors import InputError
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
-#: what a place given by the user may answer; no fault of the toolkit
+#: errors of a place that the user gave, not of the toolkit
 PLACE_ERRORS = frozenset(
     (
         errno.EACCES,
@@ -92,7 +92,7 @@ class Door(click.Group):
                 return ExitCode.BAD_INPUT
             _say(
                 f"the toolkit itself failed: {type(error).__name__}: {error}; "
-                f"this is no verdict about the stack. Traceback: {save_traceback(error)}"
+                f"this is not a verdict about the stack. Traceback: {save_traceback(error)}"
             )
             return ExitCode.HARNESS
         return int(result) if isinstance(result, int) else ExitCode.DONE
@@ -104,7 +104,7 @@ def _keep_stdout_ours() -> None:
         if sys.stdout.fileno() != STDOUT:
             return
     except (AttributeError, OSError, ValueError):
-        return  # replaced by somebody who collects the output
+        return  # a test or a notebook collects the output
     sys.stdout.flush()
     ours = open(  # noqa: SIM115 - stays open for as long as the process runs
         os.dup(STDOUT),
@@ -126,7 +126,7 @@ def _abandon_stdout() -> None:
 
 
 def save_traceback(error: BaseException) -> Path:
-    """File with the full traceback of ``error``."""
+    """Write the full traceback of ``error`` to a file, and return its path."""
     handle, name = tempfile.mkstemp(prefix="mrta-falsify-", suffix="-traceback.txt")
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(f"command: {sys.argv}\n\n")

@@ -1,60 +1,42 @@
-"""The command that writes worlds and runs for other systems."""
+"""The command ``export``."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import click
 
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
-from mrta_falsify.cli.options import FILE, stack_options
-from mrta_falsify.cli.run_commands import main
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import output_option, stack_options
 
-KINDS = ("nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4")
+EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4")
 
 
-@main.command()
+@main.command("export")
 @click.argument("target", metavar="WORLD|DIR")
-@click.argument("name", metavar="[ID]", required=False)
-@click.option("--format", "kind", type=click.Choice(KINDS), required=True)
+@click.argument("id", metavar="[ID]", required=False)
+@click.option("--format", type=click.Choice(EXPORT_FORMATS), required=True)
 @stack_options
-@click.option(
-    "-o",
-    "--output",
-    "path",
-    type=FILE,
+@output_option(
+    "PATH",
+    "nav2: NAME.yaml, or a directory; mrta-sim: a directory; the others: a file.",
     required=True,
-    metavar="PATH",
-    help="nav2: NAME.yaml, or a directory; mrta-sim: a directory; the others: a file.",
 )
-def export(
-    target: str,
-    name: str | None,
-    kind: str,
-    stack: Path | None,
-    settings: tuple[str, ...],
-    path: Path,
-) -> int:
+def export_command(target: str, id: str | None, **options: Any) -> int:
     """Write a world, or a trial of a campaign, for another system.
 
     nav2 is the costmap as Nav2 map, sdf a Gazebo world, mrta-sim all of MRTA-Sim's input files,
     mcap a run with ROS 2 messages for Foxglove, gif and mp4 an animation. A WORLD is run first
     where a run is asked for.
     """
-    from mrta_falsify.verbs import export as exporting
-    from mrta_falsify.verbs import run as app
+    if id is not None and (options["stack"] or options["settings"]):
+        raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
+    from mrta_falsify.verbs.export import OF_RUNS, export
 
-    if name is not None:
-        if stack or settings:
-            raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
-        subject = exporting.subject_of_trial(
-            Path(target), name, with_trace=kind in exporting.OF_RUNS
-        )
-    else:
-        subject = exporting.subject_of_world(target, app.load_stack(stack, settings))
-        if kind in exporting.OF_RUNS:
-            output.say(f"running {subject.world.name}")
-    for written in exporting.export(subject, kind, path):
+    if id is None and options["format"] in OF_RUNS:
+        output.say(f"running {target}")
+    for written in export(target, id, **options):
         click.echo(str(written))
     return ExitCode.DONE

@@ -1,109 +1,34 @@
-"""Commands on one stored failure: look at it, run it again, explain it, make it smaller."""
+"""The commands on stored failures: explain, minimize, family, corpus."""
 
 from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
+import click
 
+from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
-from mrta_falsify.cli.options import count_option, format_option, trial_arguments, workers_option
-from mrta_falsify.cli.run_commands import main
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import (
+    FILE,
+    FiniteRange,
+    count_option,
+    format_option,
+    output_option,
+    setting_option,
+    stack_options,
+    trial_arguments,
+    workers_option,
+)
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.campaign import Replay
+    from mrta_falsify.core.findings import Explanation, Recheck
 
 
-@main.command()
-@trial_arguments
-@format_option
-def show(directory: Path, name: str, style: str) -> int:
-    """Show one trial: verdicts, evidence, digests, how to replay it."""
-    from mrta_falsify.verbs import campaign as campaigns
-
-    opened = campaigns.open_campaign(directory)
-    record = opened.record(name)
-    data = campaigns.shown(record)
-    if style == "json":
-        output.print_json(data)
-        return ExitCode.DONE
-    out = output.stdout()
-    out.print(f"trial      {record.id}, {record.status}, engine {record.engine or 'none'}")
-    out.print(f"score      {record.score:+.4f}")
-    if record.signature:
-        out.print(f"failure    {record.signature}")
-    if record.jittered:
-        out.print(f"           {record.jittered}")
-    if record.error:
-        out.print(f"error      {record.error.strip().splitlines()[-1]}")
-    for verdict in record.verdicts:
-        state = "violated" if verdict.violated else "holds"
-        at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
-        who = f" by {', '.join(verdict.who)}" if verdict.who else ""
-        out.print(f"  {verdict.spec:24} {state}{at}{who}, robustness {verdict.robustness:+.3g}")
-    out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
-    out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
-    if record.trace_file:
-        out.print(f"files      {opened.folder(record)}")
-    out.print(f"replay     mrta-falsify replay {shlex.quote(str(directory))} {record.id}")
-    return ExitCode.DONE
-
-
-@main.command()
-@trial_arguments
-@count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
-@format_option
-def replay(directory: Path, name: str, verify: int, style: str) -> int:
-    """Run a stored trial again and compare digests. Exit code 1: they differ.
-
-    Where they do, says whether the verdicts are the same all the same, and names the first tick
-    that differs from the stored trace.
-    """
-    from mrta_falsify.core import codec
-    from mrta_falsify.verbs import campaign as campaigns
-
-    opened = campaigns.open_campaign(directory)
-    result = campaigns.replay(opened, opened.record(name), times=verify)
-    campaigns.store_replay(opened, result)
-    if style == "json":
-        output.print_json(
-            {
-                "id": result.record.id,
-                "runs": len(result.runs),
-                "identical": result.same_digest,
-                "same_verdicts": result.same_verdicts,
-                "same_machine": result.same_machine,
-                "first_difference": codec.encode(result.difference),
-                "trace_digest": result.record.trace_digest,
-                "trace_digests": [run.outcome.trace.digest for run in result.runs],
-                "failed": [run.failed for run in result.runs],
-                "signature": result.record.signature,
-            }
-        )
-    else:
-        _print_replay(result)
-    return ExitCode.DONE if result.identical else ExitCode.VIOLATED
-
-
-def _print_replay(result: Replay) -> None:
-    out = output.stdout()
-    record, runs = result.record, len(result.runs)
-    out.print(f"{result.same_digest} of {runs} identical to trial {record.id} (trace digest)")
-    if record.signature:
-        out.print(f"failure    {record.signature}")
-    if result.identical:
-        return
-    out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
-    if result.difference is not None:
-        out.print(f"first differs {result.difference}")
-    if not result.same_machine:
-        out.print("the record comes from other versions or another kind of machine (see `show`)")
-
-
-@main.command()
+@main.command("explain")
 @trial_arguments
 @count_option(
     "--max-runs",
@@ -113,48 +38,45 @@ def _print_replay(result: Replay) -> None:
     text="Re-runs at most: one per changed layer, the rest with small differences.",
 )
 @format_option
-def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
+def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
     """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
 
     The answer is kept beside the trial and shown by `report`.
     """
-    from mrta_falsify.core import codec
-    from mrta_falsify.verbs import campaign as campaigns
-    from mrta_falsify.verbs import explain as explaining
+    from mrta_falsify.verbs.stored_failures import explain_trial
 
-    opened = campaigns.open_campaign(directory)
-    record = opened.record(name)
-    with output.progress(f"explain {record.id}", max_runs, "runs") as report_progress:
-        found = explaining.explain(
-            opened,
-            record,
-            max_runs=max_runs,
-            on_done=lambda done, total: report_progress(done),
+    with output.progress(f"explain {id}", max_runs, "runs") as on_progress:
+        found = explain_trial(
+            directory, id, max_runs, on_done=lambda done, total: on_progress(done)
         )
     if style == "json":
-        output.print_json(codec.encode(found))
-        return ExitCode.DONE
+        output.print_json(found)
+    else:
+        _print_explanation(found)
+    return ExitCode.DONE
+
+
+def _print_explanation(found: Explanation) -> None:
+    from mrta_falsify.verbs.explain import removal_text
+
     out = output.stdout()
     out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
     if found.guess != found.layer:
         out.print(f"the trace alone points to: {found.guess or 'none'}")
-    table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
-    for column in (f"changed at {found.changed_at:.1f} s", "failure", "then"):
-        table.add_column(column)
+    table = output.new_table(f"changed at {found.changed_at:.1f} s", "failure", "then")
     for row in found.counterfactuals:
         table.add_row(row.change, "gone" if row.failure_gone else "stays", row.detail)
-    out.print(table)
+    output.print_table(table)
     for removal in found.removals:
-        out.print(explaining.removal_text(removal))
+        out.print(removal_text(removal))
     if found.jittered.runs:
         out.print(
             f"with small differences it fails in {found.jittered.failed} of "
             f"{found.jittered.runs} runs"
         )
-    return ExitCode.DONE
 
 
-@main.command()
+@main.command("minimize")
 @trial_arguments
 @count_option(
     "--max-runs",
@@ -165,7 +87,9 @@ def explain(directory: Path, name: str, max_runs: int, style: str) -> int:
 )
 @workers_option
 @format_option
-def minimize(directory: Path, name: str, max_runs: int, workers: int | None, style: str) -> int:
+def minimize_command(
+    directory: Path, id: str, max_runs: int, workers: int | None, style: str
+) -> int:
     """Find the smallest world that fails in the same way.
 
     Removes people, furniture, events, robots and tasks, shortens the run and moves values to
@@ -174,18 +98,18 @@ def minimize(directory: Path, name: str, max_runs: int, workers: int | None, sty
     beside the original.
     """
     from mrta_falsify.core.findings import finding_data
-    from mrta_falsify.verbs import campaign as campaigns
-    from mrta_falsify.verbs import minimize as minimising
+    from mrta_falsify.verbs.stored_failures import minimize_trial
+    from mrta_falsify.verbs.stored_trials import open_campaign
 
-    opened = campaigns.open_campaign(directory)
-    record = opened.record(name)
-    with output.progress(f"minimize {record.id}", max_runs, "runs") as report_progress:
-        found = minimising.minimize(
-            opened,
-            record,
-            max_runs=max_runs,
-            workers=campaigns.cores(workers),
-            on_run=lambda runs, text: report_progress(runs),
+    campaign = open_campaign(directory)
+    record = campaign.record(id)
+    with output.progress(f"minimize {record.id}", max_runs, "runs") as on_progress:
+        found = minimize_trial(
+            directory,
+            id,
+            max_runs,
+            workers=workers,
+            on_run=lambda runs, text: on_progress(runs),
         )
     if style == "json":
         output.print_json({"id": record.id, **finding_data(found)})
@@ -197,11 +121,125 @@ def minimize(directory: Path, name: str, max_runs: int, workers: int | None, sty
             out.print(f"{group:10} {before} -> {after}")
     state = "1-minimal: nothing single can go" if found.one_minimal else "stopped by --max-runs"
     out.print(f"runs       {found.runs}; {state}")
-    world, stack = opened.folder(record) / "world.min.json", opened.folder(record) / "stack.yaml"
+    folder = campaign.folder(record)
+    world, program = folder / "world.min.json", folder / "world.min.scenic"
     out.print(f"world      {world}")
-    program = world.with_suffix(".scenic")
     if program.is_file():
         out.print(f"program    {program}")
+    stack = folder / "stack.yaml"
     again = shlex.join(["mrta-falsify", "run", str(world), "--stack", str(stack)])
     out.print(f"run it     {again}")
     return ExitCode.DONE
+
+
+@main.command("family")
+@trial_arguments
+@count_option(
+    "--max-runs",
+    10,
+    10000,
+    default=300,
+    text="Simulations at most, fresh samples and those of earlier calls included.",
+)
+@count_option(
+    "--fresh",
+    1,
+    10000,
+    default=100,
+    text="Samples on which the rule is tested; at most half of --max-runs.",
+)
+@output_option("FILE.scenic", "The program of the family; default: family.scenic beside the trial.")
+@format_option
+def family_command(directory: Path, id: str, max_runs: int, style: str, **options: Any) -> int:
+    """Find the rule behind a failure: which dimensions matter, and how far they may move.
+
+    Prints the rule in the program's units with its precision on fresh samples, and writes it
+    as a Scenic program that samples inside the family. Kept beside the trial; `report` shows it.
+    A call that was interrupted goes on when it is given again.
+    """
+    path = options["output"]
+    if path is not None and path.suffix != ".scenic":
+        raise click.UsageError(f"-o {path}: a Scenic program's name ends with .scenic")
+    from mrta_falsify.core.findings import finding_data
+    from mrta_falsify.verbs.stored_failures import family_of_trial
+    from mrta_falsify.verbs.stored_trials import show_trial
+
+    record = show_trial(directory, id)
+    with output.progress(f"family {record.id}", max_runs, "runs") as on_progress:
+        found = family_of_trial(directory, id, max_runs, on_run=on_progress, **options)
+    if style == "json":
+        output.print_json({"id": record.id, **finding_data(found)})
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"failure    {found.signature}")
+    out.print("rule       it fails like this when")
+    for line in found.rule:
+        out.print(f"             {line}")
+    out.print(f"precision  {found.sentence}")
+    runs = found.learning_runs + found.precision.trials
+    out.print(f"runs       {runs}, {found.learning_runs} of them to learn the rule")
+    out.print(f"program    {found.program}")
+    again = shlex.join(["mrta-falsify", "sample", found.program, "-o", "family_samples"])
+    out.print(f"see it     {again}")
+    return ExitCode.DONE
+
+
+@main.command("corpus")
+@click.argument("directory", type=FILE)
+@stack_options
+@setting_option(
+    TrialSettings,
+    "jittered",
+    default=2,
+    text="Runs beside each failure with starts, pace and times a little different.",
+)
+@workers_option
+@click.option(
+    "--time-limit",
+    type=FiniteRange(min=0.0, min_open=True),
+    metavar="S",
+    help="Wall clock of one run in seconds; default: the campaign's own limit.",
+)
+@format_option
+def corpus_command(directory: Path, style: str, **options: Any) -> int:
+    """Run all stored failures of a campaign on a changed stack.
+
+    Each is fixed, still failing, flaky (only copies with small differences fail) or a timeout.
+    Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's own
+    stack is run. The recorded engine is kept unless --stack or --set names one.
+    """
+    from mrta_falsify.core import codec
+    from mrta_falsify.verbs.corpus import counts_by_fate
+    from mrta_falsify.verbs.stored_failures import keeps_engine, recheck_corpus
+    from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
+
+    if (options["stack"] or options["settings"]) and keeps_engine(
+        options["stack"], options["settings"]
+    ):
+        engine = open_campaign(directory).settings.trials.stack.engine.name
+        output.say(f"engine {engine}, as recorded: the changed stack names none")
+    done: list[str] = []
+    total = len(list_trials(directory, failed=True))
+    with output.progress("corpus", total, "failures") as on_progress:
+
+        def on_done(row: Recheck) -> None:
+            done.append(row.id)
+            on_progress(len(done))
+
+        rows = recheck_corpus(directory, on_done=on_done, **options)
+    counts = counts_by_fate(rows)
+    if style == "json":
+        output.print_json({**counts, "failures": codec.encode(rows)})
+    else:
+        _print_rechecks(rows)
+        output.stdout().print(", ".join(f"{count} {fate}" for fate, count in counts.items()))
+    return ExitCode.DONE if counts["fixed"] == len(rows) else ExitCode.VIOLATED
+
+
+def _print_rechecks(rows: tuple[Recheck, ...]) -> None:
+    table = output.new_table("id", "fate", "was", "now", "jittered")
+    for row in rows:
+        failing = f"{row.jittered_failures} of {row.jittered} fail"
+        style = None if row.fate == "fixed" else "red"
+        table.add_row(row.id, row.fate, row.signature, row.signature_now, failing, style=style)
+    output.print_table(table)

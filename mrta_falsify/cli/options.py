@@ -1,19 +1,28 @@
-"""Options that several commands share."""
+"""Options that several commands share; those of a campaign derive from its settings."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import typing
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import click
 
-from mrta_falsify.cli import output
+from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
+from mrta_falsify.core.codec import Rule
+from mrta_falsify.core.config import Choice
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 FILE = click.Path(path_type=Path)
+FORMATS = ("text", "json")
+MOST_WORKERS = 512
+
+#: say how much of a campaign is run, and on what; all other options belong to the campaign
+RUN_OPTIONS = frozenset({"workers", "executor"} | {f.name for f in dataclasses.fields(Limits)})
 
 
 class FiniteRange(click.FloatRange):
@@ -22,27 +31,138 @@ class FiniteRange(click.FloatRange):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number, or a usage error."""
+        """Return the number, or fail with a usage error."""
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
 
 
+class Listing(click.ParamType[tuple[Any, ...]]):
+    """Different values with commas between them, as a tuple.
+
+    Args:
+        read: reads one value; a ValueError refuses it.
+        rule: what the values must be, for messages.
+    """
+
+    name = "listing"
+
+    def __init__(self, read: Callable[[str], Any], rule: str) -> None:
+        self._read, self._rule = read, rule
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Any, ...]:
+        """Return the values, or fail with a usage error."""
+        if isinstance(value, tuple):
+            return value
+        flag = param.opts[-1] if param is not None else ""
+        try:
+            found = tuple(self._read(part.strip()) for part in value.split(",") if part.strip())
+        except ValueError:
+            found = ()
+        if not found:
+            raise click.UsageError(f"{flag} is {value!r}; it must be {self._rule}", ctx)
+        if len(set(found)) < len(found):
+            raise click.UsageError(f"{flag} {value}: each may be named once", ctx)
+        return found
+
+
+# --- from settings -------------------------------------------------------------------------
+
+
+def campaign_options(command: Command) -> Command:
+    """Add an option for every field of a campaign's settings that has a text."""
+    for settings in (TrialSettings, CampaignSettings, Limits):
+        for field in reversed(dataclasses.fields(settings)):
+            if "text" in field.metadata:
+                command = setting_option(settings, field.name)(command)
+    return command
+
+
+def setting_option(
+    settings: type, name: str, *, default: Any = None, text: str = ""
+) -> Callable[[Command], Command]:
+    """Make the option of one field of a campaign's settings.
+
+    Args:
+        settings: the dataclass.
+        name: of the field, which has a text.
+        default: instead of the field's.
+        text: instead of the field's.
+    """
+    field = next(f for f in dataclasses.fields(settings) if f.name == name)
+    kind, metavar = _parameter_type(typing.get_type_hints(settings)[name], field.metadata["rule"])
+    chosen = field.default if default is None else default
+    return click.option(
+        f"--{name.replace('_', '-')}",
+        type=kind,
+        metavar=metavar,
+        is_flag=kind is bool,
+        default=chosen.name if isinstance(chosen, Choice) else chosen,
+        show_default=kind is not bool,
+        help=text or field.metadata["text"],
+    )
+
+
+def _parameter_type(hint: Any, rule: Rule) -> tuple[Any, str | None]:
+    """Choose click's type for a field, and the word for its value in the help."""
+    if hint is bool:
+        return bool, None
+    if typing.get_origin(hint) is Literal:
+        return click.Choice(typing.get_args(hint)), None
+    if hint is int:
+        return click.IntRange(_whole(rule.low), _whole(rule.high)), "N"
+    if hint is float:
+        low = rule.low if rule.above is None else rule.above
+        word = "SECONDS" if rule.unit == "s" else "X"
+        return FiniteRange(low, rule.high, min_open=rule.above is not None), word
+    return str, "NAME"
+
+
+def _whole(bound: float | None) -> int | None:
+    return None if bound is None else int(bound)
+
+
+# --- others ----------------------------------------------------------------------------------
+
+
+def seed_option(text: str = "") -> Callable[[Command], Command]:
+    """Make ``--seed N`` of a command that draws as a campaign does."""
+    return setting_option(TrialSettings, "seed", text=text)
+
+
 def format_option(command: Command) -> Command:
-    """``--format text|json``, as ``style``."""
+    """Add ``--format text|json``, as ``style``."""
     return click.option(
         "--format",
         "style",
-        type=click.Choice(output.FORMATS),
+        type=click.Choice(FORMATS),
         default="text",
         show_default=True,
         help="json prints one JSON object on stdout and nothing else there.",
     )(command)
 
 
+def output_option(
+    metavar: str, text: str = "", *, required: bool = False, **default: Any
+) -> Callable[[Command], Command]:
+    """Make ``-o PATH``, as ``output``; ``default=PATH`` is shown."""
+    return click.option(
+        "-o",
+        "--output",
+        type=FILE,
+        metavar=metavar,
+        required=required,
+        show_default=bool(default),
+        help=text or None,
+        **default,  # click takes default=None for a value
+    )
+
+
 def stack_options(command: Command) -> Command:
-    """``--stack FILE`` and repeatable ``--set LAYER[.OPTION]=VALUE``, as ``settings``."""
+    """Add ``--stack FILE`` and repeatable ``--set LAYER[.OPTION]=VALUE``, as ``settings``."""
     command = click.option(
         "--set",
         "settings",
@@ -56,7 +176,7 @@ def stack_options(command: Command) -> Command:
 
 
 def spec_option(command: Command) -> Command:
-    """Repeatable ``--spec NAME``, as ``specs``."""
+    """Add repeatable ``--spec NAME``, as ``specs``."""
     return click.option(
         "--spec",
         "specs",
@@ -67,7 +187,7 @@ def spec_option(command: Command) -> Command:
 
 
 def param_option(command: Command) -> Command:
-    """Repeatable ``-p NAME=VALUE`` for Scenic's global parameters, as ``params``."""
+    """Add repeatable ``-p NAME=VALUE`` for Scenic's global parameters, as ``params``."""
     return click.option(
         "-p",
         "--param",
@@ -79,29 +199,25 @@ def param_option(command: Command) -> Command:
 
 
 def trial_arguments(command: Command) -> Command:
-    """A campaign's directory and a trial in it, as ``directory`` and ``name``."""
-    command = click.argument("name", metavar="ID")(command)
+    """Add a campaign's directory and a trial in it, as ``directory`` and ``id``."""
+    command = click.argument("id", metavar="ID")(command)
     return click.argument("directory", type=FILE)(command)
 
 
 def workers_option(command: Command) -> Command:
-    """``--workers W``, processes at a time."""
+    """Add ``--workers W``, processes at a time."""
     return click.option(
         "--workers",
-        type=click.IntRange(1, 512),
+        type=click.IntRange(1, MOST_WORKERS),
+        metavar="W",
         help="Processes; default: one per core. Changes no result.",
     )(command)
-
-
-def jittered_option(default: int, text: str) -> Callable[[Command], Command]:
-    """``--jittered N``."""
-    return count_option("--jittered", 0, 100, default=default, text=text)
 
 
 def count_option(
     flag: str, low: int, high: int, *, default: int, text: str
 ) -> Callable[[Command], Command]:
-    """``flag N``, a whole number from ``low`` to ``high``."""
+    """Make ``flag N``, a whole number from ``low`` to ``high``."""
     return click.option(
         flag,
         type=click.IntRange(low, high),

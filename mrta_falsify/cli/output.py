@@ -4,128 +4,142 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+import sys
+import time
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
-from mrta_falsify.core import registry
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core import codec
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.doctor import Check
+    from rich.console import Console
+    from rich.table import Table
 
-FORMATS = ("text", "json")
+FIRST_LINE = 10.0  # s of work before a pipe gets its first line of progress
+NEXT_LINE = 30.0  # s between two such lines
 
 
-def print_json(data: Any) -> None:
-    """One JSON object on stdout; strict JSON, so NaN and infinity are refused."""
-    click.echo(json.dumps(data, allow_nan=False))
+def print_json(value: Any) -> None:
+    """Print a value as one JSON object; NaN and infinity, which JSON cannot say, become null."""
+    click.echo(json.dumps(codec.finite(codec.encode(value)), allow_nan=False))
 
 
 def stdout() -> Console:
-    """Console of stdout; no markup, so that names in brackets print as they are."""
+    """Open a console on stdout; no markup, so that names in brackets print as they are."""
+    from rich.console import Console
+
     return Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def say(text: str) -> None:
-    """A line of progress on stderr."""
+    """Print a line of progress on stderr."""
     click.echo(text, err=True)
+
+
+# --- tables ----------------------------------------------------------------------------------
+
+
+def new_table(
+    *columns: str,
+    right: Collection[str] = (),
+    whole: Collection[str] = (),
+    headings: bool = True,
+) -> Table:
+    """Make a table without lines; text that is too long for its column goes on below.
+
+    Args:
+        columns: headings.
+        right: those of columns of numbers, which are never broken.
+        whole: those of other columns that are never broken.
+        headings: whether to print them.
+    """
+    from rich.table import Table
+
+    table = Table(
+        box=None, pad_edge=False, show_edge=False, header_style="bold", show_header=headings
+    )
+    for name in columns:
+        table.add_column(
+            name,
+            justify="right" if name in right else "left",
+            no_wrap=name in whole or name in right,
+            overflow="fold",
+        )
+    return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table on stdout, as wide as the terminal; 80 columns wide in a pipe."""
+    from rich.console import Console
+
+    Console(highlight=False, markup=False, emoji=False).print(table)
+
+
+# --- progress --------------------------------------------------------------------------------
 
 
 @contextlib.contextmanager
 def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
-    """Progress bar on stderr; silent where stderr is no terminal.
+    """Show how far work is on stderr: a bar on terminals, a line now and then elsewhere.
 
     Yields:
         A function that takes how far the work is, in ``unit``.
     """
-    console = Console(stderr=True)
+    if not sys.stderr.isatty():
+        yield PipedProgress(what, total, unit).show
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit}"),
         TimeElapsedColumn(),
+        TimeRemainingColumn(),
     )
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
 
 
-def print_summary(data: dict[str, Any]) -> None:
-    """The result of a run as text."""
-    out = stdout()
-    tasks = data["tasks"]
-    contacts = ", ".join(
-        f"{count} {kind.replace('_', '-')}" for kind, count in data["contacts"].items() if count
-    )
-    out.print(
-        f"tasks      {tasks['completed']} of {tasks['total']} done, {tasks['late']} late or missing"
-    )
-    out.print(f"robots     {data['robots_finished']} of {data['robots']} finished their work")
-    out.print(f"contacts   {contacts or 'none'}")
-    out.print(
-        f"time       {data['sim_time_s']:.1f} s simulated in {data['wall_s']:.1f} s "
-        f"({data['real_time_factor']:.1f}x real time), ended: {data['ended']}"
-    )
-    out.print(f"digests    world {data['world_digest'][:16]}  trace {data['trace_digest'][:16]}")
-    out.print()
-    table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
-    table.add_column("specification")
-    table.add_column("verdict")
-    table.add_column("robustness", justify="right")
-    table.add_column("at", justify="right")
-    table.add_column("who")
-    for verdict in data["verdicts"]:
-        broken = verdict["violated"]
-        rho, at = verdict["robustness"], verdict["violated_at_s"]
-        table.add_row(
-            verdict["spec"],
-            "violated" if broken else "holds",
-            "unbounded" if rho is None else f"{rho:+.3g}",
-            "" if at is None else f"{at:.2f} s",
-            ", ".join(verdict["who"]),
-            style="red" if broken else None,
-        )
-    out.print(table)
+class PipedProgress:
+    """Lines of progress on a stderr that is not a terminal; none for work that ends soon."""
+
+    def __init__(self, what: str, total: float, unit: str) -> None:
+        self._what, self._total, self._unit = what, total, unit
+        self._began = time.monotonic()
+        self._next = self._began + FIRST_LINE
+
+    def show(self, done: float) -> None:
+        """Print a line if the last one is long ago."""
+        now = time.monotonic()
+        if now < self._next:
+            return
+        self._next = now + NEXT_LINE
+        left = time_left(done, self._total, now - self._began)
+        say(f"{self._what}: {done:.0f}/{self._total:.0f} {self._unit}{left}")
+
+
+def time_left(done: float, total: float, spent: float) -> str:
+    """Say how long work will still take, from the time spent on what is done; empty if unknown."""
+    if not 0.0 < done < total:
+        return ""
+    seconds = spent * (total - done) / done
+    text = f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
+    return f", about {text} left"
 
 
 def print_files(directory: Path) -> None:
-    """The files of an output directory, on stderr."""
+    """Print the files of an output directory on stderr."""
     for path in sorted(directory.iterdir()):
         say(f"wrote {path}")
-
-
-def print_plugins() -> None:
-    """Every extension point with its components, and the planted defects."""
-    out = stdout()
-    for point in registry.EXTENSION_POINTS:
-        out.print(f"{point:20} {', '.join(registry.names(point)) or '(none)'}")
-    out.print()
-    out.print("planted defects, switched on by --set defects=[name]:")
-    for name, defect in sorted(DEFECTS.items()):
-        out.print(f"  {name:30} {defect.layer}: {defect.what}")
-
-
-def print_checks(checks: Sequence[Check]) -> None:
-    """One line per check of ``doctor``."""
-    out = stdout()
-    for check in checks:
-        style = {"ok": "green", "missing": "yellow", "failed": "red"}[check.state]
-        out.print(f"{check.state:8} {check.name:24} {check.detail}", style=style)
-
-
-def print_bench(data: dict[str, Any], indent: str = "") -> None:
-    """Measured figures, one a line."""
-    for name, value in data.items():
-        if isinstance(value, dict):
-            click.echo(f"{indent}{name}")
-            print_bench(value, indent + "  ")
-        else:
-            click.echo(f"{indent}{name:22} {value}")

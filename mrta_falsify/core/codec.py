@@ -65,10 +65,14 @@ def quantity(
     unit: str = "",
     allow_infinite: bool = False,
     default: Any = dataclasses.MISSING,
+    text: str = "",
 ) -> Any:
-    """Declare a dataclass field with limits (see :class:`Rule`); array defaults are frozen."""
+    """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen.
+
+    A field with ``text`` is an option of the command line, and ``text`` its help.
+    """
     rule = Rule(shape, low, above, high, unit, allow_infinite)
-    metadata = {"rule": rule}
+    metadata: dict[str, Any] = {"rule": rule, "text": text} if text else {"rule": rule}
     if default is dataclasses.MISSING:
         return dataclasses.field(metadata=metadata)
     if isinstance(default, (list, np.ndarray)):
@@ -129,6 +133,17 @@ def _without_negative_zero(data: Any) -> Any:
 def digest(value: Any) -> str:
     """Compute the sha256 (hex) of the canonical JSON of ``value``."""
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()
+
+
+def finite(data: Any) -> Any:
+    """JSON-shaped ``data`` with null in place of NaN and infinity, which JSON cannot say."""
+    if isinstance(data, dict):
+        return {key: finite(item) for key, item in data.items()}
+    if isinstance(data, list):
+        return [finite(item) for item in data]
+    if isinstance(data, float) and not math.isfinite(data):
+        return None
+    return data
 
 
 # --- in --------------------------------------------------------------------------------

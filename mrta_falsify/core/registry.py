@@ -12,6 +12,8 @@ import dataclasses
 import functools
 import importlib
 import importlib.metadata
+import os
+import sys
 from typing import Any
 
 from mrta_falsify.core import codec
@@ -52,6 +54,8 @@ def names(point: str) -> tuple[str, ...]:
 def load(point: str, name: str, *, where: str = "") -> Any:
     """Load the class (or function) registered as ``name``, or named as ``module:Class``.
 
+    A module that is named is looked for on Python's path, then in the current directory.
+
     Raises:
         UnknownNameError: the name is not registered.
         ConfigError: ``module:Class`` cannot be imported, or is not a component.
@@ -62,13 +66,25 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     target = known.get(name, name)
     module_name, _, attribute = target.partition(":")
     prefix = f"{where}: " if where else ""
+    if name not in known:
+        _look_in_current_directory()
     try:
         component = getattr(importlib.import_module(module_name), attribute)
+    except ModuleNotFoundError as error:
+        places = "" if name in known else f"; looked on Python's path and in {os.getcwd()}"
+        raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}{places}") from error
     except (ImportError, AttributeError) as error:
-        raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from None
+        raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from error
     if not hasattr(component, "Options"):
         raise ConfigError(f"{prefix}{name!r} cannot be used as {point}: it has no `Options`")
     return component
+
+
+def _look_in_current_directory() -> None:
+    """Let a module of the user's own lie where the command is run, as for ``python -m``."""
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
 
 
 def build(

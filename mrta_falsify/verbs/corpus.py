@@ -21,7 +21,8 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError, WorldError
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign import local_workers, open_executor, stored_world
+from mrta_falsify.verbs.stored_trials import stored_world
+from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun
 from scenic_worlds.variation import jitter_world
 

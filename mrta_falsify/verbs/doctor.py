@@ -1,19 +1,20 @@
-"""What ``doctor`` checks: whether this machine can run the toolkit, and run it the same twice."""
+"""Check whether this machine can run the toolkit, and gets the same result twice."""
 
 from __future__ import annotations
 
 import ctypes.util
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from mrta_falsify.core import codec, registry
+from mrta_falsify.core import registry
 from mrta_falsify.core.errors import MrtaFalsifyError
 
 State = Literal["ok", "missing", "failed"]
@@ -21,7 +22,7 @@ State = Literal["ok", "missing", "failed"]
 #: module to import -> distribution it comes in; what a default run needs
 REQUIRED = {
     "click": "click",
-    "daqp": "daqp",
+    "cmaes": "cmaes",
     "fcl": "python-fcl",
     "imageio": "imageio",
     "jinja2": "jinja2",
@@ -30,10 +31,12 @@ REQUIRED = {
     "numba": "numba",
     "numpy": "numpy",
     "ompl": "ompl",
+    "optuna": "optuna",
     "osqp": "osqp",
     "pandas": "pandas",
     "PIL": "pillow",
     "pybullet": "pybullet",
+    "pysat": "python-sat",
     "rich": "rich",
     "scenic": "scenic",
     "scipy": "scipy",
@@ -42,22 +45,32 @@ REQUIRED = {
     "trimesh": "trimesh",
     "yaml": "pyyaml",
 }
-OPTIONAL = {"imageio_ffmpeg": "imageio-ffmpeg"}
+#: extra -> the modules it brings
+EXTRAS = {
+    "daqp": ("daqp",),
+    "dask": ("distributed", "dask"),
+    "mcap": ("mcap", "mcap_ros2", "rosbags"),
+    "qd": ("ribs",),
+    "smt": ("z3",),
+    "tsp": ("ortools",),
+    "verifai": ("verifai",),
+    "video": ("imageio_ffmpeg",),
+}
+OPTIONAL = frozenset(module for modules in EXTRAS.values() for module in modules)
 #: shared libraries that OpenCV (imported by Scenic) loads, with the Debian package
 SYSTEM_LIBRARIES = {"GL": "libgl1", "glib-2.0": "libglib2.0-0", "gthread-2.0": "libglib2.0-0"}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 _SELF_TEST = """
 import dataclasses
-from mrta_falsify.verbs import run as app
-world = app.find_world("aws_hospital_day", seed=1)
-world = dataclasses.replace(world, horizon=10.0)
-print(app.run(world, keep_trace=False).trace.digest)
+import mrta_falsify as mf
+world = dataclasses.replace(mf.find_world("aws_hospital_day", seed=1), horizon=10.0)
+print(mf.run(world, keep_trace=False).trace.digest)
 """
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class HealthCheck:
     """One finding; ``missing`` means something optional is absent."""
 
     name: str
@@ -65,82 +78,106 @@ class Check:
     detail: str
 
 
-def doctor() -> tuple[Check, ...]:
-    """Every check of this machine, each independent of the others."""
+def doctor() -> tuple[HealthCheck, ...]:
+    """Check this machine; each check is independent of the others."""
     checks = [_check_python()]
-    checks += [_check_module(module, name, optional=False) for module, name in REQUIRED.items()]
-    checks += [_check_module(module, name, optional=True) for module, name in OPTIONAL.items()]
+    checks += [_check_module(module, name) for module, name in REQUIRED.items()]
+    checks += [_check_extra(extra, modules) for extra, modules in EXTRAS.items()]
     checks += [_check_library(name, package) for name, package in SYSTEM_LIBRARIES.items()]
     checks += [_check_cache(), _check_plugins(), _check_browser(), _check_determinism()]
     return tuple(checks)
 
 
-def is_healthy(checks: tuple[Check, ...]) -> bool:
+def is_healthy(checks: tuple[HealthCheck, ...]) -> bool:
     """Whether nothing that is needed has failed."""
     return all(check.state != "failed" for check in checks)
 
 
-def as_rows(checks: tuple[Check, ...]) -> list[dict[str, Any]]:
-    """Checks as JSON-shaped rows."""
-    return [codec.encode(check) for check in checks]
-
-
-def _check_python() -> Check:
+def _check_python() -> HealthCheck:
     found = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] == (3, 11):
-        return Check("python", "ok", found)
-    return Check("python", "failed", f"{found}; PyBullet has wheels for 3.11 only (of what we use)")
+        return HealthCheck("python", "ok", found)
+    return HealthCheck("python", "failed", f"{found}; install 3.11: PyBullet has no other wheels")
 
 
-def _check_module(module: str, distribution: str, *, optional: bool) -> Check:
+def _check_module(module: str, distribution: str) -> HealthCheck:
     try:
         importlib.import_module(module)
-        return Check(distribution, "ok", importlib.metadata.version(distribution))
+        return HealthCheck(distribution, "ok", importlib.metadata.version(distribution))
     except Exception as error:
-        state: State = "missing" if optional else "failed"
-        return Check(distribution, state, f"{type(error).__name__}: {error}")
+        return HealthCheck(distribution, "failed", f"{type(error).__name__}: {error}")
 
 
-def _check_library(name: str, package: str) -> Check:
+def _check_extra(extra: str, modules: tuple[str, ...]) -> HealthCheck:
+    name = f"extra {extra}"
+    absent = [module for module in modules if not _is_installed(module)]
+    if not absent:
+        return HealthCheck(name, "ok", "installed")
+    return HealthCheck(
+        name,
+        "missing",
+        f"no {', '.join(absent)}; if you want it: pip install 'mrta-falsify[{extra}]'",
+    )
+
+
+def _is_installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ValueError:  # it is blocked
+        return False
+
+
+def _check_library(name: str, package: str) -> HealthCheck:
     found = ctypes.util.find_library(name)
     if found:
-        return Check(f"lib{name}", "ok", found)
-    return Check(f"lib{name}", "failed", f"Scenic's OpenCV needs it: apt-get install {package}")
+        return HealthCheck(f"lib{name}", "ok", found)
+    try:
+        importlib.import_module("cv2")
+        return HealthCheck(f"lib{name}", "missing", "this OpenCV does without")
+    except ImportError:
+        detail = f"Scenic's OpenCV needs it: apt-get install {package}"
+        return HealthCheck(f"lib{name}", "failed", detail)
 
 
-def _check_cache() -> Check:
+def _check_cache() -> HealthCheck:
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parent)
     if os.access(folder, os.W_OK):
-        return Check("numba cache", "ok", f"{folder} is writable")
-    return Check(
+        return HealthCheck("numba cache", "ok", f"{folder} is writable")
+    return HealthCheck(
         "numba cache",
         "missing",
         f"{folder} is not writable, so every process compiles anew; set NUMBA_CACHE_DIR",
     )
 
 
-def _check_plugins() -> Check:
-    broken = []
+def _check_plugins() -> HealthCheck:
+    """Load every registered component; one whose extra is not installed is only missing."""
+    broken, without = [], []
     for point in registry.EXTENSION_POINTS:
         for name in registry.names(point):
             try:
                 registry.load(point, name)
             except MrtaFalsifyError as error:
-                broken.append(str(error))
+                absent = getattr(error.__cause__, "name", None) or ""
+                if absent.partition(".")[0] in OPTIONAL:
+                    without.append(f"{point} {name}")
+                else:
+                    broken.append(str(error))
     if broken:
-        return Check("plug-ins", "failed", "; ".join(broken))
-    return Check("plug-ins", "ok", "every registered component can be loaded")
+        return HealthCheck("plug-ins", "failed", "; ".join(broken))
+    detail = f" but {', '.join(without)}, which needs its extra" if without else ""
+    return HealthCheck("plug-ins", "ok", f"every registered component can be loaded{detail}")
 
 
-def _check_browser() -> Check:
+def _check_browser() -> HealthCheck:
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found:
-        return Check("chromium", "ok", found)
-    return Check("chromium", "missing", "only the tests that open report pages need it")
+        return HealthCheck("chromium", "ok", found)
+    return HealthCheck("chromium", "missing", "only the tests that open report pages need it")
 
 
-def _check_determinism() -> Check:
-    """The same ten seconds in two processes with different hash seeds."""
+def _check_determinism() -> HealthCheck:
+    """Run the same ten seconds in two processes with different hash seeds."""
     digests = []
     for hash_seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
@@ -153,8 +190,10 @@ def _check_determinism() -> Check:
         )
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines() or ["no message"]
-            return Check("determinism", "failed", f"the self-test did not run: {lines[-1]}")
+            return HealthCheck("determinism", "failed", f"the self-test did not run: {lines[-1]}")
         digests.append(done.stdout.strip().splitlines()[-1])
     if digests[0] != digests[1]:
-        return Check("determinism", "failed", f"trace digests differ: {' and '.join(digests)}")
-    return Check("determinism", "ok", f"two processes, one trace digest {digests[0][:16]}")
+        return HealthCheck(
+            "determinism", "failed", f"trace digests differ: {' and '.join(digests)}"
+        )
+    return HealthCheck("determinism", "ok", f"two processes, one trace digest {digests[0][:16]}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -11,18 +12,22 @@ from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs import run as app
-from mrta_falsify.verbs.campaign import open_campaign, stored_world
+from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.run import run
+from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
+from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.verbs.worlds import find_world
 from mrta_falsify.worker import rerun, stack_of
 from reports.run_view import RunView
+from simulator_interface.formats import nav2
 
-Kind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4"]
-KINDS: tuple[str, ...] = get_args(Kind)
+ExportKind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4"]
+KINDS: tuple[str, ...] = get_args(ExportKind)
 OF_RUNS = ("mcap", "gif", "mp4")  #: that need more than a world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Subject:
+class ExportSubject:
     """What is exported."""
 
     world: World
@@ -31,19 +36,52 @@ class Subject:
     verdicts: tuple[Verdict, ...] = ()
 
 
-def subject_of_world(name: str, config: StackConfig) -> Subject:
-    """A world by file or name; it is run when a run is asked for."""
-    return Subject(world=app.find_world(name), config=config)
+def export(
+    target: World | Place,
+    id: str | int | None = None,
+    *,
+    format: str,
+    output: Place,
+    stack: Stack | None = None,
+    settings: Sequence[str] = (),
+) -> tuple[Path, ...]:
+    """Write a world, or a trial of a campaign, for another system.
+
+    A world is run first where a run is asked for; a trial is run again if its trace was not kept.
+
+    Args:
+        target: a world, or a file or name of one; the directory of a campaign with ``id``.
+        id: of the trial.
+        format: see :func:`write_export`.
+        output: where to write.
+        stack: the stack of a world, or its YAML file; a trial has its own.
+        settings: ``--set`` texts applied to the stack of a world.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: unknown format, world or trial, or a place that cannot be written.
+    """
+    _check_format(format)
+    if id is not None:
+        if stack is not None or settings:
+            raise ConfigError("--stack and --set belong to a WORLD; a trial has its own stack")
+        assert not isinstance(target, World)
+        subject = trial_subject(target, id, with_trace=format in OF_RUNS)
+    else:
+        subject = ExportSubject(world=find_world(target), config=load_stack(stack, settings))
+    return write_export(subject, format, Path(output))
 
 
-def subject_of_trial(directory: Path, name: str, *, with_trace: bool) -> Subject:
-    """A trial of a campaign, with its stored trace if there is one, else run again.
+def trial_subject(directory: Place, id: str | int, *, with_trace: bool) -> ExportSubject:
+    """Get a trial of a campaign, with its stored trace if there is one, else run again.
 
     Raises:
         InputError: no such trial, or it has no world.
     """
     campaign = open_campaign(directory)
-    record = campaign.record(name)
+    record = campaign.record(str(id))
     world = stored_world(campaign, record)
     config = stack_of(campaign.settings.trials, record)
     trace = None
@@ -53,11 +91,11 @@ def subject_of_trial(directory: Path, name: str, *, with_trace: bool) -> Subject
             trace = read_trace(stored)
         else:
             trace = rerun(campaign.settings.trials, record, world).outcome.trace
-    return Subject(world=world, config=config, trace=trace, verdicts=record.verdicts)
+    return ExportSubject(world=world, config=config, trace=trace, verdicts=record.verdicts)
 
 
-def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
-    """Write ``subject`` in the form ``kind``.
+def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, ...]:
+    """Write ``subject`` in the format ``kind``.
 
     Args:
         subject: what.
@@ -70,41 +108,61 @@ def export(subject: Subject, kind: str, path: Path) -> tuple[Path, ...]:
 
     Raises:
         InputError: unknown kind, a missing extra, a place that cannot be written, or a world
-            that is nothing without its Scenic program.
+            that cannot do without its Scenic program.
     """
     from simulator_interface.formats import mcap, mrta_sim_files, sdf_world  # noqa: PLC0415
 
-    if kind not in KINDS:
-        raise ConfigError(f"--format is {kind!r}; it must be one of {', '.join(KINDS)}")
+    _check_format(kind)
     _check_scripted(subject, kind)
     world, config = subject.world, subject.config
     if kind == "nav2":
-        return app.export_nav2(world, path, config)
-    app.make_directory(path if kind == "mrta-sim" else path.parent)
+        return export_nav2(world, path, config)
+    make_directory(path if kind == "mrta-sim" else path.parent)
     if kind == "sdf":
         sdf_world.write_sdf(world, path)
         return (path,)
     if kind == "mrta-sim":
-        return mrta_sim_files.write_mrta_sim(world, app.costmap_of(world, config), path)
-    subject = with_trace(subject)
-    assert subject.trace is not None
+        return mrta_sim_files.write_mrta_sim(world, costmap_of(world, config), path)
+    trace, verdicts = _run_of(subject)
     if kind == "mcap":
-        mcap.write_mcap(world, subject.trace, app.costmap_of(world, config), path)
-    else:
-        from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
+        mcap.write_mcap(world, trace, costmap_of(world, config), path)
+        return (path,)
+    from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
 
-        view = RunView(
-            world=world,
-            trace=subject.trace,
-            verdicts=subject.verdicts,
-            costmap=app.costmap_of(world, config),
-        )
-        write = animation.write_gif if kind == "gif" else animation.write_mp4
-        write(view, path)
+    view = RunView(world=world, trace=trace, verdicts=verdicts, costmap=costmap_of(world, config))
+    write = animation.write_gif if kind == "gif" else animation.write_mp4
+    write(view, path)
     return (path,)
 
 
-def _check_scripted(subject: Subject, kind: str) -> None:
+def export_nav2(world: World, path: Place, config: StackConfig | None = None) -> tuple[Path, Path]:
+    """Write the costmap's static map as a Nav2 map.
+
+    Args:
+        world: walls, furniture and the blockages of time 0.
+        path: ``NAME.yaml``, or a directory that gets ``map.yaml``.
+        config: its ``costmap`` layer sets resolution and inflation.
+
+    Returns:
+        The YAML file and the PGM file beside it.
+
+    Raises:
+        InputError: the place cannot be written.
+    """
+    target = Path(path)
+    if target.suffix != ".yaml":
+        target = target / "map.yaml"
+    make_directory(target.parent)
+    nav2.write_nav2_map(costmap_of(world, config), target)
+    return target, target.with_suffix(".pgm")
+
+
+def _check_format(kind: str) -> None:
+    if kind not in KINDS:
+        raise ConfigError(f"--format is {kind!r}; it must be one of {', '.join(KINDS)}")
+
+
+def _check_scripted(subject: ExportSubject, kind: str) -> None:
     """Refuse what a world that is ``scripted`` cannot give: inputs of a run, or a run.
 
     Raises:
@@ -126,14 +184,9 @@ def _check_scripted(subject: Subject, kind: str) -> None:
         )
 
 
-def with_trace(subject: Subject) -> Subject:
-    """``subject`` with a trace; its world is run if it has none."""
+def _run_of(subject: ExportSubject) -> tuple[Trace, tuple[Verdict, ...]]:
+    """Trace and verdicts of a subject; its world is run if it has none."""
     if subject.trace is not None:
-        return subject
-    outcome = app.run(subject.world, subject.config)
-    return Subject(
-        world=subject.world,
-        config=subject.config,
-        trace=outcome.trace,
-        verdicts=outcome.verdicts,
-    )
+        return subject.trace, subject.verdicts
+    outcome = run(subject.world, subject.config)
+    return outcome.trace, outcome.verdicts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,15 +14,18 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import FormatError, WorldError
+from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
+from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.stacks import Stack, load_stack
+from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import simulate
 
-PATIENCE = 900.0  # s, a trip that takes longer counts as no way
+LONGEST_TRIP = 900.0  # s; a trip that takes longer counts as no way
 STATISTICS = {
     "max": lambda samples: float(np.max(samples)),
     "mean": lambda samples: float(np.mean(samples)),
@@ -38,15 +41,65 @@ class TravelTimes:
     samples: dict[tuple[int, int], tuple[float, ...]]  #: (start, end) room -> seconds, may be empty
 
     def matrix(self, statistic: str) -> Array:
-        """Times ``(R, R)`` [s] by "max", "mean" or "p95"; nan where there is no way."""
+        """Take "max", "mean" or "p95" of each pair: ``(R, R)`` [s], nan where there is no way."""
         times = np.zeros((len(self.rooms), len(self.rooms)))
         for (start, end), samples in self.samples.items():
             times[start, end] = STATISTICS[statistic](samples) if samples else np.nan
         return frozen_array(times)
 
     def missing(self) -> list[tuple[int, int]]:
-        """Pairs of rooms without a way."""
+        """List pairs of rooms without a way."""
         return [pair for pair, samples in sorted(self.samples.items()) if not samples]
+
+
+def write_travel_times(
+    world: World | Place,
+    output: Place,
+    *,
+    iterations: int = 3,
+    statistic: str = "max",
+    seed: int = 0,
+    stack: Stack | None = None,
+    settings: Sequence[str] = (),
+    on_progress: Callable[[float], None] | None = None,
+) -> TravelTimes:
+    """Measure travel times between all pairs of rooms and write them.
+
+    An interrupted measurement goes on where it stopped.
+
+    Args:
+        world: a world, or a file or name of one.
+        output: ``FILE.csv`` gets the raw samples, ``FILE.json`` the matrix that ``allocate`` reads.
+        iterations: trips per pair of rooms.
+        statistic: what the JSON file holds per pair, ``max``, ``mean`` or ``p95``.
+        seed: of the start offsets.
+        stack: the stack that drives, or its YAML file; the default stack if None.
+        settings: ``--set`` texts applied to the stack.
+        on_progress: called with the number of finished pairs.
+
+    Raises:
+        InputError: fewer than two rooms, another suffix or statistic, or the samples beside
+            ``output`` belong to another measurement.
+    """
+    path = Path(output)
+    if path.suffix not in (".csv", ".json"):
+        raise ConfigError(f"-o {path}: the file must end in .csv or .json")
+    if statistic not in STATISTICS:
+        raise ConfigError(f"statistic is {statistic!r}; it must be one of {', '.join(STATISTICS)}")
+    config = load_stack(stack, settings)
+    found = find_world(world)
+    make_directory(path.parent)
+    times = measure_travel_times(
+        found,
+        config,
+        iterations=iterations,
+        seed=seed,
+        samples_file=samples_file(path),
+        on_progress=on_progress,
+    )
+    if path.suffix == ".json":
+        write_matrix(times, path, statistic)
+    return times
 
 
 def measure_travel_times(
@@ -100,7 +153,7 @@ def measure_travel_times(
 
 
 class _TripClock:
-    """A specification that judges nothing and notes when the load came on and off."""
+    """A specification that judges nothing, but notes when the load came on and off."""
 
     def __init__(self) -> None:
         self.picked_up: float | None = None
@@ -121,7 +174,7 @@ class _TripClock:
 
 
 def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -> float | None:
-    """Time [s] of one trip, None if the robot did not arrive."""
+    """Drive one trip and return its time [s]; None if the robot did not arrive."""
     clock = _TripClock()
     outcome = simulate(
         vary_world(_trip_world(world, start, end), seed),
@@ -153,8 +206,8 @@ def _trip_world(world: World, start: int, end: int) -> World:
     return dataclasses.replace(
         without_actors(world),
         robots=(robot,),
-        tasks=(Task(arrival=0.0, start=start, end=end, deadline=PATIENCE),),
-        horizon=PATIENCE,
+        tasks=(Task(arrival=0.0, start=start, end=end, deadline=LONGEST_TRIP),),
+        horizon=LONGEST_TRIP,
     )
 
 
@@ -166,7 +219,7 @@ def _is_at(robot: RobotSpec, world: World, room: int) -> bool:
 
 
 def samples_file(path: Path) -> Path:
-    """Where the raw samples of an output file are kept: the CSV itself, or one beside it."""
+    """Name the file for the raw samples of an output file: the CSV itself, or one beside it."""
     return path if path.suffix == ".csv" else path.with_suffix(".samples.csv")
 
 

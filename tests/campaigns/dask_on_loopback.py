@@ -9,7 +9,7 @@ from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
-from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.workers import chosen_executor
 from tests.campaigns.standin import settings
 
 distributed = pytest.importorskip("distributed")
@@ -80,7 +80,7 @@ def test_without_an_address_a_cluster_is_started_and_ended_here(tmp_path):
 
 
 def test_an_executor_by_name_gets_the_number_of_workers_if_it_has_any():
-    named = campaigns.chosen_executor("mrta_falsify.campaigns.dask_executor:DaskExecutor", 3)
+    named = chosen_executor("mrta_falsify.campaigns.dask_executor:DaskExecutor", 3)
     assert named.options == {"workers": 3}
-    assert campaigns.chosen_executor("serial", 3) == Choice("serial")
-    assert campaigns.chosen_executor(None, 2) == Choice("processes", {"workers": 2})
+    assert chosen_executor("serial", 3) == Choice("serial")
+    assert chosen_executor(None, 2) == Choice("processes", {"workers": 2})

@@ -12,7 +12,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import Estimates
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs.campaign_summary import probability_of
 from tests.campaigns.standin import settings
 
 SPLITTING = Choice(
@@ -66,15 +66,15 @@ def serial():
 
 
 def test_a_campaign_prints_an_interval_of_a_rare_violation(tmp_path):
-    early = campaigns.probability_of(run(tmp_path, serial(), 20))
-    assert "looking for levels" in early["note"]
-    found = campaigns.probability_of(run(tmp_path, serial(), 400))
+    early = probability_of(run(tmp_path, serial(), 20))
+    assert "looking for levels" in early.note
+    found = probability_of(run(tmp_path, serial(), 400))
     # Irwin and Hall: the mean of six uniform numbers is below 0.3 with probability 0.04505, in
     # 0.00037 of all cases with the first above 0.9, where there is no scene.
     truth = (0.04505 - 0.00037) / 0.9
-    assert 0.0 < found["low"] < truth < found["high"]
-    assert "12 independent runs" in found["method"]
-    assert not found["note"]
+    assert 0.0 < found.low < truth < found.high
+    assert "12 independent runs" in found.method
+    assert not found.note
 
 
 def test_in_pieces_and_on_two_workers_it_is_the_same_campaign(tmp_path):
@@ -87,7 +87,7 @@ def test_in_pieces_and_on_two_workers_it_is_the_same_campaign(tmp_path):
 
 def test_repaired_scenes_and_an_early_stop_allow_no_estimate(tmp_path):
     found = run(tmp_path, serial(), 5, mode="repair")
-    assert "repaired scenes" in campaigns.probability_of(found)["why_not"]
+    assert "repaired scenes" in probability_of(found).why_not
     exact = run(tmp_path / "exact", serial(), 5)
-    stopped = campaigns.probability_of(exact, stopped_early=True)
-    assert "stop-after" in stopped["why_not"]
+    stopped = probability_of(exact, stopped_early=True)
+    assert "stop-after" in stopped.why_not

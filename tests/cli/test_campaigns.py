@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from mrta_falsify.verbs import campaign as campaigns
+from mrta_falsify.verbs import replay as replaying
 from mrta_falsify.worker import rerun
 
 PROGRAM = """
@@ -93,7 +93,7 @@ def test_a_replay_that_differs_names_the_first_tick(campaign, monkeypatch):
         trace = dataclasses.replace(judged.outcome.trace, columns=columns, digest="0" * 64)
         return dataclasses.replace(judged, outcome=dataclasses.replace(judged.outcome, trace=trace))
 
-    monkeypatch.setattr(campaigns, "rerun", rerun_elsewhere)
+    monkeypatch.setattr(replaying, "rerun", rerun_elsewhere)
     result = call("replay", directory, name)
     page = call("report", directory)
     (directory / "trials" / name / "verify.json").unlink()

@@ -12,8 +12,11 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.costmap import LETHAL
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs import check as scenarios
-from mrta_falsify.verbs import run as app
+from mrta_falsify.verbs.check import check
+from mrta_falsify.verbs.programs import draw_candidates, open_scenario
+from mrta_falsify.verbs.sample import sample
+from mrta_falsify.verbs.stacks import costmap_of
+from mrta_falsify.verbs.worlds import find_world
 from simulator_interface.formats import nav2
 
 BAD = Path(__file__).parent / "bad_scenarios"
@@ -79,14 +82,14 @@ def test_check_as_text_names_what_matters(cli, program):
 
 @pytest.mark.slow
 def test_check_draws_the_candidates_of_a_campaign(program):
-    done = scenarios.check(str(program), count=2, seed=7)
-    assert done.worlds[0].digest() == app.find_world(str(program), seed=7).digest()
+    done = check(str(program), count=2, seed=7)
+    assert done.worlds[0].digest() == find_world(str(program), seed=7).digest()
     assert done.worlds[0].digest() != done.worlds[1].digest()
 
 
 @pytest.mark.slow
 def test_mode_exact_takes_whole_scenes(program):
-    done = scenarios.check(str(program), count=3, seed=1, mode="exact")
+    done = check(str(program), count=3, seed=1, mode="exact")
     attempts = sum(item.attempts for item in done.drawn)
     assert done.acceptance == pytest.approx(3 / attempts)
     assert sum(count for _, count in done.rejections) == attempts - 3
@@ -110,7 +113,7 @@ def sampled(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("sampled")
     program = folder / "small.scenic"
     program.write_text(PROGRAM)
-    scenarios.sample(str(program), folder / "out", count=2, seed=7)
+    sample(str(program), folder / "out", count=2, seed=7)
     return folder / "out"
 
 
@@ -122,14 +125,14 @@ def test_sample_writes_world_picture_and_map_of_each_candidate(sampled):
         assert world.digest() == row["world_digest"]
         assert (sampled / f"world_{number:03d}.png").read_bytes().startswith(PNG)
         grid = nav2.read_nav2_map(sampled / f"world_{number:03d}.yaml")
-        costmap = app.costmap_of(world)
+        costmap = costmap_of(world)
         assert grid.data.shape == costmap.cost.shape
         assert ((grid.data == 100) == (costmap.cost == LETHAL)).all()
     assert (sampled / "contact_sheet.png").read_bytes().startswith(PNG)
 
 
 def test_a_sampled_candidate_gives_its_world_by_itself(sampled):
-    program = scenarios.open_scenario(str(sampled.parent / "small.scenic"))
+    program = open_scenario(str(sampled.parent / "small.scenic"))
     for row in json.loads((sampled / "samples.json").read_text())["samples"]:
         candidate = Candidate(number=row["number"], u=frozen_array(row["u"]), seed=row["seed"])
         again = program.realise(candidate, "exact")
@@ -314,23 +317,23 @@ def test_a_campaign_refuses_a_misspelt_parameter(cli, program):
 
 def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import Trials, open_program
+    from mrta_falsify.worker import TrialRunner, open_program
 
     path = tmp_path / "sometimes.scenic"
     path.write_text(
         "model scenic_worlds.model\nnew Robot with start_room 0\n"
         "new Human with route [0, 1], with speed Range(-1, 1)\nparam tasks = [(0, 0, 1, 200)]\n"
     )
-    program = scenarios.open_scenario(str(path))
+    program = open_scenario(str(path))
     seeds = range(20)
     starts = [program.candidate(seed, 0).u[0] for seed in seeds]
     seed = next(s for s, u in zip(seeds, starts, strict=True) if u > 0.5)
-    drawn = list(scenarios.draw(program, count=8, seed=seed))
+    drawn = list(draw_candidates(program, count=8, seed=seed))
     assert drawn[0].world is not None
     refused = [item for item in drawn if item.world is None]
     assert refused
     assert all("speed is -0." in item.error for item in refused)
     settings = TrialSettings(scenario=str(path), seed=seed)
-    record = Trials(settings, open_program(settings)).run(0, np.array([0.25]))
+    record = TrialRunner(settings, open_program(settings)).run(0, np.array([0.25]))
     assert record.status == "rejected"
     assert "humans[0] (human_1).speed is -0.5 m/s; it must be >= 0" in record.error

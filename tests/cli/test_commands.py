@@ -14,7 +14,8 @@ from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import read_world
 from mrta_falsify.specs.library import default_specifications
-from mrta_falsify.verbs import run as app
+from mrta_falsify.verbs import run as running
+from mrta_falsify.verbs.worlds import find_world
 
 QUICK = ("--set", "engine=kinematic")
 
@@ -55,7 +56,7 @@ def test_plugins_as_json_has_a_key_per_extension_point_and_the_defects(cli):
 def test_plugins_as_text_explains_each_defect(cli):
     result = cli("plugins")
     for name, defect in DEFECTS.items():
-        assert re.search(rf"{name} +{defect.layer}: {re.escape(defect.what)}", result.stdout)
+        assert f"{name} {defect.layer}: {defect.what}" in " ".join(result.stdout.split())
 
 
 def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file):
@@ -146,7 +147,7 @@ def test_tasks_robots_and_people_come_from_mrta_sims_files(cli, ward_file, tmp_p
         )
     )
     (tmp_path / "humans.yaml").write_text("actor1: [[0.8, 0.8]]\nactor2: [[0.8, 1.6]]\n")
-    world = app.find_world(
+    world = find_world(
         str(ward_file), tasks=tmp_path / "tasks.json", humans=tmp_path / "humans.yaml"
     )
     assert [(task.start, task.end) for task in world.tasks] == [(1, 0)]
@@ -158,7 +159,7 @@ def test_an_interrupted_run_exits_with_130(cli, ward_file, monkeypatch):
     def interrupt(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(app, "run", interrupt)
+    monkeypatch.setattr(running, "run", interrupt)
     result = cli("run", str(ward_file), *QUICK)
     assert result.exit_code == 130
     assert result.stderr.strip() == "interrupted"
@@ -172,7 +173,7 @@ def test_a_failure_of_the_toolkit_exits_with_3_and_saves_the_traceback(
 
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    monkeypatch.setattr(app, "run", fail)
+    monkeypatch.setattr(running, "run", fail)
     result = cli("run", str(ward_file), *QUICK)
     assert result.exit_code == 3
     (line,) = result.stderr.splitlines()

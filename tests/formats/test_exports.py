@@ -12,7 +12,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Blockage
 from mrta_falsify.verbs import export as exporting
-from mrta_falsify.verbs.run import costmap_of
+from mrta_falsify.verbs.stacks import costmap_of
 from simulator_interface.formats import mrta_sim
 from simulator_interface.formats.mcap import write_mcap
 from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim
@@ -94,14 +94,16 @@ def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_
 @pytest.mark.parametrize("kind", ["mrta-sim", "mcap", "gif", "mp4"])
 def test_a_world_that_needs_its_program_is_not_exported_as_if_it_did_not(hall, tmp_path, kind):
     world = dataclasses.replace(hall, scripted="behaviors of its own (nurse)")
-    subject = exporting.Subject(world=world, config=StackConfig())
+    subject = exporting.ExportSubject(world=world, config=StackConfig())
     with pytest.raises(WorldError, match=r"because of behaviors of its own \(nurse\)"):
-        exporting.export(subject, kind, tmp_path / "out")
+        exporting.write_export(subject, kind, tmp_path / "out")
     assert not list(tmp_path.iterdir())
 
 
 def test_the_map_and_a_kept_run_of_such_a_world_are_exported(hall, hall_trace, tmp_path):
     world = dataclasses.replace(hall, scripted="behaviors of its own (nurse)")
-    subject = exporting.Subject(world=world, config=StackConfig(), trace=hall_trace)
+    subject = exporting.ExportSubject(world=world, config=StackConfig(), trace=hall_trace)
     for kind, name in (("sdf", "a.sdf"), ("nav2", "a.yaml"), ("gif", "a.gif")):
-        assert all(path.is_file() for path in exporting.export(subject, kind, tmp_path / name))
+        assert all(
+            path.is_file() for path in exporting.write_export(subject, kind, tmp_path / name)
+        )

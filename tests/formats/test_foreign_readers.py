@@ -19,7 +19,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.costmap import LETHAL
 from mrta_falsify.core.world import Blockage
 from mrta_falsify.verbs import export as exporting
-from mrta_falsify.verbs.run import costmap_of
+from mrta_falsify.verbs.stacks import costmap_of
 from simulator_interface.formats.mcap import RATE, write_mcap
 from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim
 from simulator_interface.formats.nav2 import occupancy_of, read_nav2_map, write_occupancy
@@ -113,8 +113,8 @@ def test_the_strict_reader_refuses_what_is_no_sdf(read_sdf, hall, tmp_path):
 
 
 def test_an_exported_map_is_equal_byte_for_byte_after_a_round_trip(hall, tmp_path):
-    subject = exporting.Subject(world=hall, config=StackConfig())
-    description, picture = exporting.export(subject, "nav2", tmp_path / "out" / "map.yaml")
+    subject = exporting.ExportSubject(world=hall, config=StackConfig())
+    description, picture = exporting.write_export(subject, "nav2", tmp_path / "out" / "map.yaml")
     (tmp_path / "again").mkdir()
     write_occupancy(read_nav2_map(description), tmp_path / "again" / "map.yaml")
     for path in (description, picture):
@@ -122,8 +122,8 @@ def test_an_exported_map_is_equal_byte_for_byte_after_a_round_trip(hall, tmp_pat
 
 
 def test_an_exported_map_shows_another_reader_the_lethal_cells(hall, tmp_path):
-    subject = exporting.Subject(world=hall, config=StackConfig())
-    description, _ = exporting.export(subject, "nav2", tmp_path)
+    subject = exporting.ExportSubject(world=hall, config=StackConfig())
+    description, _ = exporting.write_export(subject, "nav2", tmp_path)
     said = yaml.safe_load(description.read_text())
     pixels = np.asarray(Image.open(tmp_path / said["image"]))
     costmap = costmap_of(hall)

@@ -6,9 +6,10 @@ import json
 
 import pytest
 
+from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.allocate import allocate_file, as_data
+from mrta_falsify.verbs.allocate import allocate, summarise_plan
 from simulator_interface.formats.smrta import read_case, read_travel_times
 
 TIMES = [[0, 10, 20], [10, 0, 10], [20, 10, 0]]
@@ -33,6 +34,10 @@ def files(tmp_path):
     return write
 
 
+def as_data(answer):
+    return codec.encode(summarise_plan(answer))
+
+
 def changed(task=None, **fields):
     data = json.loads(json.dumps(TASKS))
     data["tasks_stream"][0]["tasks"][0].update(task or {})
@@ -40,7 +45,7 @@ def changed(task=None, **fields):
 
 
 def test_a_plan_has_the_places_of_tasks_in_the_file(files):
-    answer = allocate_file(*files())
+    answer = allocate(*files())
     data = as_data(answer)
     assert data["status"] == "plan"
     assert data["robots"][0]["stops"] == [
@@ -52,7 +57,7 @@ def test_a_plan_has_the_places_of_tasks_in_the_file(files):
 
 
 def test_the_same_plan_in_the_words_of_smrta(files):
-    plan = allocate_file(*files()).smrta
+    plan = allocate(*files()).smrta
     assert plan["agt"][0] == {"t": [0, 1, 12], "c": [0, 1, 0], "id": [0, 2, 3]}
     assert plan["ts"] == [[1], [51]]
     assert plan["td"] == [[12], [72]]
@@ -60,12 +65,12 @@ def test_the_same_plan_in_the_words_of_smrta(files):
 
 
 def test_what_cannot_be_in_time_is_late_and_in_the_conflict(files):
-    answer = allocate_file(*files(changed({"deadline": 5})))
+    answer = allocate(*files(changed({"deadline": 5})))
     data = as_data(answer)
     assert data["late"] == [{"batch": 0, "task": 0}]
     assert data["status"] == "partial"  # proved for the first batch only, when it came
     one = {**changed({"deadline": 5}), "tasks_stream": changed({"deadline": 5})["tasks_stream"][:1]}
-    data = as_data(allocate_file(*files(one)))
+    data = as_data(allocate(*files(one)))
     assert data["status"] == "infeasible"
     assert data["conflict"] == [{"batch": 0, "task": 0}]
     assert "12 s" in data["reason"]
@@ -93,7 +98,7 @@ def test_what_cannot_be_in_time_is_late_and_in_the_conflict(files):
 )
 def test_a_bad_task_file_says_what_and_where(files, tasks, words):
     with pytest.raises(InputError) as caught:
-        allocate_file(*files(tasks))
+        allocate(*files(tasks))
     assert words in str(caught.value)
 
 
@@ -101,10 +106,10 @@ def test_a_deadline_before_its_arrival_and_ids_given_twice_are_refused(files):
     task = {"start": 0, "end": 1, "deadline": 40, "id": "a"}
     early = {"agents": [0], "tasks_stream": [{"arrival": 50, "tasks": [task]}]}
     with pytest.raises(InputError, match="before its arrival at 50 s"):
-        allocate_file(*files(early))
+        allocate(*files(early))
     twice = {"agents": [0], "tasks_stream": [{"arrival": 0, "tasks": [task, task]}]}
     with pytest.raises(InputError, match=r"id 'a' was given to tasks_stream\[0\].tasks\[0\]"):
-        allocate_file(*files(twice))
+        allocate(*files(twice))
 
 
 @pytest.mark.parametrize(
@@ -121,21 +126,21 @@ def test_a_deadline_before_its_arrival_and_ids_given_twice_are_refused(files):
 )
 def test_bad_travel_times_say_what_and_where(files, times, words):
     with pytest.raises(InputError) as caught:
-        allocate_file(*files(TASKS, times))
+        allocate(*files(TASKS, times))
     assert words in str(caught.value)
 
 
 @pytest.mark.parametrize("capacity", [0, -1, 10**9])
 def test_a_capacity_out_of_range_is_refused(files, capacity):
     with pytest.raises(InputError, match="capacity is"):
-        allocate_file(*files(), capacity=capacity)
+        allocate(*files(), capacity=capacity)
 
 
 def test_too_many_tasks_are_a_stated_limit(files):
     many = [{"start": 0, "end": 1, "deadline": 9}] * 100_001
     tasks = {"agents": [0], "tasks_stream": [{"arrival": 0, "tasks": many}]}
     with pytest.raises(InputError, match="has 100001 tasks; at most 100000"):
-        allocate_file(*files(tasks))
+        allocate(*files(tasks))
 
 
 def test_travel_times_are_rounded_up_and_closed_and_may_be_asymmetric(files):
@@ -152,7 +157,7 @@ def test_whole_numbers_may_be_written_with_a_point(files):
 
 def test_an_unknown_allocator_names_the_known_ones(files):
     with pytest.raises(InputError, match=r"Known: .*insertion"):
-        allocate_file(*files(), allocator=Choice("insertoin"))
+        allocate(*files(), allocator=Choice("insertoin"))
 
 
 # --- the command -----------------------------------------------------------------------------

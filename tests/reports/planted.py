@@ -19,7 +19,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
-from mrta_falsify.verbs.campaign import open_campaign
+from mrta_falsify.verbs.stored_trials import open_campaign
 
 
 def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ...]) -> Campaign:

@@ -21,8 +21,8 @@ from mrta_falsify.core.findings import Condition, Family
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, quick_stack
-from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import report as reporting
+from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.campaign_page import render
 from tests import browser
 from tests.reports.newcomer import lines_of
@@ -73,7 +73,7 @@ def with_records(campaign, directory, *records, stack=None):
     with Store.create(directory, settings) as store:
         for record in records:
             store.add(record)
-    return campaigns.open_campaign(directory)
+    return open_campaign(directory)
 
 
 def test_a_campaign_that_still_runs_is_reported_and_says_so(campaign):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.verbs import check as scenarios
+from mrta_falsify.verbs.programs import draw_candidates, open_scenario
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "scenic" / "costmap_agreement.py"
@@ -53,12 +53,12 @@ def program(tmp_path_factory):
     (folder / "floor.yaml").write_text(FLOOR)
     path = folder / "cluttered.scenic"
     path.write_text(PROGRAM)
-    return scenarios.open_scenario(str(path))
+    return open_scenario(str(path))
 
 
 @pytest.fixture(scope="module")
 def worlds(program):
-    return [drawn.world for drawn in scenarios.draw(program, count=3, seed=1)]
+    return [drawn.world for drawn in draw_candidates(program, count=3, seed=1)]
 
 
 def test_every_generated_object_is_lethal_cell_by_cell_and_free_cells_hold_no_body(

@@ -12,7 +12,8 @@ from shapely.geometry import LineString, Polygon
 import mrta_falsify as mf
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.protocols import Plan
-from mrta_falsify.verbs import run as app
+from mrta_falsify.verbs.run import run
+from mrta_falsify.verbs.stacks import costmap_of
 from scenic_worlds.program import compile_program
 from scenic_worlds.shipped import SCENARIO_DIR, scenario_names, scenario_path
 from simulator_interface.engines import bodies
@@ -70,7 +71,7 @@ def test_a_scenario_has_variation_worth_searching(programs, name):
 @pytest.mark.parametrize("name", scenario_names())
 def test_a_scenario_runs_to_an_end(programs, name):
     config = apply_setting(StackConfig(), "engine=kinematic")
-    outcome = app.run(programs(name).sample(0), config, keep_trace=False)
+    outcome = run(programs(name).sample(0), config, keep_trace=False)
     assert outcome.ended in ("all-tasks-done", "horizon")
     assert outcome.sim_time > 10.0
 
@@ -83,7 +84,7 @@ def planned(world, start, goal) -> Plan:
     from mrta_falsify.core import registry
 
     planner = registry.build("planner", StackConfig().planner)
-    planner.use(app.costmap_of(world))
+    planner.use(costmap_of(world))
     return planner.plan(np.array(start), np.array(goal))
 
 

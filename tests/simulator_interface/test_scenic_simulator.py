@@ -467,29 +467,30 @@ def test_a_finer_time_step_changes_nothing_in_the_world(realise):
 
 
 def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
-    from mrta_falsify.verbs import run as app
+    import mrta_falsify as mf
+    from mrta_falsify.verbs.worlds import find_world_and_scene
     from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")
-    start = app.find_start(str(path), seed=2)
-    outcome = app.run(start.world, KINEMATIC, scene=start.scene)
+    start = find_world_and_scene(path, seed=2)
+    outcome = mf.run(start, KINEMATIC)
     assert outcome.ended == "horizon"
     assert outcome.trace.digest == simulate_scene(start.scene, start.world, KINEMATIC).trace.digest
     with pytest.raises(WorldError, match="cannot be run without its Scenic program"):
-        app.run(start.world, KINEMATIC)
+        mf.run(start.world, KINEMATIC)
 
 
 @pytest.mark.slow
 def test_a_trial_of_a_scripted_program_runs_again_from_its_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import Trials, open_program, rerun
+    from mrta_falsify.worker import TrialRunner, open_program, rerun
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")
     settings = TrialSettings(scenario=str(path), stack=KINEMATIC, specifications=("progress",))
     program = open_program(settings)
-    record = Trials(settings, program).run(0, np.full(len(program.space), 0.5))
+    record = TrialRunner(settings, program).run(0, np.full(len(program.space), 0.5))
     assert record.status == "ok"
     world = program.realise(record.candidate, mode=settings.mode).world
     again = rerun(settings, record, world)

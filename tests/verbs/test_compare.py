@@ -7,15 +7,22 @@ import dataclasses
 import pytest
 
 from mrta_falsify.campaigns.store import SETTINGS, StoreError
+from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.verbs import compare as comparison
+from mrta_falsify.verbs.search_outcomes import sampler_rows
+from mrta_falsify.verbs.searches import (
+    ComparisonPlan,
+    check_is_comparison,
+    outcomes,
+    run_searches,
+)
 from tests.campaigns import standin
 
 
 def plan(**changes):
     settings = standin.settings()
     trials = dataclasses.replace(settings.trials, **changes)
-    return comparison.Plan(
+    return ComparisonPlan(
         settings=dataclasses.replace(settings, trials=trials),
         samplers=("random",),
         repeats=0,
@@ -30,13 +37,13 @@ def test_what_is_no_comparison_is_not_gone_on_with(tmp_path, there):
     elif there == "a campaign":
         (tmp_path / SETTINGS).write_text("{}")
     with pytest.raises(StoreError, match="is not a comparison"):
-        comparison.check_is_comparison(tmp_path)
+        check_is_comparison(tmp_path)
 
 
 def test_a_comparison_that_was_begun_is_known_again(tmp_path):
-    assert comparison.run(plan(), tmp_path)
-    comparison.check_is_comparison(tmp_path)
-    assert comparison.run(plan(), tmp_path)
+    assert run_searches(plan(), tmp_path)
+    check_is_comparison(tmp_path)
+    assert run_searches(plan(), tmp_path)
 
 
 def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_path):
@@ -45,22 +52,24 @@ def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_pa
     for workers in (1, 2):
         folder = tmp_path / f"{workers}"
         folder.mkdir()
-        assert comparison.run(whole, folder, workers=workers)
-        found = comparison.results(whole, folder)
+        assert run_searches(whole, folder, workers=workers)
+        found = outcomes(whole, folder)
         assert [len(rows) for rows in found.values()] == [2, 2]
-        rows = comparison.table(found, whole.budget)
-        tables.append([{k: v for k, v in row.items() if "seconds" not in k} for row in rows])
+        rows = sampler_rows(found, whole.budget)
+        tables.append(
+            [{k: v for k, v in codec.encode(row).items() if "seconds" not in k} for row in rows]
+        )
     assert tables[0] == tables[1]
 
 
 def test_only_searches_that_are_missing_or_cut_short_are_run(tmp_path):
     whole = dataclasses.replace(plan(), repeats=3, budget=6, stop_after=0)
-    assert comparison.run(dataclasses.replace(whole, repeats=1), tmp_path)
-    assert comparison.run(dataclasses.replace(whole, repeats=2, budget=4), tmp_path)
+    assert run_searches(dataclasses.replace(whole, repeats=1), tmp_path)
+    assert run_searches(dataclasses.replace(whole, repeats=2, budget=4), tmp_path)
     lines = []
-    assert comparison.run(whole, tmp_path, on_search=lambda done, total, text: lines.append(text))
+    assert run_searches(whole, tmp_path, on_search=lambda done, total, text: lines.append(text))
     assert [line.split(":")[0] for line in lines] == ["random, seed 1", "random, seed 2"]
-    ran = [rows.trials for rows in comparison.results(whole, tmp_path)["random"]]
+    ran = [rows.trials for rows in outcomes(whole, tmp_path)["random"]]
     assert ran == [6, 6, 6]
 
 
@@ -74,6 +83,6 @@ def test_only_searches_that_are_missing_or_cut_short_are_run(tmp_path):
     ],
 )
 def test_a_comparison_of_something_else_is_not_gone_on_with(tmp_path, changes, name):
-    comparison.run(plan(), tmp_path)
+    run_searches(plan(), tmp_path)
     with pytest.raises(StoreError, match=f"compares samplers with other {name}"):
-        comparison.run(plan(**changes), tmp_path)
+        run_searches(plan(**changes), tmp_path)

@@ -22,10 +22,10 @@ from mrta_falsify.core.findings import CopyCount, Explanation
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.campaign import job_of
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
 from mrta_falsify.verbs.explain.removals import removals_of
+from mrta_falsify.verbs.stored_trials import job_of
 from scenic_worlds.variation import jittered_worlds
 
 LEAD = 10.0  # s before the onset at which things are changed

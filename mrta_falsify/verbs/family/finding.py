@@ -24,11 +24,11 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Family
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, judge, quick_stack
-from mrta_falsify.verbs.campaign import stored_world
 from mrta_falsify.verbs.family.conditions import conditions_of, passing_neighbours
 from mrta_falsify.verbs.family.learning import SEEDS, BoxSearch
 from mrta_falsify.verbs.family.program_text import program_text
 from mrta_falsify.verbs.family.samples import PointRun, SampleRuns
+from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import open_program, specifications_of
 
 if TYPE_CHECKING:

@@ -25,12 +25,12 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.trial import Job, Judged, judge
-from mrta_falsify.verbs.campaign import job_of
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.minimize.edits import GROUPS
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRun
 from mrta_falsify.verbs.minimize.search import SmallestSearch
+from mrta_falsify.verbs.stored_trials import job_of
 
 CACHE_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
 

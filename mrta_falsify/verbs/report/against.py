@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign import modes
+from mrta_falsify.verbs.campaign_summary import modes
 from reports.contents import Table
 
 MOST_ROWS = 100
@@ -27,7 +27,7 @@ def comparison_tables(campaign: Campaign, against: Campaign) -> tuple[Table, ...
 
 
 def _by_mode(campaign: Campaign, against: Campaign) -> Table:
-    one, other = ({m["signature"]: m["count"] for m in modes(c)} for c in (campaign, against))
+    one, other = ({m.signature: m.count for m in modes(c)} for c in (campaign, against))
     counts = [sum(record.status == "ok" for record in c.records) for c in (campaign, against)]
     names = sorted(one.keys() | other, key=lambda n: (-one.get(n, 0) - other.get(n, 0), n))
     rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names]

@@ -16,7 +16,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.verbs.campaign import modes
+from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
@@ -103,14 +103,14 @@ def _modes(
         cases.setdefault(case.signature, []).append(case)
     found = []
     for mode in modes(campaign):
-        verdict = leading(by_id[mode["ids"][0]].verdicts)
-        layers = Counter(by_id[i].layer for i in mode["ids"] if by_id[i].layer)
-        layers.update(case.layer for case in cases.get(mode["signature"], []) if case.layer)
+        verdict = leading(by_id[mode.ids[0]].verdicts)
+        layers = Counter(by_id[i].layer for i in mode.ids if by_id[i].layer)
+        layers.update(case.layer for case in cases.get(mode.signature, []) if case.layer)
         found.append(
             Mode(
-                signature=mode["signature"],
-                ids=tuple(mode["ids"]),
-                cases=tuple(cases.get(mode["signature"], ())),
+                signature=mode.signature,
+                ids=tuple(mode.ids),
+                cases=tuple(cases.get(mode.signature, ())),
                 happened=sentence(verdict) if verdict is not None else "",
                 layers=tuple(sorted(layers, key=lambda name: (-layers[name], name))),
             )

@@ -18,10 +18,10 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.verbs.campaign import modes
+from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
-from mrta_falsify.verbs.run import costmap_of
+from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
 from reports.contents import Case, FailureFamily
 from reports.sentences import listed
@@ -64,7 +64,7 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[Case], list[str]
 def in_turn(campaign: Campaign) -> Iterator[TrialRecord]:
     """Yield failures whose runs were kept: the first of each mode, then the second of each."""
     by_id = {record.id: record for record in campaign.records if record.trace_file}
-    queues = [[by_id[i] for i in mode["ids"] if i in by_id] for mode in modes(campaign)]
+    queues = [[by_id[i] for i in mode.ids if i in by_id] for mode in modes(campaign)]
     for turn in range(max(map(len, queues), default=0)):
         for queue in queues:
             if turn < len(queue):

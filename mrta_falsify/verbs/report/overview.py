@@ -7,7 +7,11 @@ from collections.abc import Sequence
 
 from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign import probability_of, screening_agreement
+from mrta_falsify.verbs.campaign_summary import (
+    NoProbability,
+    probability_of,
+    screening_agreement,
+)
 from reports.contents import ErrorKind
 
 SECONDS_PER_HOUR = 3600.0
@@ -43,7 +47,7 @@ def facts_of(
     ]
     agreed = screening_agreement(campaign)
     if agreed is not None:
-        text = f"{agreed['confirmed']} of {agreed['failed_in_screening']} kinematic failures"
+        text = f"{agreed.confirmed} of {agreed.failed_in_screening} kinematic failures"
         facts.append(("confirmed by physics", text))
     return tuple(facts)
 
@@ -51,15 +55,15 @@ def facts_of(
 def notes_of(campaign: Campaign) -> tuple[str, ...]:
     """Say how likely a violation is, or why that is not known."""
     chance = probability_of(campaign)
-    if "why_not" in chance:
-        return (f"No probability of failure is given: {chance['why_not']}.",)
-    estimate = "unknown" if chance["estimate"] is None else f"{chance['estimate']:.3g}"
+    if isinstance(chance, NoProbability):
+        return (f"No probability of failure is given: {chance.why_not}.",)
+    estimate = "unknown" if chance.estimate is None else f"{chance.estimate:.3g}"
     text = (
         f"Probability of a violation: {estimate}, "
-        f"{chance['level']:.0%} interval [{chance['low']:.3g}, {chance['high']:.3g}] "
-        f"({chance['method']}, {chance['trials']} trials)."
+        f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] "
+        f"({chance.method}, {chance.trials} trials)."
     )
-    return (text, f"{chance['note']}.") if chance["note"] else (text,)
+    return (text, f"{chance.note}.") if chance.note else (text,)
 
 
 def warnings_of(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str, ...]:

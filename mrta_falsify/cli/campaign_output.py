@@ -1,0 +1,160 @@
+"""What a campaign prints: live progress on stderr, and what it found."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrta_falsify.cli import output
+
+if TYPE_CHECKING:
+    from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.core.probability import Probability
+    from mrta_falsify.core.record import TrialRecord
+    from mrta_falsify.verbs.campaign import CampaignResult
+    from mrta_falsify.verbs.campaign_summary import FailureMode
+
+LINES = 10  # of progress in a pipe, per campaign
+SHOWN_IDS = 6  # trials named per failure mode
+
+
+class CampaignWatch:
+    """Progress of one campaign on stderr: a bar on terminals, a line now and then elsewhere.
+
+    A context manager; the bar appears with the first trial.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._announced: set[str] = set()
+        self._bar: Any = None
+        self._task: Any = None
+        self._began = time.monotonic()
+        self._ran_before: int | None = None
+
+    def __enter__(self) -> CampaignWatch:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def on_record(self, record: TrialRecord, is_new: bool) -> None:
+        """Announce the first failure, and errors of the toolkit."""
+        announced = self._announced
+        if record.failed and "failure" not in announced and (record.wanted or not announced):
+            kind = "failure" if record.wanted else "knife edge"
+            announced.add(kind)
+            copies = f" ({record.jittered})" if record.jittered else ""
+            self._say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
+            place = shlex.quote(str(self._directory))
+            self._say(f"  replay it by: mrta-falsify replay {place} {record.id}")
+        if is_new and record.status in ("crashed", "timeout"):
+            reason = record.error.strip().splitlines()[-1]
+            self._say(f"trial {record.id} is an error, not a verdict: {reason}")
+
+    def on_told(self, record: TrialRecord, counts: Progress) -> None:
+        """Show how far the campaign is."""
+        budget = counts.limits.budget
+        if self._ran_before is None:
+            self._ran_before = counts.ran - (record.status != "rejected")
+        if sys.stderr.isatty():
+            self._show_bar(counts, budget)
+        elif counts.ran % max(1, budget // LINES) == 0 and record.status != "rejected":
+            done, total = counts.ran - self._ran_before, budget - self._ran_before
+            left = output.time_left(done, total, time.monotonic() - self._began)
+            self._say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
+
+    def _show_bar(self, counts: Progress, budget: int) -> None:
+        if self._bar is None:
+            self._bar = _new_bar()
+            self._task = self._bar.add_task("campaign", total=budget, counts="")
+            self._bar.start()
+        self._bar.update(self._task, completed=counts.ran, counts=_count_text(counts))
+
+    def _say(self, text: str) -> None:
+        if self._bar is not None:
+            self._bar.console.print(text)
+        else:
+            output.say(text)
+
+
+def _new_bar() -> Any:
+    from rich import progress
+    from rich.console import Console
+
+    console = Console(stderr=True, markup=False, highlight=False, emoji=False)
+    return progress.Progress(
+        progress.TextColumn("{task.completed:.0f}/{task.total:.0f} trials"),
+        progress.BarColumn(bar_width=20),
+        progress.TextColumn("{task.fields[counts]}"),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+        console=console,
+        transient=True,
+    )
+
+
+def _count_text(counts: Progress) -> str:
+    failures = ", ".join(f"{n} {name}" for name, n in sorted(counts.by_specification.items()))
+    best = f"best score {counts.best:+.3f}" if math.isfinite(counts.best) else "no score yet"
+    parts = [f"{counts.failed} failed" + (f" ({failures})" if failures else ""), best]
+    if counts.rejected:
+        parts.append(f"{counts.rejected} rejected")
+    if counts.errors:
+        parts.append(f"{counts.errors} errors")
+    return ", ".join(parts)
+
+
+def print_campaign(result: CampaignResult) -> None:
+    """Print what a campaign found, as text."""
+    from mrta_falsify.verbs.campaign_summary import NoProbability, summarise_campaign
+
+    out = output.stdout()
+    data = summarise_campaign(result)
+    out.print(
+        f"{data.ran} trials ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s), "
+        f"{data.failed} failed, {data.rejected} scenes rejected, {data.errors} errors; "
+        f"ended: {data.ended}"
+    )
+    if data.screening is not None:
+        out.print(
+            f"screening: physics confirmed {data.screening.confirmed} of "
+            f"{data.screening.failed_in_screening} failures of the kinematic engine"
+        )
+    if data.robust is not None:
+        out.print(
+            f"with small differences most copies fail too: {data.robust} of {data.failed} failures"
+        )
+    if data.modes:
+        _print_modes(data.modes)
+        place = shlex.quote(data.directory)
+        out.print(f"replay: mrta-falsify replay {place} {data.modes[0].ids[0]}")
+    elif data.best_score is not None:
+        out.print(f"no violation found; closest call: score {data.best_score:+.3f}")
+    if not isinstance(data.probability, NoProbability) and data.probability.trials:
+        _print_probability(data.probability)
+    out.print(f"campaign: {data.directory}")
+
+
+def _print_modes(modes: tuple[FailureMode, ...]) -> None:
+    table = output.new_table("failure mode", "trials", "ids", right=("trials",))
+    for mode in modes:
+        more = " ..." if len(mode.ids) > SHOWN_IDS else ""
+        table.add_row(mode.signature, str(mode.count), ", ".join(mode.ids[:SHOWN_IDS]) + more)
+    output.print_table(table)
+
+
+def _print_probability(chance: Probability) -> None:
+    out = output.stdout()
+    estimate = "unknown" if chance.estimate is None else f"{chance.estimate:.3g}"
+    out.print(
+        f"probability of a violation: {estimate}, "
+        f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] ({chance.method})"
+    )
+    if chance.note:
+        out.print(f"  {chance.note}")

@@ -1,0 +1,105 @@
+"""The command ``compare``."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mrta_falsify.campaigns.settings import Limits, TrialSettings
+from mrta_falsify.cli import output
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import (
+    Listing,
+    format_option,
+    output_option,
+    param_option,
+    seed_option,
+    setting_option,
+    spec_option,
+    stack_options,
+    workers_option,
+)
+
+if TYPE_CHECKING:
+    from mrta_falsify.verbs.search_outcomes import SamplerRow
+
+
+@main.command("compare")
+@click.argument("scenario")
+@click.option(
+    "--samplers",
+    type=Listing(str, "names of samplers, as random,auto"),
+    default="random,auto",
+    show_default=True,
+    metavar="A,B,...",
+    help="The first one is what the others are compared with.",
+)
+@click.option("--repeats", type=click.IntRange(min=1), default=10, show_default=True, metavar="N")
+@setting_option(Limits, "budget", text="Simulations per search.")
+@seed_option("Of the first repeat; each repeat has the next one.")
+@click.option(
+    "--all-failures",
+    is_flag=True,
+    help="Run each budget out, to count failure modes, instead of stopping at the first.",
+)
+@setting_option(
+    TrialSettings,
+    "jittered",
+    text="Runs of each failing world with small differences; most must fail for it to count.",
+)
+@workers_option
+@stack_options
+@spec_option
+@param_option
+@output_option("DIR", required=True)
+@click.option("--resume", is_flag=True, help="Go on with the comparison in DIR.")
+@format_option
+def compare_command(scenario: str, style: str, **options: Any) -> int:
+    """Compare samplers: falsification rate, simulations to the first failure, failure modes."""
+    from mrta_falsify.verbs.compare import compare
+
+    found = compare(
+        scenario,
+        **options,
+        on_search=lambda done, total, text: output.say(f"{done}/{total} {text}"),
+    )
+    if style == "json":
+        output.print_json(found)
+    else:
+        _print_samplers(found.samplers)
+        output.say(f"picture    {found.picture}")
+    return ExitCode.DONE if found.finished else ExitCode.INTERRUPTED
+
+
+def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:
+    numbers = (
+        "found",
+        "runs to\nfailure",
+        "median",
+        "per\nfailure",
+        "time\n[s]",
+        "p",
+        "modes\nper\n1000",
+    )
+    table = output.new_table("sampler", *numbers, right=numbers, whole=("sampler",))
+    for row in rows:
+        rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
+        found = round(rate.value * row.searches)
+        table.add_row(
+            row.sampler,
+            f"{found} of {row.searches}\n[{rate.low:.0%}, {rate.high:.0%}]",
+            f"{mean.value:.1f}\n[{mean.low:.0f}, {mean.high:.0f}]",
+            _number(row.simulations_to_failure.median),
+            _number(row.simulations_per_failure.value),
+            f"{row.seconds_to_failure:.0f}",
+            f"{row.log_rank_p:.2g}",
+            f"{row.modes_per_1000:.1f}",
+        )
+    output.print_table(table)
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if math.isfinite(value) else "> budget"

@@ -1,0 +1,86 @@
+"""The command ``demo``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import output_option, seed_option, stack_options
+from mrta_falsify.cli.run_commands import print_run
+
+if TYPE_CHECKING:
+    from mrta_falsify.core.config import StackConfig
+
+
+@main.command("demo")
+@seed_option("Of the day and of both campaigns.")
+@stack_options
+@output_option("DIR", default=Path("demo-run"))
+def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **options: Path) -> int:
+    """Show the main job in miniature on the AWS hospital; the last line is the report's path.
+
+    First one day in PyBullet: six robots, eight people, the stream testcase_6agents_3_3, with
+    verdicts and a picture. Then a short campaign on sampled days: it shows the first violation
+    found, or says that none was. Last, labelled as such, the same search on a stack with a planted
+    fault. The report is of the campaign if it found a violation, else of the planted fault.
+    """
+    from mrta_falsify.verbs import demo
+    from mrta_falsify.verbs.folders import make_directory
+    from mrta_falsify.verbs.stacks import load_stack
+
+    config = load_stack(stack, settings)
+    folder = make_directory(options["output"])
+    click.echo(f"1. One day in PyBullet ({demo.DEMO_WORLD}, seed {seed})")
+    if not _show_day(seed, config, folder / "day"):
+        return ExitCode.INTERRUPTED
+    titles = {
+        demo.SAMPLED_DAYS: "2. A campaign on sampled days",
+        demo.PLANTED: "3. An example with a planted fault",
+    }
+    results = []
+    for search, title in titles.items():
+        click.echo()
+        what = ", ".join((*search.settings, search.scenario, f"seed {seed}"))
+        click.echo(f"{title} ({what}, at most {search.trials} trials)")
+        with CampaignWatch(folder / search.name) as watch:
+            result = demo.run_search(
+                search, seed, config, folder, on_record=watch.on_record, on_told=watch.on_told
+            )
+        if result.ended == "interrupted":
+            return ExitCode.INTERRUPTED
+        print_campaign(result)
+        results.append(result)
+    page = demo.write_failure_report(results, folder)
+    found = "campaign" if results[0].progress.failed else "planted fault"
+    click.echo()
+    click.echo(f"Report of the {found}, with what failed and why:")
+    click.echo(str(page))
+    return ExitCode.DONE
+
+
+def _show_day(seed: int, config: StackConfig, directory: Path) -> bool:
+    """Run the day and print it; False after Ctrl-C."""
+    from mrta_falsify.verbs import demo
+    from mrta_falsify.verbs.run import summarise_run
+    from mrta_falsify.verbs.worlds import find_world
+
+    world = find_world(demo.DEMO_WORLD, seed=seed)
+    click.echo(f"{len(world.robots)} robots, {len(world.humans)} people, {len(world.tasks)} tasks")
+    output.say("loading compiled code; the first time it is compiled, which takes minutes")
+    click.echo(
+        f"compiled code loaded in {demo.load_compiled_code(world, config):.1f} s; not timed below"
+    )
+    with output.progress(world.name, world.horizon, "s simulated") as on_progress:
+        day = demo.run_day(world, config, directory, on_progress=on_progress)
+    print_run(summarise_run(day.outcome))
+    click.echo(f"picture  {day.files.picture}")
+    replay = ["mrta-falsify", "run", str(day.files.world), "--stack", str(day.files.stack)]
+    click.echo(f"replay   {shlex.join(replay)}")
+    return day.outcome.ended != "interrupted"

@@ -1,0 +1,120 @@
+"""The commands about this machine and what is installed: bench, plugins, doctor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import FiniteRange, Listing, format_option, stack_options
+
+MOST_ROBOTS = 200
+MOST_WIDE = 22  # columns of the names of figures
+
+
+def _fleet_size(text: str) -> int:
+    size = int(text)
+    if not 1 <= size <= MOST_ROBOTS:
+        raise ValueError(text)
+    return size
+
+
+@main.command("bench")
+@click.option(
+    "--robots",
+    type=Listing(_fleet_size, f"numbers from 1 to {MOST_ROBOTS}, as 2,4,6"),
+    default="2,4,6,12,24",
+    show_default=True,
+    metavar="N,N,...",
+    help="Fleet sizes to run.",
+)
+@click.option(
+    "--seconds",
+    type=FiniteRange(min=10.0),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Simulated time per fleet size.",
+)
+@stack_options
+@format_option
+def bench_command(
+    robots: tuple[int, ...],
+    seconds: float,
+    stack: Path | None,
+    settings: tuple[str, ...],
+    style: str,
+) -> int:
+    """Measure the speed of every layer on this machine, on one core."""
+    from mrta_falsify.core import codec
+    from mrta_falsify.verbs.bench.benchmark import bench, step_count
+
+    with output.progress("bench", step_count(robots), "steps") as on_progress:
+        speeds = bench(
+            robots=robots,
+            seconds=seconds,
+            stack=stack,
+            settings=settings,
+            on_progress=on_progress,
+        )
+    if style == "json":
+        output.print_json(speeds)
+    else:
+        _print_figures(codec.encode(speeds))
+    return ExitCode.DONE
+
+
+def _print_figures(data: dict[str, Any], indent: str = "") -> None:
+    """Print measured figures, one a line."""
+    for name, value in data.items():
+        if isinstance(value, dict):
+            click.echo(f"{indent}{name}")
+            _print_figures(value, indent + "  ")
+        else:
+            click.echo(f"{indent}{name:{MOST_WIDE}} {value}")
+
+
+@main.command("plugins")
+@format_option
+def plugins_command(style: str) -> int:
+    """List the components of every extension point, and the planted defects."""
+    from mrta_falsify.core.defects import DEFECTS
+    from mrta_falsify.verbs.plugins import plugins
+
+    found = plugins()
+    if style == "json":
+        output.print_json({**found.components, "defects": found.defects})
+        return ExitCode.DONE
+    table = output.new_table("extension point", "components")
+    for point, names in found.components.items():
+        table.add_row(point, ", ".join(names) or "(none)")
+    output.print_table(table)
+    click.echo()
+    click.echo("planted defects, switched on by --set defects=[name]:")
+    table = output.new_table("defect", "what it does", headings=False)
+    for name in found.defects:
+        table.add_row(name, f"{DEFECTS[name].layer}: {DEFECTS[name].what}")
+    output.print_table(table)
+    return ExitCode.DONE
+
+
+@main.command("doctor")
+@format_option
+def doctor_command(style: str) -> int:
+    """Check this machine: Python, libraries, compiled-code cache, determinism, extras."""
+    from mrta_falsify.verbs.doctor import doctor, is_healthy
+
+    checks = doctor()
+    if style == "json":
+        output.print_json({"ok": is_healthy(checks), "checks": checks})
+    else:
+        styles = {"ok": "green", "missing": "yellow", "failed": "red"}
+        table = output.new_table("state", "what", "detail", headings=False)
+        for check in checks:
+            table.add_row(check.state, check.name, check.detail, style=styles[check.state])
+        output.print_table(table)
+    return ExitCode.DONE if is_healthy(checks) else ExitCode.HARNESS

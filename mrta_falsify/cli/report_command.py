@@ -1,0 +1,39 @@
+"""The command ``report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import FILE, count_option, output_option
+
+
+@main.command("report")
+@click.argument("directory", type=FILE)
+@output_option("FILE.html", "Default: DIR/report.html.")
+@click.option("--junit", type=FILE, metavar="FILE.xml", help="Also as JUnit XML.")
+@click.option("--markdown", type=FILE, metavar="FILE.md", help="Also as Markdown.")
+@click.option(
+    "--against", type=FILE, metavar="DIR2", help="Compare with a campaign on another stack."
+)
+@count_option(
+    "--cases",
+    1,
+    1000,
+    default=20,
+    text="Failures to show in full at most, as far as the page has room.",
+)
+def report_command(directory: Path, **options: Any) -> int:
+    """Write the failure report of a campaign: one HTML file that opens from disk.
+
+    Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
+    """
+    from mrta_falsify.verbs.stored_failures import write_reports
+
+    for file in write_reports(directory, **options):
+        click.echo(str(file))
+    return ExitCode.DONE

@@ -1,0 +1,140 @@
+"""The commands that read stored trials or run them again: list, show, replay."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import FILE, count_option, format_option, trial_arguments
+from mrta_falsify.core import codec
+
+if TYPE_CHECKING:
+    from mrta_falsify.verbs.replay import Replay
+    from mrta_falsify.verbs.stored_trials import TrialRow
+
+
+@main.command("list")
+@click.argument("directory", type=FILE)
+@click.option("--failed", is_flag=True, help="Only trials that violate a specification.")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(("table", "json", "csv")),
+    default="table",
+    show_default=True,
+)
+def list_command(directory: Path, failed: bool, style: str) -> int:
+    """List the trials of a campaign."""
+    from mrta_falsify.verbs.stored_trials import TrialRow, list_trials
+
+    rows = list_trials(directory, failed)
+    if style == "json":
+        output.print_json(rows)
+    elif style == "csv":
+        writer = csv.DictWriter(sys.stdout, list(TrialRow.__dataclass_fields__))
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({**codec.encode(row), "violated": " ".join(row.violated)})
+    else:
+        _print_trials(rows)
+    return ExitCode.DONE
+
+
+def _print_trials(rows: tuple[TrialRow, ...]) -> None:
+    with_copies = any(row.jittered for row in rows)
+    columns = ["id", "status", "score", "signature", "layer", "simulated"]
+    columns += ["copies that fail"] if with_copies else []
+    table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
+    for row in rows:
+        cells = [
+            row.id,
+            row.status,
+            f"{row.score:+.3f}" if row.status == "ok" else "",
+            row.signature,
+            row.layer,
+            f"{row.sim_time_s:.1f} s",
+        ]
+        if with_copies:
+            cells.append(f"{row.jittered_failures} of {row.jittered}" if row.jittered else "")
+        table.add_row(*cells, style="red" if row.failed else None)
+    output.print_table(table)
+
+
+@main.command("show")
+@trial_arguments
+@format_option
+def show_command(directory: Path, id: str, style: str) -> int:
+    """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.verbs.stored_trials import open_campaign
+
+    campaign = open_campaign(directory)
+    record = campaign.record(id)
+    if style == "json":
+        output.print_json({"id": record.id, "failed": record.failed, **codec.encode(record)})
+        return ExitCode.DONE
+    out = output.stdout()
+    out.print(f"trial      {record.id}, {record.status}, engine {record.engine or 'none'}")
+    out.print(f"score      {record.score:+.4f}")
+    if record.signature:
+        out.print(f"failure    {record.signature}")
+    if record.jittered:
+        out.print(f"           {record.jittered}")
+    if record.error:
+        out.print(f"error      {record.error.strip().splitlines()[-1]}")
+    for verdict in record.verdicts:
+        state = "violated" if verdict.violated else "holds"
+        at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
+        who = f" by {', '.join(verdict.who)}" if verdict.who else ""
+        out.print(f"  {verdict.spec:24} {state}{at}{who}, robustness {verdict.robustness:+.3g}")
+    out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
+    out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
+    if record.trace_file:
+        out.print(f"files      {campaign.folder(record)}")
+    out.print(f"replay     mrta-falsify replay {shlex.quote(str(directory))} {record.id}")
+    return ExitCode.DONE
+
+
+@main.command("replay")
+@trial_arguments
+@count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
+@format_option
+def replay_command(directory: Path, id: str, verify: int, style: str) -> int:
+    """Run a stored trial again and compare digests. Exit code 1: they differ.
+
+    Where they do, says whether the verdicts still agree, and names the first tick that differs
+    from the stored trace. For a trial that another version recorded, verdicts count instead of
+    digests.
+    """
+    from mrta_falsify.verbs.replay import replay, summarise_replay
+
+    result = replay(directory, id, verify)
+    if style == "json":
+        output.print_json(summarise_replay(result))
+    else:
+        _print_replay(result)
+    return ExitCode.DONE if result.agrees else ExitCode.VIOLATED
+
+
+def _print_replay(result: Replay) -> None:
+    out = output.stdout()
+    record, runs = result.record, len(result.runs)
+    if not result.same_version:
+        out.print("recorded by another version: verdicts are compared, digests may differ")
+    out.print(f"{result.same_digest} of {runs} identical to trial {record.id} (trace digest)")
+    if record.signature:
+        out.print(f"failure    {record.signature}")
+    if result.identical:
+        return
+    out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
+    if result.difference is not None:
+        out.print(f"first differs {result.difference}")
+    if not result.same_machine:
+        out.print("the record comes from other versions or another kind of machine (see `show`)")

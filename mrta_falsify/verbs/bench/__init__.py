@@ -1,0 +1,1 @@
+"""How fast every layer is on this machine."""

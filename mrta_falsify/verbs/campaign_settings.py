@@ -1,0 +1,113 @@
+"""The settings of a new campaign, everything in them checked before a trial runs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrta_falsify.campaigns.rare_events import is_estimating
+from mrta_falsify.campaigns.settings import DEFAULTS, CampaignSettings, Mode, TrialSettings
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.feedback import cube_of
+from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.trial import Job, campaign_specifications, run_first_tick
+from mrta_falsify.verbs.folders import Place, located
+from mrta_falsify.verbs.programs import Params, check_params, parse_params
+from mrta_falsify.verbs.stacks import Stack, load_stack
+from mrta_falsify.worker import open_program
+
+if TYPE_CHECKING:
+    from scenic_worlds.program import Program
+
+
+def new_settings(
+    scenario: Place,
+    *,
+    output: Place,
+    stack: Stack | None = None,
+    settings: Sequence[str] = (),
+    specs: Sequence[str] = (),
+    params: Params = (),
+    sampler: Choice | str = DEFAULTS.sampler.name,
+    seed: int = DEFAULTS.trials.seed,
+    mode: Mode = DEFAULTS.trials.mode,
+    screen: bool = DEFAULTS.trials.screen,
+    jittered: int = DEFAULTS.trials.jittered,
+    window: int = DEFAULTS.window,
+    time_limit: float = DEFAULTS.time_limit,
+) -> CampaignSettings:
+    """Make the settings of a new campaign (see :mod:`mrta_falsify.campaigns.settings`).
+
+    Args:
+        scenario: shipped name or path of a Scenic program.
+        output: directory of the campaign.
+        stack: the stack under test, or its YAML file; the default stack if None.
+        settings: ``--set`` texts applied to the stack.
+        specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
+        params: Scenic's global parameters to override.
+        sampler: registered name, or a choice with options.
+        seed: of the campaign; candidate n gets its own from it.
+        mode: how scenes are accepted, ``repair`` or ``exact``.
+        screen: kinematic engine first, physics only for what fails there.
+        jittered: copies with small differences that are run of each failing world.
+        window: how far trials may run ahead of what the sampler knows.
+        time_limit: wall clock of one trial [s].
+
+    Raises:
+        InputError: anything of it is wrong.
+    """
+    trials = TrialSettings(
+        scenario=str(scenario),
+        params=parse_params(params),
+        stack=load_stack(stack, settings),
+        specifications=tuple(specs) or campaign_specifications(),
+        seed=seed,
+        mode=mode,
+        screen=screen,
+        jittered=jittered,
+        directory=str(Path(output).resolve()),
+    )
+    build_specifications(trials.specifications)
+    program = open_program(trials)
+    check_params(program, trials.scenario)
+    _check_first_scene(program, trials)
+    made = CampaignSettings(
+        trials=dataclasses.replace(trials, sources_digest=program.sources_digest),
+        sampler=Choice(sampler) if isinstance(sampler, str) else sampler,
+        cube=cube_of(program.space),
+        window=window,
+        time_limit=time_limit,
+    )
+    estimating = is_estimating(made)  # builds the sampler, and so checks its options
+    if estimating and jittered:
+        raise InputError(
+            f"jittered is {jittered}: a probability counts every failure, so sampler "
+            f"{made.sampler.name} takes no copies; it must be 0"
+        )
+    return made
+
+
+def _check_first_scene(program: Program, trials: TrialSettings) -> None:
+    """Refuse what would fail in every trial: values that no world can have, unknown signals.
+
+    A scene like that later in the campaign, where only some values are to blame, is a rejected
+    trial with the same words; so is a candidate without a valid scene.
+
+    Raises:
+        InputError: names the program, the field and the value, or the formula and the signal.
+    """
+    from scenic_worlds.program import RejectedScene  # noqa: PLC0415 - Scenic loads slowly
+
+    try:
+        with located(str(program.path)):
+            first = program.realise(program.candidate(trials.seed), trials.mode)
+    except RejectedScene:
+        return
+    formulas = tuple(name for name in trials.specifications if name.startswith("stl:"))
+    if formulas:  # which signals there are, only a frame can tell
+        run_first_tick(
+            Job(world=first.world, config=trials.stack, specifications=formulas, scene=first.scene)
+        )

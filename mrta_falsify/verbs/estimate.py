@@ -1,0 +1,68 @@
+"""What a campaign will cost, before it is begun."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.campaigns.store import trial_folder
+from mrta_falsify.core.candidate import uniform_point
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs.workers import count_cores
+from mrta_falsify.worker import TrialRunner, open_program
+
+BYTES_OF_RECORD = 4000  # of a line in the log, as measured, without its point
+BYTES_OF_DIMENSION = 30  # of one coordinate of the point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CostEstimate:
+    """The cost of a campaign, from a few trials run on the spot."""
+
+    budget: int  #: simulated candidates
+    trials: int  #: that were run here
+    dimensions: int
+    trial_s: float  #: computing time of one trial, scene included [s]
+    hours: float  #: wall clock of the whole budget
+    megabytes: float  #: on disc, if as many trials fail as did here
+    failed: int  #: of the trials run
+
+
+def estimate_cost(
+    settings: CampaignSettings, budget: int, *, workers: int | None = None, trials: int = 2
+) -> CostEstimate:
+    """Run the first trials of a campaign without storing them, and extrapolate.
+
+    Args:
+        settings: of the campaign.
+        budget: simulated candidates.
+        workers: processes it will have.
+        trials: to run here.
+
+    Raises:
+        InputError: no scene is accepted.
+    """
+    records: list[TrialRecord] = []
+    size = 0
+    with tempfile.TemporaryDirectory() as folder:
+        here = dataclasses.replace(settings.trials, directory=folder, sources_digest="")
+        runner = TrialRunner(here, open_program(here))
+        for number in range(trials):
+            u = uniform_point(here.seed, number, settings.cube.dimensions)
+            records.append(runner.run(number, u))
+            kept = trial_folder(Path(folder), number)
+            size += sum(path.stat().st_size for path in kept.glob("*")) if kept.is_dir() else 0
+    spent = sum(record.scene_s + record.wall_s for record in records) / trials
+    per_line = BYTES_OF_RECORD + BYTES_OF_DIMENSION * settings.cube.dimensions
+    return CostEstimate(
+        budget=budget,
+        trials=trials,
+        dimensions=settings.cube.dimensions,
+        trial_s=spent,
+        hours=spent * budget / count_cores(workers) / 3600.0,
+        megabytes=(size / trials + per_line) * budget / 1e6,
+        failed=sum(record.failed for record in records),
+    )

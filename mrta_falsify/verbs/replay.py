@@ -1,0 +1,142 @@
+"""Run a stored trial again, and compare it with its record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mrta_falsify.campaigns.finding_files import write_finding
+from mrta_falsify.campaigns.settings import FORMAT_VERSION
+from mrta_falsify.campaigns.store import Campaign, format_version
+from mrta_falsify.core.difference import Difference, first_difference
+from mrta_falsify.core.findings import ReplayCheck
+from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.trace import read_trace
+from mrta_falsify.trial import Judged
+from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.worker import rerun
+
+PACKAGE = "mrta-falsify"  # key of our own version in a record
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Replay:
+    """Runs of one stored trial, compared with its record."""
+
+    record: TrialRecord
+    runs: tuple[Judged, ...]
+    same_digest: int  #: runs with the recorded trace digest
+    same_verdicts: int  #: runs that violate the same specifications at the same times
+    same_version: bool  #: of the toolkit, and of the format of the campaign
+    same_machine: bool  #: versions and machine type are those of the record
+    difference: Difference | None  #: of the first other run from the kept trace, if it is kept
+
+    @property
+    def identical(self) -> bool:
+        """Whether every run is bit-equal to the record."""
+        return self.same_digest == len(self.runs)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the runs are what the record promises.
+
+        Another version of the toolkit promises its verdicts, not its digests.
+        """
+        agreeing = self.same_digest if self.same_version else self.same_verdicts
+        return agreeing == len(self.runs)
+
+
+def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
+    """Run a stored trial again, and keep what that shows beside it, for the report.
+
+    Args:
+        directory: of the campaign.
+        id: of the trial.
+        verify: how often to run it.
+
+    Raises:
+        InputError: the trial has no world, or the campaign's files have changed.
+    """
+    campaign = open_campaign(directory)
+    result = replay_trial(campaign, campaign.record(str(id)), times=verify)
+    store_replay(campaign, result)
+    return result
+
+
+def replay_trial(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay:
+    """Run a stored trial again ``times`` times.
+
+    Raises:
+        InputError: the trial has no world, or the campaign's files have changed.
+    """
+    world = stored_world(campaign, record)
+    runs = tuple(rerun(campaign.settings.trials, record, world) for _ in range(times))
+    others = [r.outcome.trace for r in runs if r.outcome.trace.digest != record.trace_digest]
+    stored = campaign.folder(record) / "trace.zip"
+    difference = None
+    if others and stored.is_file():
+        difference = first_difference(read_trace(stored), others[0])
+    wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
+    violations = [{v.spec: v.violated_at for v in r.verdicts if v.violated} for r in runs]
+    return Replay(
+        record=record,
+        runs=runs,
+        same_digest=sum(r.outcome.trace.digest == record.trace_digest for r in runs),
+        same_verdicts=sum(found == wanted for found in violations),
+        same_version=_is_same_version(campaign, record),
+        same_machine=record.versions == versions(),
+        difference=difference,
+    )
+
+
+def _is_same_version(campaign: Campaign, record: TrialRecord) -> bool:
+    recorded_by = record.versions.get(PACKAGE, versions()[PACKAGE])
+    is_same_format = format_version(campaign.directory) == FORMAT_VERSION
+    return is_same_format and recorded_by == versions()[PACKAGE]
+
+
+def store_replay(campaign: Campaign, result: Replay) -> ReplayCheck:
+    """Keep what replays have shown beside the trial, for the report."""
+    check = ReplayCheck(
+        runs=len(result.runs),
+        identical=result.same_digest,
+        same_verdicts=result.same_verdicts,
+        same_machine=result.same_machine,
+        first_difference=result.difference,
+    )
+    write_finding(make_directory(campaign.folder(result.record)), check)
+    return check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplaySummary:
+    """What ``replay --format json`` prints."""
+
+    id: str
+    runs: int
+    identical: int
+    same_verdicts: int
+    same_version: bool
+    same_machine: bool
+    first_difference: Difference | None
+    trace_digest: str
+    trace_digests: tuple[str, ...]
+    failed: tuple[bool, ...]
+    signature: str
+
+
+def summarise_replay(result: Replay) -> ReplaySummary:
+    """Sum replays up."""
+    return ReplaySummary(
+        id=result.record.id,
+        runs=len(result.runs),
+        identical=result.same_digest,
+        same_verdicts=result.same_verdicts,
+        same_version=result.same_version,
+        same_machine=result.same_machine,
+        first_difference=result.difference,
+        trace_digest=result.record.trace_digest,
+        trace_digests=tuple(run.outcome.trace.digest for run in result.runs),
+        failed=tuple(run.failed for run in result.runs),
+        signature=result.record.signature,
+    )

@@ -1,0 +1,60 @@
+"""The stack under test, from files and settings, and the map it sees."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting, read_config
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.world import World
+from mrta_falsify.verbs.folders import Place
+
+Stack = StackConfig | Place  #: a stack, or the YAML file that holds it
+
+
+def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> StackConfig:
+    """Read a stack (the default one if None) and apply ``--set`` texts to it.
+
+    Every layer's name and options are checked here, so that a mistake is reported with
+    the file or option it stands in.
+
+    Args:
+        stack: a configuration, or a YAML file.
+        settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
+
+    Raises:
+        InputError: unknown layer, implementation or option, or a value not allowed.
+    """
+    if isinstance(stack, StackConfig):
+        config = stack
+    elif stack is None:
+        config = StackConfig()
+    else:
+        config = read_config(Path(stack))
+        check_stack(config, where=str(stack))
+    for setting in settings:
+        config = apply_setting(config, setting)
+        check_stack(config, where=f"--set {setting}")
+    return config
+
+
+def check_stack(config: StackConfig, *, where: str) -> None:
+    """Refuse unknown implementations and options.
+
+    Raises:
+        InputError: the first one found, prefixed with ``where``.
+    """
+    for layer in LAYERS:
+        choice = getattr(config, layer)
+        component = registry.load(layer, choice.name, where=f"{where}: {layer}")
+        codec.decode(component.Options, choice.options, where=f"{where}: {layer}")
+
+
+def costmap_of(world: World, config: StackConfig | None = None) -> Costmap:
+    """Build the costmap of ``world`` at time 0 as the stack sees it, planted defects included."""
+    config = config or StackConfig()
+    source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
+    built: Costmap = source.costmap(0.0)
+    return built

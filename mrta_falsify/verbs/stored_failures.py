@@ -1,0 +1,191 @@
+"""What can be asked about stored failures, by the directory of their campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mrta_falsify.core.findings import Explanation, Family, Minimisation, Recheck
+from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
+from mrta_falsify.verbs.explain import explain
+from mrta_falsify.verbs.family import find_family
+from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.minimize import minimize
+from mrta_falsify.verbs.report import junit_report, markdown_report, write_report
+from mrta_falsify.verbs.stacks import Stack, load_stack
+from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.workers import count_cores
+
+
+def explain_trial(
+    directory: Place,
+    id: str | int,
+    max_runs: int = 40,
+    *,
+    on_done: Callable[[int, int], None] = lambda done, total: None,
+) -> Explanation:
+    """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
+
+    The answer is kept beside the trial, for the report.
+
+    Args:
+        directory: of the campaign.
+        id: of the trial.
+        max_runs: re-runs at most.
+        on_done: called after each re-run with how many are done, and how many there will be.
+
+    Raises:
+        InputError: no such trial, or it did not fail.
+    """
+    campaign = open_campaign(directory)
+    return explain(campaign, campaign.record(str(id)), max_runs=max_runs, on_done=on_done)
+
+
+def minimize_trial(
+    directory: Place,
+    id: str | int,
+    max_runs: int = 100,
+    *,
+    workers: int | None = None,
+    on_run: Callable[[int, str], None] = lambda runs, text: None,
+) -> Minimisation:
+    """Find the smallest world that fails in the same way, and write it beside the trial.
+
+    Args:
+        directory: of the campaign.
+        id: of the trial.
+        max_runs: simulations at most; a second call with more goes on.
+        workers: processes; one per core if None.
+        on_run: called after each simulation with their number and a line about it.
+
+    Raises:
+        InputError: no such trial, or it did not fail.
+    """
+    campaign = open_campaign(directory)
+    record = campaign.record(str(id))
+    return minimize(
+        campaign, record, max_runs=max_runs, workers=count_cores(workers), on_run=on_run
+    )
+
+
+def family_of_trial(
+    directory: Place,
+    id: str | int,
+    max_runs: int = 300,
+    *,
+    fresh: int = 100,
+    output: Place | None = None,
+    on_run: Callable[[float], None] = lambda done: None,
+) -> Family:
+    """Find the rule behind a failure, and write it as a Scenic program.
+
+    Args:
+        directory: of the campaign.
+        id: of the trial.
+        max_runs: simulations at most, those of earlier calls included.
+        fresh: samples on which the rule is tested; at most half of ``max_runs``.
+        output: the program (``.scenic``); ``family.scenic`` beside the trial if None.
+        on_run: called with the number of simulations done.
+
+    Raises:
+        InputError: no such trial, or it did not fail.
+    """
+    campaign = open_campaign(directory)
+    return find_family(
+        campaign,
+        campaign.record(str(id)),
+        max_runs=max_runs,
+        fresh=fresh,
+        path=Path(output) if output is not None else None,
+        on_run=on_run,
+    )
+
+
+def recheck_corpus(
+    directory: Place,
+    *,
+    stack: Stack | None = None,
+    settings: Sequence[str] = (),
+    jittered: int = 2,
+    workers: int | None = None,
+    time_limit: float | None = None,
+    on_done: Callable[[Recheck], None] = lambda row: None,
+) -> tuple[Recheck, ...]:
+    """Run all stored failures of a campaign on a changed stack.
+
+    Each is fixed, still failing, flaky (only copies with small differences fail) or a timeout.
+    The recorded engine is kept unless the stack file or a setting names one.
+
+    Args:
+        directory: of the campaign.
+        stack: the changed stack, or its YAML file; the campaign's own if None.
+        settings: ``--set`` texts applied to the stack.
+        jittered: copies with small differences that are run of each failure.
+        workers: processes; one per core if None.
+        time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        on_done: called with each row.
+
+    Raises:
+        InputError: not a campaign, or an unknown layer.
+    """
+    campaign = open_campaign(directory)
+    config = load_stack(stack, settings) if stack is not None or settings else None
+    if config is not None and keeps_engine(stack, settings):
+        config = on_recorded_engine(campaign, config)
+    return recheck(
+        campaign,
+        config=config,
+        jittered=jittered,
+        workers=count_cores(workers),
+        time_limit=time_limit,
+        on_done=on_done,
+    )
+
+
+def keeps_engine(stack: Stack | None, settings: Sequence[str] = ()) -> bool:
+    """Say whether a changed stack leaves the engine to the campaign that it is run on.
+
+    A stack given as a value names an engine; a file or ``--set`` text may.
+    """
+    path = Path(stack) if isinstance(stack, str | Path) else None
+    is_value = stack is not None and path is None
+    return not is_value and not names_engine(path, settings)
+
+
+def write_reports(
+    directory: Place,
+    output: Place | None = None,
+    *,
+    junit: Place | None = None,
+    markdown: Place | None = None,
+    against: Place | None = None,
+    cases: int = 20,
+) -> tuple[Path, ...]:
+    """Write the failure report of a campaign: one HTML file that opens from disk.
+
+    Args:
+        directory: of the campaign.
+        output: the page; ``report.html`` in the directory if None.
+        junit: also as JUnit XML.
+        markdown: also as Markdown.
+        against: directory of a campaign on another stack to compare with.
+        cases: failures to show in full at most.
+
+    Returns:
+        The files written, the page first.
+
+    Raises:
+        InputError: not a campaign, or a place that cannot be written.
+    """
+    campaign = open_campaign(directory)
+    other = open_campaign(against) if against is not None else None
+    page = Path(output) if output is not None else Path(directory) / "report.html"
+    places = [Path(place) for place in (page, junit, markdown) if place is not None]
+    for place in places:
+        make_directory(place.parent)
+    write_report(campaign, page, against=other, cases=cases)
+    if junit is not None:
+        Path(junit).write_text(junit_report(campaign), encoding="utf-8")
+    if markdown is not None:
+        Path(markdown).write_text(markdown_report(campaign, against=other), encoding="utf-8")
+    return tuple(places)

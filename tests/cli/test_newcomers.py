@@ -1,0 +1,237 @@
+"""What somebody meets who uses the command line for the first time, or an old campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import mrta_falsify as mf
+from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.store import FORMAT_VERSION, Store, read_campaign_settings
+from mrta_falsify.cli import campaign_output, compare_command, output
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.verbs import doctor
+from mrta_falsify.verbs.campaign import run_store
+from mrta_falsify.verbs.replay import replay
+from tests.campaigns import standin
+
+RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
+FIXED = """
+model scenic_worlds.model
+new Robot with start_room 0
+param tasks = [(0, 0, 1, 200)]
+param horizon = 2
+"""
+
+
+# --- a resumed campaign keeps its budget ------------------------------------------------------
+
+
+def begun(directory: Path, *, ran: int, budget: int = 0) -> Path:
+    settings = dataclasses.replace(standin.settings(), budget=budget)
+    with Store.create(directory, settings) as store:
+        run_store(store, Limits(budget=ran), Choice("serial"))
+    return directory
+
+
+def resumed(cli, directory: Path, *args: str):
+    result = cli(
+        "campaign", "--resume", str(directory), "--executor", "serial", "--format", "json", *args
+    )
+    assert result.exit_code in (0, 1), result.stderr
+    return json.loads(result.stdout)["ran"], result.stderr
+
+
+def test_a_resumed_campaign_keeps_its_own_budget(cli, tmp_path):
+    ran, said = resumed(cli, begun(tmp_path / "c", ran=3, budget=5))
+    assert ran == 5
+    assert "budget 5, as the campaign began" in said
+
+
+def test_the_budget_that_was_asked_for_last_is_kept(cli, tmp_path):
+    directory = begun(tmp_path / "c", ran=3, budget=5)
+    assert resumed(cli, directory, "--budget", "7")[0] == 7
+    assert read_campaign_settings(directory).budget == 7
+    assert read_campaign_settings(directory).version == FORMAT_VERSION
+    assert resumed(cli, directory)[0] == 7
+
+
+def test_a_campaign_that_recorded_no_budget_keeps_what_it_ran_and_says_so(cli, tmp_path):
+    ran, said = resumed(cli, begun(tmp_path / "c", ran=3))
+    assert ran == 3
+    assert "recorded no budget (an older version wrote it); the 3 trials it has run" in said
+    assert "--budget" in said
+
+
+def test_a_new_campaign_records_its_budget(cli, tmp_path):
+    (tmp_path / "fixed.scenic").write_text(FIXED)
+    result = cli(
+        "campaign", "fixed.scenic", "-o", "c", "--budget", "2", "--executor", "serial",
+        "--set", "engine=kinematic",
+    )  # fmt: skip
+    assert result.exit_code in (0, 1), result.stderr
+    assert read_campaign_settings(tmp_path / "c").budget == 2
+    assert "fixed.scenic: the program has no search dimension" in result.stderr
+
+
+def test_directories_are_text_or_paths():
+    assert mf.open_campaign(str(RECORDED / "beds")).records
+    assert len(mf.list(str(RECORDED / "beds"))) == 8
+    assert mf.show(RECORDED / "beds", 3).id == mf.show(str(RECORDED / "beds"), "0003").id
+
+
+# --- another version --------------------------------------------------------------------------
+
+
+def test_a_replay_of_another_versions_trial_compares_verdicts(cli, tmp_path, monkeypatch):
+    shutil.copytree(RECORDED / "stalls", tmp_path / "stalls")
+    record = mf.show(tmp_path / "stalls", 4)
+    result = cli("replay", "stalls", "4")
+    assert result.exit_code == 0, result.stderr
+    assert "recorded by another version" in result.stdout
+    # On a version whose digests differ, verdicts decide.
+    from mrta_falsify.verbs import replay as replaying
+
+    def elsewhere(*args):
+        verdicts = record.verdicts if len(seen) == 0 else ()
+        seen.append(1)
+        trace = dataclasses.replace(mf.read_trace(stored), digest="0" * 64)
+        outcome = type("Outcome", (), {"trace": trace})()
+        return type("Judged", (), {"outcome": outcome, "verdicts": verdicts, "failed": True})()
+
+    seen: list[int] = []
+    stored = next((tmp_path / "stalls").glob("trials/*/trace.zip"))
+    monkeypatch.setattr(replaying, "rerun", elsewhere)
+    same = replay(tmp_path / "stalls", 4)
+    assert (same.identical, same.agrees) == (False, True)
+    assert not replay(tmp_path / "stalls", 4).agrees
+
+
+# --- components and formulas of one's own -------------------------------------------------------
+
+
+@pytest.fixture
+def own_module(tmp_path, monkeypatch):
+    """A module of the user's own in the current directory, which is not on Python's path."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [place for place in sys.path if place not in ("", ".")])
+    (tmp_path / "own_lab.py").write_text(
+        "from dataclasses import dataclass\n"
+        "class Allocator:\n"
+        "    @dataclass(frozen=True)\n"
+        "    class Options:\n"
+        "        pass\n"
+    )
+    yield tmp_path
+    sys.modules.pop("own_lab", None)
+
+
+def test_a_component_is_found_in_the_current_directory(own_module):
+    stack = mf.load_stack(settings=["allocator=own_lab:Allocator"])
+    assert registry.load("allocator", stack.allocator.name).__module__ == "own_lab"
+
+
+def test_a_module_that_is_missing_is_refused_with_the_places_searched(own_module):
+    with pytest.raises(ConfigError, match=r"No module named 'own_lib'.*current|looked on Python's"):
+        mf.load_stack(settings=["allocator=own_lib:Allocator"])
+    with pytest.raises(ConfigError, match=str(own_module)):
+        mf.load_stack(settings=["allocator=own_lib:Allocator"])
+
+
+def test_a_misspelt_signal_is_refused_before_a_trial_runs(cli, tmp_path):
+    (tmp_path / "fixed.scenic").write_text(FIXED)
+    formula = "stl:always (d_humann > 0.1)"
+    for command in (("campaign", "fixed.scenic", "-o", "c"), ("run", "fixed.scenic")):
+        result = cli(*command, "--set", "engine=kinematic", "--spec", formula)
+        assert result.exit_code == 2, result.output
+        assert "unknown signal 'd_humann'; did you mean 'd_human'?" in result.stderr
+    assert not (tmp_path / "c").exists()
+
+
+# --- a plain installation -----------------------------------------------------------------------
+
+
+def test_doctor_finds_a_machine_without_extras_in_order(monkeypatch):
+    for module in doctor.OPTIONAL:
+        monkeypatch.setitem(sys.modules, module, None)
+    for module in ("samplers.map_elites", "mrta_falsify.campaigns.dask_executor"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    checks = (
+        doctor._check_plugins(),
+        *(doctor._check_extra(extra, modules) for extra, modules in doctor.EXTRAS.items()),
+    )
+    assert doctor.is_healthy(checks)
+    assert "sampler map_elites" in checks[0].detail
+    assert {check.state for check in checks[1:]} == {"missing"}
+    assert any("pip install 'mrta-falsify[qd]'" in check.detail for check in checks)
+
+
+# --- what is printed ----------------------------------------------------------------------------
+
+
+def test_tables_fit_80_columns(cli, monkeypatch, tmp_path):
+    monkeypatch.setenv("COLUMNS", "80")
+    for args in (("list", str(RECORDED / "beds")), ("plugins",)):
+        lines = cli(*args).stdout.splitlines()
+        assert max(map(len, lines)) <= 80, args
+        assert len(lines) > 8
+
+
+def test_the_table_of_a_comparison_fits_80_columns(capsys, monkeypatch):
+    from mrta_falsify.campaigns.survival import SearchCost
+    from mrta_falsify.verbs.search_outcomes import SearchOutcome, sampler_rows
+
+    monkeypatch.setenv("COLUMNS", "80")
+    one = [
+        SearchOutcome(
+            simulations=SearchCost(spent=90.0 + i, found=i % 3 == 0),
+            seconds=SearchCost(spent=12345.6, found=i % 3 == 0),
+            trials=100,
+            modes=frozenset(),
+        )
+        for i in range(12)
+    ]
+    compare_command._print_samplers(sampler_rows({"local_search": one, "cross_entropy": one}, 100))
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.startswith("local_search") and "4 of 12" in line for line in lines)
+
+
+def test_a_pipe_gets_a_line_of_progress_now_and_then_with_the_time_left(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    progress = output.PipedProgress("family 0004", 100, "runs")
+    for second in range(61):
+        now[0] = float(second)
+        progress.show(second)
+    assert capsys.readouterr().err.splitlines() == [
+        "family 0004: 10/100 runs, about 90 s left".replace("90 s", "2 min"),
+        "family 0004: 40/100 runs, about 60 s left",
+    ]
+
+
+def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tmp_path):
+    from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.core.candidate import Candidate
+    from mrta_falsify.core.record import TrialRecord
+
+    now = [0.0]
+    monkeypatch.setattr(campaign_output.time, "monotonic", lambda: now[0])
+    counts = Progress(Limits(budget=40))
+    with campaign_output.CampaignWatch(tmp_path) as watch:
+        for number in range(8):
+            now[0] += 5.0
+            record = TrialRecord(candidate=Candidate(number=number, u=[]), status="ok")
+            counts.take(record)
+            watch.on_told(record, counts)
+    (first, second) = capsys.readouterr().err.splitlines()
+    assert first.startswith("4/40 trials, 0 failed")
+    assert first.endswith("about 3 min left")
+    assert second.endswith("about 3 min left")
