@@ -43,7 +43,7 @@ from mrta_falsify.verbs.explain import (
     stored_explanation,
 )
 from mrta_falsify.verbs.minimize.minimising import minimise
-from reports.sentences import edge_sentence, sentence
+from reports.sentences import edge_sentence, violation_sentence
 from tools.gallery_pictures import Seen, write_picture
 
 FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
@@ -261,7 +261,11 @@ def what_happened(seen: Seen) -> list[str]:
     """Sentences about a failing run."""
     verdict = seen.verdict
     waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
-    return [sentence(verdict), *waits, *stories(tasks_of(verdict), seen.world, seen.trace)]
+    return [
+        violation_sentence(verdict),
+        *waits,
+        *stories(tasks_of(verdict), seen.world, seen.trace),
+    ]
 
 
 def _counts(found: Told) -> str:

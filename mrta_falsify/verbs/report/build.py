@@ -19,10 +19,11 @@ from mrta_falsify.core.world import World, read_world
 from mrta_falsify.verbs.campaign import modes, probability_of, screening_agreement
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import commands_of, readable_cases
-from reports import text_forms
-from reports.campaign_page import write_report
-from reports.contents import Case, ErrorKind, Mode, Report, Trials
-from reports.sentences import sentence
+from reports.contents import CaseContents, ErrorKind, Mode, ReportContents, TrialScores
+from reports.junit import Complaint, TrialResult, render_junit
+from reports.markdown import render_markdown
+from reports.page import write_page
+from reports.sentences import violation_sentence
 
 MOST_CASES = 20  # shown in full unless asked otherwise
 CASE_BYTES = 225_000  # of the page for each that is asked for
@@ -46,13 +47,13 @@ def write(
         FormatError: it cannot be written.
     """
     report = report_of(campaign, against=against, cases=cases)
-    write_report(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
+    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
     return path
 
 
 def report_of(
     campaign: Campaign, *, against: Campaign | None = None, cases: int = MOST_CASES
-) -> Report:
+) -> ReportContents:
     """What the page says, from what is stored."""
     settings = campaign.settings
     judged = [record for record in campaign.records if record.status == "ok"]
@@ -61,7 +62,7 @@ def report_of(
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
     found = _modes(campaign, failed, shown)
-    return Report(
+    return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
         headline=headline(campaign, len(failed), len(judged), len(found)),
         facts=_facts(campaign, judged, failed),
@@ -89,10 +90,10 @@ def headline(campaign: Campaign, failed: int, judged: int, count: int) -> str:
 
 
 def _modes(
-    campaign: Campaign, failed: Sequence[TrialRecord], shown: Sequence[Case]
+    campaign: Campaign, failed: Sequence[TrialRecord], shown: Sequence[CaseContents]
 ) -> tuple[Mode, ...]:
     by_id = {record.id: record for record in failed}
-    cases: dict[str, list[Case]] = {}
+    cases: dict[str, list[CaseContents]] = {}
     for case in shown:
         cases.setdefault(case.signature, []).append(case)
     found = []
@@ -105,7 +106,7 @@ def _modes(
                 signature=mode["signature"],
                 ids=tuple(mode["ids"]),
                 cases=tuple(cases.get(mode["signature"], ())),
-                happened=sentence(verdict) if verdict is not None else "",
+                happened=violation_sentence(verdict) if verdict is not None else "",
                 layers=tuple(sorted(layers, key=lambda name: (-layers[name], name))),
             )
         )
@@ -196,13 +197,13 @@ def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | Non
     return None
 
 
-def _trials(judged: Sequence[TrialRecord], floor: World | None) -> Trials:
+def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
     places = np.array(
         [[r.descriptors.get("x", 0.5), r.descriptors.get("y", 0.5)] for r in judged]
     ).reshape(-1, 2)
     if floor is not None:
         places = floor.bounds[:2] + places * (floor.bounds[2:] - floor.bounds[:2])
-    return Trials(
+    return TrialScores(
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
         failed=tuple(record.failed for record in judged),
@@ -215,28 +216,24 @@ def _trials(judged: Sequence[TrialRecord], floor: World | None) -> Trials:
 
 def markdown(campaign: Campaign, *, against: Campaign | None = None) -> str:
     """The report as Markdown: modes, one case each, commands."""
-    return text_forms.markdown(report_of(campaign, against=against))
+    return render_markdown(report_of(campaign, against=against))
 
 
 def junit(campaign: Campaign) -> str:
     """The trials as JUnit XML: a failure is a violation, an error one of the toolkit."""
     judged = [record for record in campaign.records if record.status != "rejected"]
     name = Path(campaign.settings.trials.scenario).stem
-    return text_forms.junit(name, [_test_result(campaign, record) for record in judged])
+    return render_junit(name, [_test_result(campaign, record) for record in judged])
 
 
-def _test_result(campaign: Campaign, record: TrialRecord) -> text_forms.TestResult:
+def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
     failure = error = None
     verdict = leading(record.verdicts)
     if verdict is not None:
         commands = "\n".join(command for _, command in commands_of(campaign, record))
-        failure = text_forms.Complaint(
-            kind=record.signature, message=sentence(verdict), text=commands
+        failure = Complaint(
+            kind=record.signature, message=violation_sentence(verdict), text=commands
         )
     elif record.status in ("crashed", "timeout"):
-        error = text_forms.Complaint(
-            kind=record.status, message=_last_line(record), text=record.error
-        )
-    return text_forms.TestResult(
-        name=f"trial {record.id}", time=record.wall_s, failure=failure, error=error
-    )
+        error = Complaint(kind=record.status, message=_last_line(record), text=record.error)
+    return TrialResult(name=f"trial {record.id}", time=record.wall_s, failure=failure, error=error)

@@ -22,7 +22,7 @@ from mrta_falsify.verbs.campaign import modes
 from mrta_falsify.verbs.explain import Removal, removal_text
 from mrta_falsify.verbs.run import costmap_of
 from mrta_falsify.worker import stack_of
-from reports.contents import Case, Counterfactual, FailureFamily
+from reports.contents import CaseContents, Counterfactual, FailureFamily
 from reports.sentences import listed
 
 if TYPE_CHECKING:
@@ -32,14 +32,14 @@ MOST_LOST = 20  # failures with missing files after which nobody looks further
 LOST_TOLD = 5  # of which each gets a sentence
 
 
-def readable_cases(campaign: Campaign, most: int) -> tuple[list[Case], list[str]]:
+def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], list[str]]:
     """Cases to show, and sentences about failures whose files are missing or damaged.
 
     Args:
         campaign: whose failures.
         most: cases to show.
     """
-    cases: list[Case] = []
+    cases: list[CaseContents] = []
     lost: list[str] = []
     for record in in_turn(campaign):
         if len(cases) >= most or len(lost) >= MOST_LOST:
@@ -75,7 +75,7 @@ def in_turn(campaign: Campaign) -> Iterator[TrialRecord]:
                 yield queue[turn]
 
 
-def case_of(campaign: Campaign, record: TrialRecord) -> Case:
+def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     """A stored failure as the report shows it.
 
     Raises:
@@ -87,7 +87,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
     explained = _stored(folder / "explain.json")
     verdicts = in_order(record.verdicts)
     layer = explained.get("layer", "") or record.layer
-    return Case(
+    return CaseContents(
         id=record.id,
         signature=record.signature,
         world=(world := read_world(folder / "world.json")),
@@ -205,7 +205,7 @@ def _minimised(campaign: Campaign, record: TrialRecord, config: StackConfig) -> 
         return {}
     world = read_world(folder / "world.min.json")
     verdicts = codec.decode(_Verdicts, {"verdicts": found["verdicts"]}, where="minimize.json")
-    case = Case(
+    case = CaseContents(
         id=f"{record.id}, minimised",
         signature=found["signature"],
         world=world,

@@ -10,16 +10,23 @@ import pytest
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Furniture
-from reports.campaign_page import render
-from reports.contents import Case, Counterfactual, ErrorKind, Mode, Report, Trials
-from reports.sentences import edge_sentence, sentence
+from reports.contents import (
+    CaseContents,
+    Counterfactual,
+    ErrorKind,
+    Mode,
+    ReportContents,
+    TrialScores,
+)
+from reports.page import render_page
+from reports.sentences import edge_sentence, violation_sentence
 from tests import browser
 
 
 @pytest.fixture(scope="module")
 def report(stalled):
     world, judged = stalled
-    case = Case(
+    case = CaseContents(
         id="0007",
         signature="no_deadlock/1:stalled/ward_0",
         world=world,
@@ -33,12 +40,12 @@ def report(stalled):
         counterfactuals=(Counterfactual(change="planner: ompl", failure_gone=False),),
         removals=("without robot1 from 12.0 s on, robot2 goes on",),
     )
-    return Report(
+    return ReportContents(
         title="a <b>bold</b> title",
         headline="1 of 40 trials violates a specification, in one mode",
         facts=(("trials", "40"),),
         modes=(Mode(signature=case.signature, ids=("0007", "0012"), cases=(case,)),),
-        trials=Trials(
+        trials=TrialScores(
             numbers=tuple(range(40)),
             scores=tuple(0.5 - 0.02 * i for i in range(40)),
             failed=tuple(i > 25 for i in range(40)),
@@ -71,7 +78,7 @@ class _Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def page(report):
     reader = _Reader()
-    reader.feed(render(report))
+    reader.feed(render_page(report))
     return reader
 
 
@@ -107,7 +114,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
 def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
     empty = dataclasses.replace(report, modes=(), headline="None of 40 trials ...")
     reader = _Reader()
-    reader.feed(render(empty))
+    reader.feed(render_page(empty))
     assert "No violation was found. That is not a proof" in "".join(reader.text)
     assert "script" not in [tag for tag, _ in reader.tags]
 
@@ -130,7 +137,7 @@ def test_a_verdict_is_told_with_time_and_names():
         spec="no_robot_robot_contact", robustness=-0.01, violated=True, violated_at=12.34,
         who=("robot1", "robot3"),
     )  # fmt: skip
-    assert sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
+    assert violation_sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +145,7 @@ def open_page(report, tmp_path_factory):
     if browser.find() is None:
         pytest.skip("no Chromium on this machine")
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(render(report), encoding="utf-8")
+    path.write_text(render_page(report), encoding="utf-8")
     with browser.browser() as running:
         yield running, path
 
@@ -271,7 +278,7 @@ def test_the_replay_moves_pushed_furniture(report, tmp_path):
     )
     path = tmp_path / "pushed.html"
     modes = (dataclasses.replace(mode, cases=(pushed,)),)
-    path.write_text(render(dataclasses.replace(report, modes=modes)), encoding="utf-8")
+    path.write_text(render_page(dataclasses.replace(report, modes=modes)), encoding="utf-8")
     with browser.browser() as running:
         running.open(path)
         running.value("document.querySelector('.replay').scrollIntoView()")
