@@ -19,8 +19,9 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
 from reports.colours import INK, PAINTS, UNSAFE, robot_colour
 from reports.floor_plot import draw_floor
-from reports.floor_scene import Extent, Role, Shape, extent_of, moving_scene, outline_of
+from reports.floor_scene import Extent, Role, Shape, extent_of
 from reports.furnishing import fixed_outlines
+from reports.moving_scene import moving_scene, outline_of
 from reports.run_view import RunView
 
 HEIGHT = 900  # pixels of the taller side

@@ -18,6 +18,7 @@ from reports import floor_drawings, packing, time_charts
 from reports.colours import costmap_colours
 from reports.contents import CaseContents
 from reports.floor_scene import costmap_extent
+from reports.timelines import draw_timelines
 from reports.wait_graph_drawing import draw_wait_graph
 
 COSTMAP_STEP = 21  # cost values that share a colour
@@ -111,7 +112,7 @@ def _draw_run(case: CaseContents) -> DrawnRun:
         if times.found is not None
         else None,
         graph=draw_wait_graph(edges, world) if edges else None,
-        timelines=time_charts.draw_timelines(trace, times.marks),
+        timelines=draw_timelines(trace, times.marks),
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
     )

@@ -13,9 +13,11 @@ from matplotlib.patches import Patch
 
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.world import Blockage, CommsOutage, World
+from reports.body_plot import paint_bodies
 from reports.colours import SOFT, robot_colour
-from reports.floor_plot import draw_floor, draw_label, paint_bodies
-from reports.floor_scene import Extent, Role, extent_of, starting_scene
+from reports.floor_plot import draw_floor, draw_label
+from reports.floor_scene import Extent, Role, extent_of
+from reports.moving_scene import starting_scene
 from reports.paper import MARGIN, Paper
 from reports.run_panel import area_entry, person_entry
 from reports.run_picture import MAP_HEIGHT, MAP_WIDTH

@@ -12,17 +12,8 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
 from reports.contents import TrialScores
-from reports.floor_scene import (
-    Extent,
-    Role,
-    Shape,
-    extent_of,
-    floor_at,
-    floor_scene,
-    moving_scene,
-    path_scene,
-    shapes_at,
-)
+from reports.floor_scene import Extent, Role, Shape, extent_of, floor_at, floor_scene, shapes_at
+from reports.moving_scene import moving_scene, path_scene
 from reports.svg import Drawing, FloorProjection
 
 CLOSE_UP = 4.0  # m around the robots concerned that a close-up shows

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Phase, StackEvent
 from mrta_falsify.core.trace import Trace
+from reports.body_plot import BodyStyle, paint_robot
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
-from reports.floor_plot import BodyStyle, draw_label, paint_robot, write_text
+from reports.floor_plot import draw_label, write_text
 from reports.floor_scene import Role, Shape
 from reports.run_view import RunView, kept_column
 

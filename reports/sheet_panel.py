@@ -13,23 +13,11 @@ from matplotlib.path import Path as MplPath
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import Blockage, Furniture, World
+from reports.body_plot import BodyStyle, paint_bodies
 from reports.colours import PAINTS
-from reports.floor_plot import (
-    AreaStyle,
-    BodyStyle,
-    draw_label,
-    paint_areas,
-    paint_bodies,
-    set_extent,
-)
-from reports.floor_scene import (
-    Extent,
-    Role,
-    Shape,
-    extent_of,
-    floor_scene,
-    starting_scene,
-)
+from reports.floor_plot import AreaStyle, draw_label, paint_areas, set_extent
+from reports.floor_scene import Extent, Role, Shape, extent_of, floor_scene
+from reports.moving_scene import starting_scene
 
 SURROUNDINGS = 2.5  # m, shown around what a run is about
 SOLID = "#d5d9e2"  # inside of walls: those that fill a space stay light

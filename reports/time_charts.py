@@ -1,4 +1,4 @@
-"""Charts over time: what robots did, their signals, and the scores of a campaign's trials."""
+"""Charts with axes: signals of robots over time, and the scores of a campaign's trials."""
 
 from __future__ import annotations
 
@@ -10,23 +10,13 @@ import shapely
 from markupsafe import Markup
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from reports.colours import robot_colour
 from reports.contents import TrialScores
 from reports.svg import Drawing, ticks
+from reports.timelines import stretches
 
-PHASE_COLOURS = {
-    Phase.OFF: "var(--line)",
-    Phase.IDLE: "var(--idle)",
-    Phase.DRIVING: "var(--driving)",
-    Phase.QUEUEING: "var(--queueing)",
-    Phase.PLANNING: "var(--planning)",
-    Phase.SERVING: "var(--serving)",
-    Phase.MAKING_ROOM: "var(--making-room)",
-}
-STOP_SHAPES = {"picked-up": "▲", "dropped-off": "▼"}
 DETAIL = 0.3  # px that a curve may be off
 CHART_WIDTH = 806.0  # px between the axes of a chart
 SIGNAL_HEIGHT, SCORE_HEIGHT = 110.0, 170.0  # px
@@ -41,83 +31,8 @@ GAPS = {
 }
 
 
-# --- what robots did -------------------------------------------------------------------------
-
-NAMES, ROWS_WIDTH = 90.0, 760.0  # px for the names, and for the rows beside them
-ROW, ROWS_TOP = 30.0, 14.0  # px, a robot's row; above the first
-PHASE_BAR, BLOCKED_BAR = 12.0, 6.0  # px, heights
-
-
-def draw_timelines(trace: Trace, marks: Sequence[tuple[float, str]] = ()) -> Markup:
-    """Draw a row per robot: what it was doing and, below in red, when it was blocked.
-
-    Args:
-        trace: of the run.
-        marks: times [s] to mark, each with its label.
-    """
-    end = max(trace.duration, 1e-9)
-    drawing = Drawing(
-        NAMES + ROWS_WIDTH + RIGHT,
-        ROWS_TOP + ROW * len(trace.robots) + 24.0,
-        label="what each robot was doing over time",
-        data={"left": NAMES, "width": ROWS_WIDTH, "end": end},
-    )
-    for robot, name in enumerate(trace.robots):
-        y = ROWS_TOP + ROW * robot + 6.0
-        drawing.add("text", name, x=NAMES - 8, y=y + 13, class_="label", text_anchor="end")
-        _draw_phases(drawing, trace, robot, y)
-    for event in trace.events:
-        if event.kind in STOP_SHAPES and event.robot >= 0:
-            x, y = NAMES + ROWS_WIDTH * event.time / end, ROWS_TOP + ROW * event.robot + 5.0
-            shape = STOP_SHAPES[event.kind]
-            drawing.add("text", shape, x=x, y=y, class_="mark", text_anchor="middle")
-    _draw_times(drawing, len(trace.robots), end, marks)
-    return drawing.markup()
-
-
-def _draw_phases(drawing: Drawing, trace: Trace, robot: int, y: float) -> None:
-    scale = ROWS_WIDTH / max(trace.duration, 1e-9) * trace.dt  # px a tick
-
-    def bar(first: int, last: int, top: float, height: float, least: float, fill: str) -> None:
-        width = max((last - first) * scale, least)
-        drawing.add("rect", x=NAMES + first * scale, y=top, width=width, height=height, fill=fill)
-
-    for first, last, phase in _stretches(trace.columns["phase"][:, robot]):
-        bar(first, last, y, PHASE_BAR, 0.3, PHASE_COLOURS[Phase(phase)])
-    for span in trace.edges:
-        if span.edge.robot == robot and span.edge.cause != "task":
-            bar(span.first, span.last + 1, y + PHASE_BAR + 1, BLOCKED_BAR, 0.5, "var(--bad)")
-
-
-def _draw_times(
-    drawing: Drawing, robots: int, end: float, marks: Sequence[tuple[float, str]]
-) -> None:
-    """Draw the time axis below the rows, and the marks across them."""
-    base = ROWS_TOP + ROW * robots + 4.0
-    for value in ticks(0.0, end, 8):
-        x = NAMES + ROWS_WIDTH * value / end
-        drawing.add("text", f"{value:g} s", x=x, y=base + 16, class_="tick", text_anchor="middle")
-    for i, (time, what) in enumerate(sorted(marks)):
-        x = NAMES + ROWS_WIDTH * time / end
-        drawing.line([(x, 2), (x, base)], stroke="var(--bad)", stroke_dasharray="3 2")
-        before = i < len(marks) - 1 or time > 0.9 * end
-        side, shift = ("end", -4.0) if before else ("start", 4.0)
-        drawing.add("text", what, x=x + shift, y=10, class_="tick", text_anchor=side)
-
-
-def _stretches(values: np.ndarray) -> list[tuple[int, int, int]]:
-    """First tick, tick after the last, and value of each stretch of equal values."""
-    edges = np.flatnonzero(np.diff(values)) + 1
-    starts = np.concatenate([[0], edges])
-    ends = np.concatenate([edges, [len(values)]])
-    return [(int(a), int(b), int(values[a])) for a, b in zip(starts, ends, strict=True) if b > a]
-
-
-# --- charts with axes ------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
-class Axis:
+class ChartAxes:
     """Maps values of a chart to pixels."""
 
     last: float  #: value at the right end
@@ -156,6 +71,9 @@ class Axis:
         """Draw a line across the chart."""
         y = self.y(value)
         drawing.line([(LEFT, y), (LEFT + CHART_WIDTH, y)], **style)
+
+
+# --- signals ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +125,7 @@ def _plot(signal: Signal, time: Array, robots: Sequence[int], since: float | Non
     known = signal.values[np.isfinite(signal.values)]
     end = max(float(time[-1]) if len(time) else 1.0, 1e-9)
     low, high = float(min(known.min(initial=0.0), 0.0)), float(max(known.max(initial=1.0), 0.1))
-    axis = Axis(end, low, high, SIGNAL_HEIGHT)
+    axis = ChartAxes(end, low, high, SIGNAL_HEIGHT)
     drawing = axis.drawing(f"{signal.name} over time", 24.0)
     if since is not None:
         x = axis.x(since)
@@ -220,7 +138,7 @@ def _plot(signal: Signal, time: Array, robots: Sequence[int], since: float | Non
         axis.rule(drawing, signal.limit, stroke="var(--bad)", stroke_dasharray="4 3")
     for i, robot in enumerate(robots):
         curve = signal.values[:, i]
-        for first, last in _known_stretches(np.isfinite(curve)):
+        for first, last in _known(np.isfinite(curve)):
             points = _simplified(axis.points(time[first:last], curve[first:last]))
             drawing.line(points, stroke=robot_colour(robot), stroke_width=1.3)
     for value in ticks(0.0, end, 8):
@@ -228,9 +146,9 @@ def _plot(signal: Signal, time: Array, robots: Sequence[int], since: float | Non
     return drawing.markup()
 
 
-def _known_stretches(known: BoolArray) -> list[tuple[int, int]]:
+def _known(finite: BoolArray) -> list[tuple[int, int]]:
     """First place and place after the last of each stretch of True."""
-    return [(first, last) for first, last, value in _stretches(known) if value]
+    return [(first, last) for first, last, value in stretches(finite) if value]
 
 
 def _simplified(points: Array) -> Array:
@@ -248,7 +166,7 @@ def draw_scores(trials: TrialScores) -> Markup:
     scores = np.asarray(trials.scores, dtype=float)
     last = float(max([*trials.numbers, 1]))
     low, high = min(scores.min(), 0.0) - 0.02, max(scores.max(), 0.1) + 0.02
-    axis = Axis(last, float(low), float(high), SCORE_HEIGHT)
+    axis = ChartAxes(last, float(low), float(high), SCORE_HEIGHT)
     drawing = axis.drawing("score of each trial, in order", 26.0)
     for value in ticks(axis.low, axis.high, 5):
         axis.label_y(drawing, value)

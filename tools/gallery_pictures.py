@@ -22,8 +22,9 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
 from reports.floor_plot import draw_floor, draw_label
-from reports.floor_scene import extent_of, robot_outline
+from reports.floor_scene import extent_of
 from reports.furnishing import fixed_outlines, movable_outlines
+from reports.moving_scene import robot_outline
 from reports.wait_graph_drawing import blocker_of
 
 DPI = 100

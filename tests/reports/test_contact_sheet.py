@@ -21,7 +21,8 @@ from mrta_falsify.core.world import (
 )
 from reports import contact_sheet, schedule_plot
 from reports.colours import PAINTS, robot_colour
-from reports.floor_scene import Extent, Role, start_of
+from reports.floor_scene import Extent, Role
+from reports.moving_scene import start_of
 from scenic_worlds.layouts.ward import ward_layout
 
 

@@ -23,7 +23,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import INK, robot_colour
 from reports.floor_plot import draw_floor
-from reports.floor_scene import robot_outline
+from reports.moving_scene import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
 
