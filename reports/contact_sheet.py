@@ -193,8 +193,8 @@ def write_world_picture(
     draw_floor(axes, world, costmap, label_size=7.5)
     paint_bodies(axes, starting_scene(world))
     for number, robot in enumerate(world.robots):
-        at = robot.pose[:2] + np.array([0.4, -0.45])
-        draw_label(axes, at, robot.name, size=7.5, colour=robot_colour(number), weight="bold")
+        at, colour = robot.pose[:2] + np.array([0.4, -0.45]), robot_colour(number)
+        draw_label(axes, at, robot.name, size=7.5, colour=colour, weight="bold", ha="left")
     left, top = map_width + 2.0 * MARGIN, paper.height - 1.2 * MARGIN
     paper.write(left, top - 0.10, title or world.name, size=12, weight="bold")
     paper.write(left, top - 0.38, counts_text(world), size=9, colour=SOFT)

@@ -200,6 +200,7 @@ def draw_label(
     size: float,
     colour: str = INK,
     weight: str = "normal",
+    ha: str = "center",
     va: str = "center",
 ) -> None:
     """Write text with a white rim, to be read on anything."""
@@ -212,7 +213,7 @@ def draw_label(
         size=size,
         color=colour,
         weight=weight,
-        ha="center",
+        ha=ha,
         va=va,
         zorder=12,
         path_effects=[withStroke(linewidth=2.2, foreground="white")],

@@ -25,6 +25,7 @@ def report_of_run(
     versions: Mapping[str, str],
     picture: Path,
     animation: Path | None = None,
+    first: Verdict | None = None,
     layer: str = "",
 ) -> ReportContents:
     """Collect what the page of one run says.
@@ -36,6 +37,7 @@ def report_of_run(
         versions: of the libraries that the digests depend on.
         picture: PNG to embed.
         animation: GIF to embed, if there is one.
+        first: the violated verdict that explains the others; the page begins with it.
         layer: suspected; empty if nothing is violated.
     """
     case = CaseContents(
@@ -43,7 +45,7 @@ def report_of_run(
         signature="",
         world=view.world,
         trace=view.trace,
-        verdicts=view.verdicts,
+        verdicts=tuple(sorted(view.verdicts, key=lambda v: (v is not first, not v.violated))),
         facts=(),
         commands=(("Run it again", command),),
         costmap=view.costmap,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting, read_config
 from mrta_falsify.core.costmap import Costmap
@@ -340,6 +341,7 @@ def write_run(
         versions=versions(),
         picture=files.picture,
         animation=files.gif,
+        first=leading(outcome.verdicts),
         layer=suspected_layer(outcome.verdicts, outcome.trace),
     )
     page.write_page(report, files.report)

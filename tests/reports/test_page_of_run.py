@@ -104,6 +104,19 @@ def test_a_run_without_violations_shows_its_replay_and_no_failure(page, view):
     assert "found" not in _text(text)
 
 
+def test_the_page_begins_with_the_verdict_that_explains_the_others(view, tmp_path):
+    (deadlock,) = view.verdicts
+    late = dataclasses.replace(deadlock, spec="deadlines", evidence={}, who=("task0",))
+    safe = Verdict(spec="progress", robustness=1.0, violated=False)
+    picture = tmp_path / "picture.png"
+    write_picture(view, picture)
+    report = report_of_run(
+        dataclasses.replace(view, verdicts=(safe, late, deadlock)), command="", stack="",
+        versions={}, picture=picture, first=deadlock,
+    )  # fmt: skip
+    assert [v.spec for v in report.run.verdicts] == ["no_deadlock", "deadlines", "progress"]
+
+
 def test_a_run_that_kept_no_trace_has_a_page_without_replay(page, view):
     bare = dataclasses.replace(view.trace, columns={}, events=(), paths=(), edges=())
     text = page(dataclasses.replace(view, trace=bare, costmap=None))
