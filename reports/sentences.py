@@ -10,16 +10,17 @@ from typing import Any
 from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
 
+AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {
-    "queue": "waits for {resource}, which {other} holds or is before it in the queue",
-    "barrier": "cannot drive on because {other} stands on its path",
-    "cluster": "has a free way, but moves only after {other}, which is near",
-    "human": "stands because {other}, a person, is in the way",
-    "wall": "is held off by a solid{resource_in_brackets}",
+    "queue": "waits for {resource}: {other} holds it or is ahead in the queue",
+    "barrier": "cannot drive on because {other} stands in its path",
+    "cluster": "has a free path but waits for {other}, which is near and moves first",
+    "human": "stands still because {other}, a person, is in the way",
+    "wall": "is held back by a solid{resource_in_brackets}",
     "no-path": "has a goal but no path to it{because}",
-    "stalled": "has a goal and a free way, and does not drive",
+    "stalled": "has a goal and a free path but does not drive",
     "task": "waits for a task",
 }
 
@@ -32,8 +33,8 @@ MEANINGS = {
     "deadlines": "a deadline was missed",
     "no_deadlock": "robots wait for each other and nothing can resolve it",
     "exclusive_use": "two robots held a resource that only one may hold",
-    "no_livelock": "a robot kept driving without coming nearer to its goal",
-    "no_starvation": "a robot waited on while later ones were served",
+    "no_livelock": "a robot kept driving without getting closer to its goal",
+    "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
 }
 
@@ -67,10 +68,12 @@ def violation_sentence(verdict: Verdict) -> str:
 def _place(place: Any) -> str:
     if not isinstance(place, dict) or "near" not in place:
         return ""
-    distance = float(place.get("distance", 0.0))
-    near = place["near"] or "nowhere with a name"
-    at = f"at {near}" if distance < 0.5 else f"{distance:.1f} m from {near}"
-    return f" {at} (x {float(place['x']):.1f} m, y {float(place['y']):.1f} m)"
+    point = f"x {float(place['x']):.1f} m, y {float(place['y']):.1f} m"
+    near, distance = place["near"], float(place.get("distance", 0.0))
+    if not near:
+        return f" at {point}"
+    at = f"at {near}" if distance < AT_PLACE else f"{distance:.1f} m from {near}"
+    return f" {at} ({point})"
 
 
 def edge_sentence(edge: dict[str, str]) -> str:

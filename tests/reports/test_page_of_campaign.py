@@ -104,7 +104,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
     assert "(found at " in text
     assert " s); it has stood since " in text  # when
     assert "ward_0 (x " in text  # where
-    assert "robot1 has a goal and a free way, and does not drive." in text  # why
+    assert "robot1 has a goal and a free path but does not drive." in text  # why
     assert "suspected layer: waypoint_generator" in text  # whose fault
     assert "mrta-falsify replay runs/a 0007 --verify 3" in text  # see it again
     assert "replay: 3 of 3 identical" in text  # believe it
@@ -122,8 +122,8 @@ def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
 @pytest.mark.parametrize(
     ("cause", "expected"),
     [
-        ("queue", "robot1 waits for ward_2, which robot2 holds or is before it in the queue."),
-        ("barrier", "robot1 cannot drive on because robot2 stands on its path."),
+        ("queue", "robot1 waits for ward_2: robot2 holds it or is ahead in the queue."),
+        ("barrier", "robot1 cannot drive on because robot2 stands in its path."),
         ("no-path", "robot1 has a goal but no path to it; robot2 cuts it off."),
     ],
 )
@@ -138,6 +138,14 @@ def test_a_verdict_is_told_with_time_and_names():
         who=("robot1", "robot3"),
     )  # fmt: skip
     assert violation_sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
+
+
+def test_a_place_without_a_name_is_told_by_its_coordinates():
+    place = {"near": "", "distance": 3.0, "x": 1.0, "y": -2.0}
+    verdict = Verdict(
+        spec="progress", robustness=-1.0, violated=True, who=("robot1",), evidence={"place": place}
+    )
+    assert violation_sentence(verdict).endswith("robot1 at x 1.0 m, y -2.0 m.")
 
 
 @pytest.fixture(scope="module")
