@@ -163,9 +163,7 @@ def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
     running, path = open_page
     running.requests.clear()
     running.errors.clear()
-    running.open(path)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path)
     clock = "document.querySelector('.clock').textContent"
     time = "document.querySelector('.replay').replay.time"
 
@@ -199,9 +197,7 @@ def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
 @pytest.mark.browser
 def test_a_click_in_the_timelines_jumps_there_and_a_line_shows_the_time(open_page):
     running, path = open_page
-    running.open(path)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path)
     running.click(".timelines svg")  # in its middle
     svg, replay = "document.querySelector('.timelines svg')", "document.querySelector('.replay')"
     left, width, end = (
@@ -237,9 +233,7 @@ def test_the_printed_page_has_its_pictures_and_opens_what_is_folded(open_page):
 @pytest.mark.parametrize(("width", "mobile"), [(1280, False), (390, True)])
 def test_the_canvas_shows_the_floor_and_the_page_does_not_scroll_sideways(open_page, width, mobile):
     running, path = open_page
-    running.open(path, width=width, height=800, mobile=mobile)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path, width=width, height=800, mobile=mobile)
     colours = running.value(
         "(() => { const c = document.querySelector('canvas'); "
         "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; "
@@ -288,8 +282,6 @@ def test_the_replay_moves_pushed_furniture(report, tmp_path):
     modes = (dataclasses.replace(mode, cases=(pushed,)),)
     path.write_text(render_page(dataclasses.replace(report, modes=modes)), encoding="utf-8")
     with browser.browser() as running:
-        running.open(path)
-        running.value("document.querySelector('.replay').scrollIntoView()")
-        running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+        running.open_replay(path)
         first, last = (running.value(FURNITURE_AT % time) for time in ("0", "1e9"))
     assert 0.0 < first < last - 50.0

@@ -154,9 +154,7 @@ def test_the_page_of_a_run_replays_and_fits_the_screen(page, tmp_path, width, mo
     path = tmp_path / "report.html"
     path.write_text(page(), encoding="utf-8")
     with browser.browser() as running:
-        running.open(path, width=width, height=800, mobile=mobile)
-        running.value("document.querySelector('.replay').scrollIntoView()")
-        running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+        running.open_replay(path, width=width, height=800, mobile=mobile)
         running.value("document.querySelector('.replay').focus()")
         running.press("End", "End")
         assert running.value("document.querySelector('.clock').textContent").startswith("10.0 s")
