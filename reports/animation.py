@@ -17,7 +17,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
-from reports.colours import INK, PAINTS, UNSAFE, robot_colour
+from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
 from reports.floor_plot import draw_floor
 from reports.floor_scene import Extent, Role, Shape, extent_of
 from reports.furnishing import fixed_outlines
@@ -32,7 +32,7 @@ MAX_FRAMES = 900  # longer runs are sped up further
 TRAIL = 12.0  # s of way shown behind a robot
 ENLARGED = 1.2  # robots are drawn so many times as large as they are
 BANNER = 26  # pixels
-QUEUEING = "#d99a00"
+QUEUEING, _ = PHASES[Phase.QUEUEING]
 UNUSED = 255  # palette index that no colour has
 FLOOR_COLOURS = 160  # of the palette, the others are for what moves
 

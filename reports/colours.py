@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
+from mrta_falsify.core.fleet import Phase
 from reports.floor_scene import Role
 
 #: one colour per robot, told apart by colour-blind readers too (Okabe and Ito, extended)
@@ -56,6 +57,16 @@ PAINTS = {
     Role.BLIND_PERSON: Paint("#a3238e", "#ffffff", "#d27bc4", "#1c2027"),
 }
 
+#: what a robot is doing, on paper and in a page with dark colours
+PHASES = {
+    Phase.IDLE: ("#c9ced8", "#4a5160"),
+    Phase.DRIVING: ("#2a78b8", "#5aa7e6"),
+    Phase.QUEUEING: ("#e0a100", "#e6b93c"),
+    Phase.PLANNING: ("#8e5bd0", "#b48cf0"),
+    Phase.SERVING: ("#2e9e5b", "#5cc98a"),
+    Phase.MAKING_ROOM: ("#6fb7c9", "#7fc6d6"),
+}
+
 
 def robot_colour(number: int) -> str:
     """Colour (#rrggbb) of a robot, the same in every picture."""
@@ -67,10 +78,17 @@ def person_colour(*, blind: bool) -> str:
     return PAINTS[Role.BLIND_PERSON if blind else Role.PERSON].fill
 
 
+def phase_name(phase: Phase) -> str:
+    """Name of a phase in style sheets, such as ``making-room``."""
+    return phase.name.lower().replace("_", "-")
+
+
 def css_variables() -> str:
-    """Style sheet that declares ``--ROLE`` and ``--ROLE-edge`` for every role of the table."""
+    """Declare ``--ROLE``, ``--ROLE-edge`` and ``--PHASE`` as a style sheet of a page."""
     light = "".join(f" --{r}: {p.fill}; --{r}-edge: {p.edge};" for r, p in PAINTS.items())
     dark = "".join(f" --{r}: {p.dark_fill}; --{r}-edge: {p.dark_edge};" for r, p in PAINTS.items())
+    light += "".join(f" --{phase_name(p)}: {on_paper};" for p, (on_paper, _) in PHASES.items())
+    dark += "".join(f" --{phase_name(p)}: {in_dark};" for p, (_, in_dark) in PHASES.items())
     screen = "@media screen and (prefers-color-scheme: dark)"
     return f":root {{{light} }}\n{screen} {{ :root {{{dark} }} }}"
 

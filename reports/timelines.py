@@ -9,17 +9,9 @@ from markupsafe import Markup
 
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
+from reports.colours import PHASES, phase_name
 from reports.svg import Drawing, ticks
 
-PHASE_COLOURS = {
-    Phase.OFF: "var(--line)",
-    Phase.IDLE: "var(--idle)",
-    Phase.DRIVING: "var(--driving)",
-    Phase.QUEUEING: "var(--queueing)",
-    Phase.PLANNING: "var(--planning)",
-    Phase.SERVING: "var(--serving)",
-    Phase.MAKING_ROOM: "var(--making-room)",
-}
 STOP_SHAPES = {"picked-up": "▲", "dropped-off": "▼"}
 NAMES, ROWS_WIDTH = 90.0, 760.0  # px for the names, and for the rows beside them
 RIGHT = 10.0  # px beside them
@@ -62,10 +54,14 @@ def _draw_phases(drawing: Drawing, trace: Trace, robot: int, y: float) -> None:
         drawing.add("rect", x=NAMES + first * scale, y=top, width=width, height=height, fill=fill)
 
     for first, last, phase in stretches(trace.columns["phase"][:, robot]):
-        bar(first, last, y, PHASE_BAR, 0.3, PHASE_COLOURS[Phase(phase)])
+        bar(first, last, y, PHASE_BAR, 0.3, _colour(Phase(phase)))
     for span in trace.edges:
         if span.edge.robot == robot and span.edge.cause != "task":
             bar(span.first, span.last + 1, y + PHASE_BAR + 1, BLOCKED_BAR, 0.5, "var(--bad)")
+
+
+def _colour(phase: Phase) -> str:
+    return f"var(--{phase_name(phase)})" if phase in PHASES else "var(--line)"
 
 
 def _draw_times(
