@@ -32,7 +32,7 @@ MAX_FRAMES = 900  # longer runs are sped up further
 TRAIL = 12.0  # s of way shown behind a robot
 ENLARGED = 1.2  # robots are drawn so many times as large as they are
 BANNER = 26  # pixels
-QUEUEING, _ = PHASES[Phase.QUEUEING]
+QUEUEING = PHASES[Phase.QUEUEING].light
 UNUSED = 255  # palette index that no colour has
 FLOOR_COLOURS = 160  # of the palette, the others are for what moves
 

@@ -57,14 +57,22 @@ PAINTS = {
     Role.BLIND_PERSON: Paint("#a3238e", "#ffffff", "#d27bc4", "#1c2027"),
 }
 
-#: what a robot is doing, on paper and in a page with dark colours
+
+class PhasePaint(NamedTuple):
+    """Colour of what a robot is doing, on paper and in a page with dark colours."""
+
+    name: str  #: in style sheets; none of the roles' names
+    light: str
+    dark: str
+
+
 PHASES = {
-    Phase.IDLE: ("#c9ced8", "#4a5160"),
-    Phase.DRIVING: ("#2a78b8", "#5aa7e6"),
-    Phase.QUEUEING: ("#e0a100", "#e6b93c"),
-    Phase.PLANNING: ("#8e5bd0", "#b48cf0"),
-    Phase.SERVING: ("#2e9e5b", "#5cc98a"),
-    Phase.MAKING_ROOM: ("#6fb7c9", "#7fc6d6"),
+    Phase.IDLE: PhasePaint("idle", "#c9ced8", "#4a5160"),
+    Phase.DRIVING: PhasePaint("driving", "#2a78b8", "#5aa7e6"),
+    Phase.QUEUEING: PhasePaint("queueing", "#e0a100", "#e6b93c"),
+    Phase.PLANNING: PhasePaint("planning", "#8e5bd0", "#b48cf0"),
+    Phase.SERVING: PhasePaint("serving", "#2e9e5b", "#5cc98a"),
+    Phase.MAKING_ROOM: PhasePaint("making-room", "#6fb7c9", "#7fc6d6"),
 }
 
 
@@ -78,17 +86,12 @@ def person_colour(*, blind: bool) -> str:
     return PAINTS[Role.BLIND_PERSON if blind else Role.PERSON].fill
 
 
-def phase_name(phase: Phase) -> str:
-    """Name of a phase in style sheets, such as ``making-room``."""
-    return phase.name.lower().replace("_", "-")
-
-
 def css_variables() -> str:
     """Declare ``--ROLE``, ``--ROLE-edge`` and ``--PHASE`` as a style sheet of a page."""
     light = "".join(f" --{r}: {p.fill}; --{r}-edge: {p.edge};" for r, p in PAINTS.items())
     dark = "".join(f" --{r}: {p.dark_fill}; --{r}-edge: {p.dark_edge};" for r, p in PAINTS.items())
-    light += "".join(f" --{phase_name(p)}: {on_paper};" for p, (on_paper, _) in PHASES.items())
-    dark += "".join(f" --{phase_name(p)}: {in_dark};" for p, (_, in_dark) in PHASES.items())
+    light += "".join(f" --{paint.name}: {paint.light};" for paint in PHASES.values())
+    dark += "".join(f" --{paint.name}: {paint.dark};" for paint in PHASES.values())
     screen = "@media screen and (prefers-color-scheme: dark)"
     return f":root {{{light} }}\n{screen} {{ :root {{{dark} }} }}"
 

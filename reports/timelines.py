@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
-from reports.colours import PHASES, phase_name
+from reports.colours import PHASES
 from reports.svg import Drawing, ticks
 
 STOP_SHAPES = {"picked-up": "▲", "dropped-off": "▼"}
@@ -61,7 +61,7 @@ def _draw_phases(drawing: Drawing, trace: Trace, robot: int, y: float) -> None:
 
 
 def _colour(phase: Phase) -> str:
-    return f"var(--{phase_name(phase)})" if phase in PHASES else "var(--line)"
+    return f"var(--{PHASES[phase].name})" if phase in PHASES else "var(--line)"
 
 
 def _draw_times(
