@@ -20,7 +20,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.furnishing import fixed_outlines, movable_outlines
 
-MARGIN = 0.6  # m of floor shown around everything that is drawn
+FLOOR_MARGIN = 0.6  # m of floor shown around everything that is drawn
 
 
 class Role(StrEnum):
@@ -89,8 +89,8 @@ def extent_of(world: World) -> Extent:
     if not parts:
         return Extent(*map(float, world.bounds))
     points = np.concatenate(parts)
-    low = np.maximum(points.min(axis=0) - MARGIN, world.bounds[:2])
-    high = np.minimum(points.max(axis=0) + MARGIN, world.bounds[2:])
+    low = np.maximum(points.min(axis=0) - FLOOR_MARGIN, world.bounds[:2])
+    high = np.minimum(points.max(axis=0) + FLOOR_MARGIN, world.bounds[2:])
     return Extent(*map(float, (*low, *high)))
 
 
