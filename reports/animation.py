@@ -17,40 +17,43 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
-from mrta_falsify.core.trace import Trace
-from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
-from reports.figure_floor import draw_floor
-from reports.figure_motion import robot_outline
-from reports.furnishing import fixed_outlines, movable_outlines
-from reports.run_view import RunView, extent_of
+from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
+from reports.floor_plot import draw_floor
+from reports.floor_scene import Extent, Role, Shape, extent_of
+from reports.furnishing import fixed_outlines
+from reports.moving_scene import moving_scene, outline_of
+from reports.run_view import RunView
 
 HEIGHT = 900  # pixels of the taller side
+LEAST_WIDTH = 320  # pixels; the banner fits
 FRAMES_PER_SECOND = 12
 SPEED_UP = 10.0  # simulated seconds per second shown
 MAX_FRAMES = 900  # longer runs are sped up further
-TAIL = 12.0  # s of way shown behind a robot
+TRAIL = 12.0  # s of way shown behind a robot
+ENLARGED = 1.2  # robots are drawn so many times as large as they are
 BANNER = 26  # pixels
-QUEUEING = "#d99a00"
+QUEUEING = PHASES[Phase.QUEUEING].light
 UNUSED = 255  # palette index that no colour has
+FLOOR_COLOURS = 160  # of the palette, the others are for what moves
 
 
 @dataclass(frozen=True, slots=True)
-class _Canvas:
+class FrameFloor:
     """The floor as pixels, and how to get there from the map frame."""
 
     image: Image.Image
-    extent: tuple[float, float, float, float]
+    extent: Extent
     scale: float  #: pixels per metre
 
     def pixels(self, points: Array) -> list[tuple[float, float]]:
         """Pixel coordinates of map points ``(K, 2)`` [m]."""
-        x = (points[:, 0] - self.extent[0]) * self.scale
-        y = (self.extent[3] - points[:, 1]) * self.scale + BANNER
+        x = (points[:, 0] - self.extent.x_min) * self.scale
+        y = (self.extent.y_max - points[:, 1]) * self.scale + BANNER
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
 def write_gif(view: RunView, path: Path) -> None:
-    """Write the run as an animated GIF that plays for ever.
+    """Write the run as an animated GIF that repeats.
 
     Raises:
         ConfigError: the trace was not kept, so there is nothing to show.
@@ -97,21 +100,13 @@ def write_mp4(view: RunView, path: Path) -> None:
 
 
 def _palette(view: RunView) -> Image.Image:
-    """One palette for all frames: the floor's colours and those of everything that moves."""
-    floor = _draw_canvas(view).image.quantize(colors=160, dither=Image.Dither.NONE)
-    colours = (floor.getpalette() or [])[: 3 * 160]
+    """Build one palette for all frames: the floor's colours and those of what moves."""
+    floor = _draw_floor(view).image.quantize(colors=FLOOR_COLOURS, dither=Image.Dither.NONE)
+    colours = (floor.getpalette() or [])[: 3 * FLOOR_COLOURS]
     robots = {robot_colour(number) for number in range(len(view.world.robots))}
-    for name in (
-        *sorted(robots),
-        HUMAN,
-        HUMAN_BLIND,
-        INK,
-        UNSAFE,
-        QUEUEING,
-        FURNITURE,
-        FURNITURE_EDGE,
-        "#ffffff",
-    ):
+    moving = (Role.PERSON, Role.BLIND_PERSON, Role.FURNITURE)
+    painted = [colour for role in moving for colour in (PAINTS[role].fill, PAINTS[role].edge)]
+    for name in (*sorted(robots), *painted, INK, UNSAFE, QUEUEING, "#ffffff"):
         colours += ImageColor.getrgb(name)[:3]
     image = Image.new("P", (1, 1))
     image.putpalette(colours)
@@ -119,27 +114,26 @@ def _palette(view: RunView) -> Image.Image:
 
 
 def _frames(view: RunView) -> Iterator[np.ndarray]:
-    """RGB frames ``(rows, cols, 3)`` uint8, rows and cols even."""
+    """Draw RGB frames ``(rows, cols, 3)`` uint8, rows and cols even."""
     trace = view.trace
     if "pose" not in trace.columns or len(trace) == 0:
         raise ConfigError("an animation needs the trace, but this run did not keep it")
     step = max(SPEED_UP / FRAMES_PER_SECOND, trace.duration / MAX_FRAMES)
     stride = max(1, round(step / trace.dt))
     speed = stride * trace.dt * FRAMES_PER_SECOND
-    canvas = _draw_canvas(view)
+    floor = _draw_floor(view)
     ticks = [*range(0, len(trace), stride)]
     if ticks[-1] != len(trace) - 1:
         ticks.append(len(trace) - 1)
     for tick in ticks:
-        yield _draw_frame(canvas, view, tick, speed)
+        yield _draw_frame(floor, view, tick, speed)
 
 
-def _draw_canvas(view: RunView) -> _Canvas:
+def _draw_floor(view: RunView) -> FrameFloor:
     extent = extent_of(view.world)
-    size = np.array([extent[2] - extent[0], extent[3] - extent[1]])
-    scale = (HEIGHT - BANNER) / float(size.max())
-    width, height = (2 * round(scale * length / 2.0) for length in size.tolist())
-    width = max(width, 320)
+    scale = (HEIGHT - BANNER) / max(extent.width, extent.height)
+    width, height = (2 * round(scale * length / 2.0) for length in (extent.width, extent.height))
+    width = max(width, LEAST_WIDTH)
     figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100)
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -151,49 +145,51 @@ def _draw_canvas(view: RunView) -> _Canvas:
     floor = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
     image = Image.new("RGB", (width, height + BANNER), "white")
     image.paste(floor, (0, BANNER))
-    return _Canvas(image=image, extent=extent, scale=height / float(size[1]))
+    return FrameFloor(image=image, extent=extent, scale=height / extent.height)
 
 
-def _draw_frame(canvas: _Canvas, view: RunView, tick: int, speed: float) -> np.ndarray:
-    trace = view.trace
-    image = canvas.image.copy()
+def _draw_frame(floor: FrameFloor, view: RunView, tick: int, speed: float) -> np.ndarray:
+    image = floor.image.copy()
     draw = ImageDraw.Draw(image)
-    for outline in movable_outlines(view.world, trace, tick):
-        draw.polygon(canvas.pixels(outline), fill=FURNITURE, outline=FURNITURE_EDGE)
-    _draw_people(draw, canvas, view, tick)
-    first = max(0, tick - round(TAIL / trace.dt))
-    for number, robot in enumerate(view.world.robots):
-        colour = robot_colour(number)
-        tail = trace.columns["pose"][first : tick + 1 : 4, number, :2]
-        if len(tail) > 1:
-            draw.line(canvas.pixels(tail), fill=colour, width=2)
-        outline = robot_outline(trace.columns["pose"][tick, number], robot.radius * 1.2)
-        draw.polygon(canvas.pixels(outline), fill=colour, outline="white")
-        _draw_state(draw, canvas, trace, tick, number)
+    for shape in moving_scene(view.world, view.trace, tick, trail=TRAIL):
+        _paint(draw, floor, shape)
+        if shape.role is Role.ROBOT:
+            _paint_state(draw, floor, view, tick, shape)
     _draw_banner(draw, view, tick, speed)
     return np.asarray(image)
 
 
-def _draw_people(draw: ImageDraw.ImageDraw, canvas: _Canvas, view: RunView, tick: int) -> None:
-    positions = view.trace.columns["human_position"][tick]
-    for human, position in zip(view.world.humans, positions, strict=True):
-        if np.isnan(position).any():  # not in the building
-            continue
-        ((x, y),) = canvas.pixels(position[None])
-        reach = max(3.0, human.radius * canvas.scale)
-        colour = HUMAN if human.reacts_to_robots else HUMAN_BLIND
-        draw.ellipse((x - reach, y - reach, x + reach, y + reach), fill=colour, outline="white")
+def _paint(draw: ImageDraw.ImageDraw, floor: FrameFloor, shape: Shape) -> None:
+    points = floor.pixels(shape.points)
+    if shape.role is Role.FURNITURE:
+        paint = PAINTS[shape.role]
+        draw.polygon(points, fill=paint.fill, outline=paint.edge)
+    elif shape.role is Role.TRAIL and len(points) > 1:
+        draw.line(points, fill=robot_colour(shape.number), width=2)
+    elif shape.role in (Role.PERSON, Role.BLIND_PERSON):
+        paint = PAINTS[shape.role]
+        box = _box_around(points[0], max(3.0, shape.radius * floor.scale))
+        draw.ellipse(box, fill=paint.fill, outline=paint.edge)
+    elif shape.role is Role.ROBOT:
+        outline = floor.pixels(outline_of(shape, scale=ENLARGED))
+        draw.polygon(outline, fill=robot_colour(shape.number), outline="white")
 
 
-def _draw_state(
-    draw: ImageDraw.ImageDraw, canvas: _Canvas, trace: Trace, tick: int, number: int
+def _paint_state(
+    draw: ImageDraw.ImageDraw, floor: FrameFloor, view: RunView, tick: int, robot: Shape
 ) -> None:
-    """Ring: yellow while queueing, red while a touch is seen."""
-    ((x, y),) = canvas.pixels(trace.columns["pose"][tick, number : number + 1, :2])
-    if trace.columns["contact"][tick, number].any():
-        draw.ellipse((x - 13, y - 13, x + 13, y + 13), outline=UNSAFE, width=3)
-    elif trace.columns["phase"][tick, number] == Phase.QUEUEING:
-        draw.ellipse((x - 11, y - 11, x + 11, y + 11), outline=QUEUEING, width=2)
+    """Paint a ring around a robot: yellow while it queues, red while it touches something."""
+    columns = view.trace.columns
+    (place,) = floor.pixels(robot.points)
+    if columns["contact"][tick, robot.number].any():
+        draw.ellipse(_box_around(place, 13.0), outline=UNSAFE, width=3)
+    elif columns["phase"][tick, robot.number] == Phase.QUEUEING:
+        draw.ellipse(_box_around(place, 11.0), outline=QUEUEING, width=2)
+
+
+def _box_around(place: tuple[float, float], reach: float) -> tuple[float, float, float, float]:
+    x, y = place
+    return x - reach, y - reach, x + reach, y + reach
 
 
 def _draw_banner(draw: ImageDraw.ImageDraw, view: RunView, tick: int, speed: float) -> None:

@@ -1,10 +1,14 @@
-"""Colours of pictures and pages, the same in all of them."""
+"""Colours of pictures and pages: one table for all painters."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
+from mrta_falsify.core.fleet import Phase
+from reports.floor_scene import Role
 
 #: one colour per robot, told apart by colour-blind readers too (Okabe and Ito, extended)
 ROBOT_COLOURS = (
@@ -22,13 +26,54 @@ ROBOT_COLOURS = (
     "#5c5c8a",
 )
 INK = "#1f2430"
-WALL = "#30343f"
-FURNITURE = "#c9bda6"
-FURNITURE_EDGE = "#8d8069"
-HUMAN = "#5b5b6b"
-HUMAN_BLIND = "#a3238e"
-ROOM = "#1f2430"
+SOFT = "#555555"  # text that matters less
 SAFE, UNSAFE = "#1a7f37", "#c1121f"
+
+#: cells of a costmap: the highest inflated cost, inscribed, lethal and unknown ones
+INFLATED, TOUCHING, OCCUPIED, UNSEEN = "#96bee8", "#f6c6d0", "#e2788a", "#e8e8e8"
+
+
+class Paint(NamedTuple):
+    """Colours of a role, on paper and in a page with dark colours."""
+
+    fill: str
+    edge: str
+    dark_fill: str
+    dark_edge: str
+
+
+PAINTS = {
+    Role.LANE: Paint("#d6dae3", "#7d8aa5", "#363c48", "#55617a"),
+    Role.ROOM_AREA: Paint("#ffffff", "#6a7bb0", "#1c2027", "#6a7bb0"),
+    Role.FURNITURE: Paint("#c9bda6", "#8d8069", "#6b6453", "#8d8069"),
+    Role.SAMPLED_FURNITURE: Paint("#f2a541", "#8a4b00", "#c47d1f", "#f2c98a"),
+    Role.WALL: Paint("#30343f", "#30343f", "#b9c0cc", "#b9c0cc"),
+    Role.BLOCKAGE: Paint("#ffd9d9", UNSAFE, "#5c2a2a", "#ff6b6b"),
+    Role.DOOR: Paint("#2aa198", "#2aa198", "#2aa198", "#2aa198"),
+    Role.QUEUE_SPOT: Paint("#fff6cc", "#8a6d00", "#4a4326", "#c9a94a"),
+    Role.PARKING: Paint("#e4f0e4", "#4c7a4c", "#2c3d2c", "#7fb07f"),
+    Role.ROOM: Paint("#ffbf00", INK, "#ffbf00", "#e6e9ef"),
+    Role.PERSON: Paint("#5b5b6b", "#ffffff", "#9a9ab0", "#1c2027"),
+    Role.BLIND_PERSON: Paint("#a3238e", "#ffffff", "#d27bc4", "#1c2027"),
+}
+
+
+class PhasePaint(NamedTuple):
+    """Colour of what a robot is doing, on paper and in a page with dark colours."""
+
+    name: str  #: in style sheets; none of the roles' names
+    light: str
+    dark: str
+
+
+PHASES = {
+    Phase.IDLE: PhasePaint("idle", "#c9ced8", "#4a5160"),
+    Phase.DRIVING: PhasePaint("driving", "#2a78b8", "#5aa7e6"),
+    Phase.QUEUEING: PhasePaint("queueing", "#e0a100", "#e6b93c"),
+    Phase.PLANNING: PhasePaint("planning", "#8e5bd0", "#b48cf0"),
+    Phase.SERVING: PhasePaint("serving", "#2e9e5b", "#5cc98a"),
+    Phase.PARKING: PhasePaint("making-room", "#6fb7c9", "#7fc6d6"),
+}
 
 
 def robot_colour(number: int) -> str:
@@ -36,18 +81,36 @@ def robot_colour(number: int) -> str:
     return ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
 
 
+def person_colour(*, blind: bool) -> str:
+    """Colour (#rrggbb) of a person, by whether the person ignores robots."""
+    return PAINTS[Role.BLIND_PERSON if blind else Role.PERSON].fill
+
+
+def css_variables() -> str:
+    """Declare ``--ROLE``, ``--ROLE-edge`` and ``--PHASE`` as a style sheet of a page."""
+    light = "".join(f" --{r}: {p.fill}; --{r}-edge: {p.edge};" for r, p in PAINTS.items())
+    dark = "".join(f" --{r}: {p.dark_fill}; --{r}-edge: {p.dark_edge};" for r, p in PAINTS.items())
+    light += "".join(f" --{paint.name}: {paint.light};" for paint in PHASES.values())
+    dark += "".join(f" --{paint.name}: {paint.dark};" for paint in PHASES.values())
+    screen = "@media screen and (prefers-color-scheme: dark)"
+    return f":root {{{light} }}\n{screen} {{ :root {{{dark} }} }}"
+
+
 def costmap_image(costmap: Costmap) -> np.ndarray:
-    """RGB ``(rows, cols, 3)`` uint8 of Nav2 bytes: white free, blue inflated, rose, grey."""
+    """RGB ``(rows, cols, 3)`` uint8 of Nav2 bytes, coloured as :func:`costmap_colours`."""
     return np.asarray(costmap_colours()[costmap.cost])
 
 
 def costmap_colours() -> np.ndarray:
-    """RGB ``(256, 3)`` uint8 of the values of a Nav2 costmap."""
-    free, high = np.array([255, 255, 255]), np.array([150, 190, 232])
-    share = np.linspace(0.0, 1.0, 253)[:, None]
+    """RGB ``(256, 3)`` uint8 of Nav2 bytes: white free, blue inflated, rose occupied, grey."""
+    free, high = np.array([255, 255, 255]), np.array(_rgb(INFLATED))
+    share = np.linspace(0.0, 1.0, INSCRIBED)[:, None]
     table = np.zeros((256, 3), dtype=np.uint8)
-    table[:253] = (free + (high - free) * share).astype(np.uint8)
-    table[INSCRIBED] = (246, 198, 208)
-    table[LETHAL] = (226, 120, 138)
-    table[UNKNOWN] = (232, 232, 232)
+    table[:INSCRIBED] = (free + (high - free) * share).astype(np.uint8)
+    for value, colour in ((INSCRIBED, TOUCHING), (LETHAL, OCCUPIED), (UNKNOWN, UNSEEN)):
+        table[value] = _rgb(colour)
     return table
+
+
+def _rgb(colour: str) -> tuple[int, ...]:
+    return tuple(bytes.fromhex(colour.removeprefix("#")))

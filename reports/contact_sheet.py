@@ -3,77 +3,88 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, World
-from reports.colours import FURNITURE, FURNITURE_EDGE, HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
-from reports.figure_floor import draw_blockages, draw_floor
-from reports.figures import DPI, MAP_HEIGHT, MAP_WIDTH, MARGIN
-from reports.run_view import extent_of
-from reports.world_marks import (
+from mrta_falsify.core.world import Blockage, CommsOutage, World
+from reports.body_plot import paint_bodies
+from reports.colours import SOFT, robot_colour
+from reports.floor_plot import draw_floor, draw_label
+from reports.floor_scene import Extent, Role, extent_of
+from reports.moving_scene import starting_scene
+from reports.paper import MARGIN, Paper
+from reports.run_panel import area_entry, person_entry
+from reports.run_picture import MAP_HEIGHT, MAP_WIDTH
+from reports.schedule_plot import (
     OUTAGE,
     TASK,
     counts_text,
-    draw_people,
-    draw_robots,
-    draw_timeline,
-    draw_walls,
+    draw_schedule,
     last_time,
-    timeline_rows,
+    schedule_rows,
 )
-
-SAMPLED, SAMPLED_EDGE = "#f2a541", "#8a4b00"
-DOOR = "#2aa198"
+from reports.sheet_panel import common_extent, draw_small_map, fixed_furniture, furniture_key
 
 SHEET_WIDTH = 17.0  # inches at most
 PANEL_AREA = 13.0  # square inches that the map of one world gets at least
 LARGEST_PANEL_AREA = 30.0  # square inches, where few worlds leave space
-ROW = 0.082  # inches, one task or event in a timeline
+ROW = 0.082  # inches, one task or event in a schedule
 GAP = 0.22  # inches between panels
 HEAD = 0.30  # inches over each panel, for its caption
-SURROUNDINGS = 2.5  # m, shown around what a run is about
 TITLE = 0.62  # inches over the sheet
 FOOT = 0.52  # inches under the sheet, for the legend
+SHRUNK = 0.75  # a world alone is drawn so much smaller than a run
+SCHEDULE_WIDTH = 4.2  # inches, beside a world alone
+SCHEDULE_ROW = 0.19  # inches, one task or event beside a world alone
 
-Extent = tuple[float, float, float, float]  # x min, y min, x max, y max [m]
 
-
-# --- many worlds -------------------------------------------------------------------------------
+# --- many worlds -----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
-class _Grid:
+class SheetGrid:
     """Where the panels of a sheet go; all lengths in inches."""
 
     columns: int
     rows: int
     map_width: float
     map_height: float
-    timeline: float
+    schedule: float
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """From one panel to the next, to the right and down."""
-        return self.map_width + GAP, HEAD + self.map_height + self.timeline + GAP
+        """Distance from one panel to the next, to the right and down."""
+        return self.map_width + GAP, HEAD + self.map_height + self.schedule + GAP
 
     @property
     def size(self) -> tuple[float, float]:
-        """Of the sheet."""
+        """Width and height of the sheet."""
         across, down = self.pitch
         return 2 * GAP + self.columns * across, TITLE + self.rows * down + FOOT
+
+    def corner(self, number: int) -> tuple[float, float]:
+        """Upper left corner of a panel, from the lower left corner of the sheet."""
+        across, down = self.pitch
+        row, column = divmod(number, self.columns)
+        return GAP * 1.5 + column * across, self.size[1] - TITLE - row * down
+
+
+def plan_grid(count: int, extent: Extent, rows: int) -> SheetGrid:
+    """Find columns and sizes for ``count`` maps of an extent, each over a schedule of ``rows``."""
+    aspect = extent.width / extent.height
+    room = SHEET_WIDTH - 2 * GAP
+    width = min(math.sqrt(PANEL_AREA * aspect), room - GAP)
+    most = max(1, min(count, int(room / (width + GAP))))
+    columns = math.ceil(count / math.ceil(count / most))  # no lone panel in the last row
+    width = min(room / columns - GAP, math.sqrt(LARGEST_PANEL_AREA * aspect))
+    schedule = 0.10 + ROW * rows if rows else 0.0
+    return SheetGrid(columns, math.ceil(count / columns), width, width / aspect, schedule)
 
 
 def write_contact_sheet(
@@ -82,7 +93,7 @@ def write_contact_sheet(
     """Write a picture of several worlds of one program, all at the same scale.
 
     Furniture that stands in the same place in all of them is pale, all other in colour.
-    Under each map a timeline shows its tasks (arrival to deadline, rooms) and events.
+    Under each map a schedule shows its tasks (arrival to deadline, rooms) and events.
 
     Args:
         worlds: at least one.
@@ -90,186 +101,42 @@ def write_contact_sheet(
         title: of the sheet.
         captions: one short text per world.
     """
-    fixed = _fixed_furniture(worlds)
-    extent = _common_extent(worlds, fixed)
-    panel_rows = max(timeline_rows(world) for world in worlds)
-    grid = _grid(len(worlds), extent, panel_rows)
-    width, height = grid.size
-    figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    _write_title(figure, title, f"{len(worlds)} sampled worlds", height)
+    fixed = fixed_furniture(worlds)
+    extent = common_extent(worlds, fixed)
+    rows = max(schedule_rows(world) for world in worlds)
+    grid = plan_grid(len(worlds), extent, rows)
+    paper = Paper.of_size(*grid.size)
+    head = paper.height - 0.36
+    paper.write(1.5 * GAP, head, title, size=17, weight="bold")
+    note = f"{len(worlds)} sampled worlds"
+    paper.write(paper.width - 1.5 * GAP, head, note, size=10, colour=SOFT, ha="right")
     end = max(last_time(world) for world in worlds)
-    across, down = grid.pitch
     for i, (world, caption) in enumerate(zip(worlds, captions, strict=True)):
-        left = GAP * 1.5 + (i % grid.columns) * across
-        top = height - TITLE - (i // grid.columns) * down
-        figure.text(left / width, (top - 0.17) / height, caption, size=11, weight="bold", color=INK)
-        figure.text(
-            (left + grid.map_width) / width,
-            (top - 0.17) / height,
-            counts_text(world),
-            size=7.5,
-            color="#555555",
-            ha="right",
-        )
+        left, top = grid.corner(i)
+        paper.write(left, top - 0.17, caption, size=11, weight="bold")
+        right = left + grid.map_width
+        paper.write(right, top - 0.17, counts_text(world), size=7.5, colour=SOFT, ha="right")
         bottom = top - HEAD - grid.map_height
-        box = (
-            left / width,
-            bottom / height,
-            grid.map_width / width,
-            grid.map_height / height,
-        )
-        _draw_small_map(figure.add_axes(box), world, extent, fixed)
-        if grid.timeline:
-            box = (
-                left / width,
-                (bottom - grid.timeline) / height,
-                grid.map_width / width,
-                (grid.timeline - 0.03) / height,
-            )
-            draw_timeline(figure.add_axes(box), world, end, rows=panel_rows, size=5.0)
-    _draw_legend(figure, worlds, height)
-    figure.savefig(path, dpi=DPI, metadata={"Date": None} if path.suffix == ".svg" else {})
+        axes = paper.axes_at(left, bottom, grid.map_width, grid.map_height)
+        draw_small_map(axes, world, extent, fixed)
+        if grid.schedule:
+            axes = paper.axes_at(left, bottom - grid.schedule, grid.map_width, grid.schedule - 0.03)
+            draw_schedule(axes, world, end, rows=rows, size=5.0)
+    _draw_legend(paper, worlds, fixed)
+    paper.save(path)
 
 
-def _common_extent(worlds: Sequence[World], fixed: frozenset[bytes]) -> Extent:
-    """Rectangle [m] with everything that a run is about, the same for all worlds."""
-    points = np.concatenate([part for world in worlds for part in _places(world, fixed)])
-    boxes = np.array([extent_of(world) for world in worlds])
-    low = np.maximum(points.min(axis=0) - SURROUNDINGS, boxes[:, :2].min(axis=0))
-    high = np.minimum(points.max(axis=0) + SURROUNDINGS, boxes[:, 2:].max(axis=0))
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def _places(world: World, fixed: frozenset[bytes]) -> list[Array]:
-    """Points ``(n, 2)`` [m] of rooms, ways, robots, people and what was sampled."""
-    return [
-        np.asarray(world.bounds).reshape(2, 2) if not world.rooms else world.rooms[0].point[None],
-        *(room.point[None] for room in world.rooms),
-        *(room.door for room in world.rooms if len(room.door)),
-        *(way for lane in world.lanes for way in (lane.to_queue, lane.to_room) if len(way)),
-        *(robot.pose[None, :2] for robot in world.robots),
-        *(human.route for human in world.humans),
-        *(item.polygon for item in world.furniture if fixed and _key(item) not in fixed),
-        *(event.polygon for event in world.events if isinstance(event, Blockage)),
+def _draw_legend(paper: Paper, worlds: Sequence[World], fixed: frozenset[bytes]) -> None:
+    handles = [
+        Line2D([], [], linestyle="none", marker=">", markersize=9, color="#444444", label="robot"),
+        *_people_entries(worlds),
+        *_furniture_entries(worlds, fixed),
+        *_schedule_entries(worlds),
     ]
-
-
-def _grid(count: int, extent: Extent, panel_rows: int) -> _Grid:
-    x_min, y_min, x_max, y_max = extent
-    aspect = (x_max - x_min) / (y_max - y_min)
-    room = SHEET_WIDTH - 2 * GAP
-    width = min(math.sqrt(PANEL_AREA * aspect), room - GAP)
-    most = max(1, min(count, int(room / (width + GAP))))
-    columns = math.ceil(count / math.ceil(count / most))  # no lone panel in the last row
-    width = min(room / columns - GAP, math.sqrt(LARGEST_PANEL_AREA * aspect))
-    timeline = 0.10 + ROW * panel_rows if panel_rows else 0.0
-    return _Grid(columns, math.ceil(count / columns), width, width / aspect, timeline)
-
-
-def _fixed_furniture(worlds: Sequence[World]) -> frozenset[bytes]:
-    """Keys of the furniture that all worlds have in common."""
-    keys = [frozenset(map(_key, world.furniture)) for world in worlds]
-    return frozenset.intersection(*keys) if len(keys) > 1 else frozenset()
-
-
-def _key(item: Furniture) -> bytes:
-    return item.name.encode() + item.polygon.tobytes()
-
-
-def _write_title(figure: Figure, title: str, note: str, height: float) -> None:
-    width = figure.get_figwidth()
-    figure.text(
-        1.5 * GAP / width,
-        1.0 - 0.36 / height,
-        title,
-        size=17,
-        weight="bold",
-        color=INK,
-        parse_math=False,
-    )
-    figure.text(
-        1.0 - 1.5 * GAP / width, 1.0 - 0.36 / height, note, size=10, color="#555555", ha="right"
-    )
-
-
-# --- a small map -------------------------------------------------------------------------------
-
-
-def _draw_small_map(axes: Axes, world: World, extent: Extent, fixed: frozenset[bytes]) -> None:
-    x_min, y_min, x_max, y_max = extent
-    axes.set_xlim(x_min, x_max)
-    axes.set_ylim(y_min, y_max)
-    axes.set_aspect("equal")
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.set_facecolor("#fbfbf8")
-    for spine in axes.spines.values():
-        spine.set_color("#cccccc")
-    pale = [item.polygon for item in world.furniture if _key(item) in fixed]
-    sampled = [item.polygon for item in world.furniture if _key(item) not in fixed]
-    for polygons, face, edge, width, order in (
-        (pale, FURNITURE, FURNITURE_EDGE, 0.25, 2),
-        (sampled, SAMPLED, SAMPLED_EDGE, 0.7, 5),
-    ):
-        axes.add_collection(
-            PolyCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width, zorder=order)
-        )
-    draw_walls(axes, world)
-    for number, room in enumerate(world.rooms):
-        if len(room.door) >= 2:
-            axes.plot(room.door[:, 0], room.door[:, 1], color=DOOR, linewidth=1.5, zorder=4)
-        x, y = room.point
-        taken = any(np.hypot(*(robot.pose[:2] - room.point)) < 0.6 for robot in world.robots)
-        axes.text(
-            float(x),
-            float(y) + (1.1 if taken else 0.0),
-            str(number),
-            size=7,
-            color="#7a5c00",
-            weight="bold",
-            ha="center",
-            va="center",
-            zorder=4,
-            path_effects=[withStroke(linewidth=1.5, foreground="white")],
-        )
-    draw_blockages(axes, world, 0.8)
-    draw_people(axes, world, marker_size=3.6, line=0.7)
-    draw_robots(axes, world, scale=1.5, edge=0.4)
-
-
-# --- legend --------------------------------------------------------------------------------------
-
-
-def _draw_legend(figure: Figure, worlds: Sequence[World], height: float) -> None:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], linestyle="none", marker=">", markersize=9, color="#444444", label="robot")
-    ]
-    people = [human for world in worlds for human in world.humans]
-    if any(human.reacts_to_robots for human in people):
-        handles.append(_person(HUMAN, "person and route"))
-    if any(not human.reacts_to_robots for human in people):
-        handles.append(_person(HUMAN_BLIND, "person who ignores robots"))
-    fixed = _fixed_furniture(worlds)
-    if any(_key(item) not in fixed for world in worlds for item in world.furniture):
-        handles.append(Patch(facecolor=SAMPLED, edgecolor=SAMPLED_EDGE, label="sampled furniture"))
-    if fixed:
-        handles.append(Patch(facecolor=FURNITURE, edgecolor=FURNITURE_EDGE, label="same in all"))
-    events = [event for world in worlds for event in world.events]
-    if any(isinstance(event, Blockage) for event in events):
-        handles.append(
-            Patch(facecolor="#ffd9d9", edgecolor=UNSAFE, hatch="/////", label="blockage")
-        )
-    if any(isinstance(event, CommsOutage) for event in events):
-        handles.append(Patch(facecolor=OUTAGE, alpha=0.3, label="communication outage"))
-    if any(world.tasks for world in worlds):
-        handles.append(
-            Patch(facecolor=TASK, alpha=0.3, label="task, arrival to deadline, room to room")
-        )
-    figure.legend(
+    paper.figure.legend(
         handles=handles,
         loc="lower left",
-        bbox_to_anchor=(1.0 * GAP / figure.get_figwidth(), 0.06 / height),
+        bbox_to_anchor=(GAP / paper.width, 0.06 / paper.height),
         ncols=len(handles),
         fontsize=8.5,
         frameon=False,
@@ -279,13 +146,32 @@ def _draw_legend(figure: Figure, worlds: Sequence[World], height: float) -> None
     )
 
 
-def _person(colour: str, label: str) -> Line2D:
-    return Line2D(
-        [], [], color=colour, linewidth=0.9, linestyle="--", marker="o", markersize=5, label=label
-    )
+def _people_entries(worlds: Sequence[World]) -> Iterator[Line2D]:
+    blind = {not human.reacts_to_robots for world in worlds for human in world.humans}
+    if False in blind:
+        yield person_entry("person and route", blind=False)
+    if True in blind:
+        yield person_entry("person who ignores robots", blind=True)
 
 
-# --- one world -----------------------------------------------------------------------------------
+def _furniture_entries(worlds: Sequence[World], fixed: frozenset[bytes]) -> Iterator[Patch]:
+    if any(furniture_key(item) not in fixed for world in worlds for item in world.furniture):
+        yield area_entry(Role.SAMPLED_FURNITURE, "sampled furniture")
+    if fixed:
+        yield area_entry(Role.FURNITURE, "same in all")
+
+
+def _schedule_entries(worlds: Sequence[World]) -> Iterator[Patch]:
+    kinds = {type(event) for world in worlds for event in world.events}
+    if Blockage in kinds:
+        yield area_entry(Role.BLOCKAGE, "blockage", hatch="/////")
+    if CommsOutage in kinds:
+        yield Patch(facecolor=OUTAGE, alpha=0.3, label="communication outage")
+    if any(world.tasks for world in worlds):
+        yield Patch(facecolor=TASK, alpha=0.3, label="task, arrival to deadline, room to room")
+
+
+# --- one world -------------------------------------------------------------------------------
 
 
 def write_world_picture(
@@ -299,53 +185,36 @@ def write_world_picture(
         costmap: drawn under the map.
         title: the world's name if empty.
     """
-    x_min, y_min, x_max, y_max = extent_of(world)
-    scale = min(0.75 * MAP_HEIGHT / (y_max - y_min), 0.75 * MAP_WIDTH / (x_max - x_min))
-    map_width, map_height = scale * (x_max - x_min), scale * (y_max - y_min)
-    timeline = min(0.25 + 0.19 * timeline_rows(world), map_height - 1.6)
-    height, width = map_height + 2.2 * MARGIN, map_width + 4.2 + 3.0 * MARGIN
-    figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes(
-        (MARGIN / width, MARGIN / height, map_width / width, map_height / height)
-    )
+    extent = extent_of(world)
+    scale = SHRUNK * min(MAP_HEIGHT / extent.height, MAP_WIDTH / extent.width)
+    map_width, map_height = scale * extent.width, scale * extent.height
+    paper = Paper.of_size(map_width + SCHEDULE_WIDTH + 3.0 * MARGIN, map_height + 2.2 * MARGIN)
+    axes = paper.axes_at(MARGIN, MARGIN, map_width, map_height)
     draw_floor(axes, world, costmap, label_size=7.5)
-    draw_people(axes, world, marker_size=7.0, line=1.1)
-    draw_robots(axes, world, scale=1.0, edge=0.8)
+    paint_bodies(axes, starting_scene(world))
     for number, robot in enumerate(world.robots):
-        axes.text(
-            robot.pose[0] + 0.4,
-            robot.pose[1] - 0.45,
-            robot.name,
-            size=7.5,
-            weight="bold",
-            color=robot_colour(number),
-            zorder=12,
-            parse_math=False,
-            clip_on=True,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        )
-    left = (map_width + 2.0 * MARGIN) / width
-    top = 1.0 - 1.2 * MARGIN / height
-    at = top - 0.10 / height
-    heading = title or world.name
-    figure.text(left, at, heading, size=12, weight="bold", color=INK, parse_math=False)
-    for offset, text in ((0.38, counts_text(world)), (0.60, f"digest {world.digest()[:12]}")):
-        figure.text(left, top - offset / height, text, size=9, color="#555555")
-    if timeline_rows(world):
-        figure.text(
-            left,
-            top - 1.0 / height,
-            "Tasks and events (begin to end, room to room)",
-            size=10,
-            weight="bold",
-            color=INK,
-        )
-        box = (left, top - (1.1 + timeline) / height, 4.2 / width, timeline / height)
-        panel = figure.add_axes(box)
-        end = last_time(world)
-        draw_timeline(panel, world, end, rows=timeline_rows(world), size=8.0)
-        panel.spines["bottom"].set_visible(True)
-        panel.set_xticks([0, round(end / 2), round(end)])
-        panel.set_xticklabels(["0 s", f"{end / 2:.0f} s", f"{end:.0f} s"], fontsize=8)
-    figure.savefig(path, dpi=DPI, metadata={"Date": None} if path.suffix == ".svg" else {})
+        at, colour = robot.pose[:2] + np.array([0.4, -0.45]), robot_colour(number)
+        draw_label(axes, at, robot.name, size=7.5, colour=colour, weight="bold", ha="left")
+    left, top = map_width + 2.0 * MARGIN, paper.height - 1.2 * MARGIN
+    paper.write(left, top - 0.10, title or world.name, size=12, weight="bold")
+    paper.write(left, top - 0.38, counts_text(world), size=9, colour=SOFT)
+    paper.write(left, top - 0.60, f"digest {world.digest()[:12]}", size=9, colour=SOFT)
+    if schedule_rows(world):
+        _draw_schedule_beside(paper, world, left, top, map_height)
+    paper.save(path)
+
+
+def _draw_schedule_beside(
+    paper: Paper, world: World, left: float, top: float, map_height: float
+) -> None:
+    """Draw the schedule with a time axis, below ``top`` [inches]."""
+    heading = "Tasks and events (begin to end, room to room)"
+    paper.write(left, top - 1.0, heading, size=10, weight="bold")
+    rows = schedule_rows(world)
+    height = min(0.25 + SCHEDULE_ROW * rows, map_height - 1.6)
+    axes = paper.axes_at(left, top - (1.1 + height), SCHEDULE_WIDTH, height)
+    end = last_time(world)
+    draw_schedule(axes, world, end, rows=rows, size=8.0)
+    axes.spines["bottom"].set_visible(True)
+    axes.set_xticks([0, round(end / 2), round(end)])
+    axes.set_xticklabels(["0 s", f"{end / 2:.0f} s", f"{end:.0f} s"], fontsize=8)

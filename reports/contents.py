@@ -1,4 +1,4 @@
-"""What a report says, as values; the pages and texts made of them are in other modules."""
+"""What a report says, as values; other modules turn them into pages and texts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class FailureFamily:
     free: tuple[str, ...] = ()  #: dimensions that do not matter
     passing: tuple[str, ...] = ()  #: neighbours that pass, in words
     program: str = ""  #: path of the Scenic program that samples the family
-    commands: tuple[tuple[str, str], ...] = ()  #: what it does, and the command
+    commands: tuple[tuple[str, str], ...] = ()  #: what each does, and the command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +35,8 @@ class ErrorKind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Case:
-    """One failure as the report shows it."""
+class CaseContents:
+    """One run as the report shows it; a failure unless it is the case of a single run."""
 
     id: str
     signature: str
@@ -44,19 +44,19 @@ class Case:
     trace: Trace
     verdicts: tuple[Verdict, ...]
     facts: tuple[tuple[str, str], ...]  #: label and text: digests, seeds, engine, versions
-    commands: tuple[tuple[str, str], ...]  #: what it does, and the command
+    commands: tuple[tuple[str, str], ...]  #: what each does, and the command
     costmap: Costmap | None = None  #: at time 0
     layer: str = ""  #: suspected
     layer_evidence: str = ""  #: a sentence or two on why
     counterfactuals: tuple[Counterfactual, ...] = ()
     removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
-    parts: str = ""  #: where the first other replay parts from the stored trace
+    parts: str = ""  #: where the first differing replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
-    minimised: Case | None = None
-    family: FailureFamily | None = None  #: None: nobody asked
+    minimised: CaseContents | None = None
+    family: FailureFamily | None = None  #: None: `family` has not been run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,37 +65,19 @@ class Mode:
 
     signature: str
     ids: tuple[str, ...]
-    cases: tuple[Case, ...]
+    cases: tuple[CaseContents, ...]
     happened: str = ""  #: in the first of them, in one sentence
     layers: tuple[str, ...] = ()  #: suspected in its trials, the most frequent first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trials:
+class TrialScores:
     """All judged trials of a campaign, in order."""
 
     numbers: tuple[int, ...]
     scores: tuple[float, ...]
     failed: tuple[bool, ...]
     places: np.ndarray  #: (n, 2) where each came closest to trouble [m]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Report:
-    """Everything the page of a campaign says."""
-
-    title: str
-    headline: str
-    facts: tuple[tuple[str, str], ...]
-    modes: tuple[Mode, ...]
-    trials: Trials
-    errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
-    floor: World | None = None  #: whose floor the coverage map shows
-    stack: str = ""  #: YAML
-    versions: tuple[tuple[str, str], ...] = ()
-    notes: tuple[str, ...] = ()  #: what the numbers do not say
-    warnings: tuple[str, ...] = ()  #: what a reader must know first
-    tables: tuple[Table, ...] = ()  #: further tables
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,3 +88,40 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()  #: above it
+    folded: bool = False  #: shown only when the reader opens it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EmbeddedImage:
+    """A picture inside the page."""
+
+    title: str
+    uri: str  #: data address
+    alt: str  #: what it shows, in words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReportContents:
+    """Everything the page of a campaign, or of a single run, says."""
+
+    title: str
+    headline: str
+    facts: tuple[tuple[str, str], ...]
+    modes: tuple[Mode, ...] = ()
+    trials: TrialScores | None = None
+    run: CaseContents | None = None  #: the only case, where the report is of a single run
+    errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
+    floor: World | None = None  #: whose floor the coverage map shows
+    stack: str = ""  #: YAML
+    versions: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()  #: what the numbers do not say
+    warnings: tuple[str, ...] = ()  #: what a reader must know first
+    tables: tuple[Table, ...] = ()  #: further tables
+    images: tuple[EmbeddedImage, ...] = ()  #: pictures and animations
+
+    @property
+    def failed(self) -> bool:
+        """Whether the report tells of a violation."""
+        if self.run is not None:
+            return any(verdict.violated for verdict in self.run.verdicts)
+        return bool(self.modes)

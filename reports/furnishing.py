@@ -33,5 +33,5 @@ def movable_outlines(world: World, trace: Trace, tick: int) -> list[Array]:
 
 
 def fixed_outlines(world: World) -> list[Array]:
-    """Footprints ``(V, 2)`` [m] of the furniture that nobody can push."""
+    """Footprints ``(V, 2)`` [m] of the furniture that cannot be pushed."""
     return [item.polygon for item in world.furniture if not item.movable]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,10 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import Blockage, World
+from mrta_falsify.core.world import World
 from reports.colours import robot_colour
-from reports.furnishing import furniture_poses
+from reports.floor_scene import Role, Shape, extent_of, floor_scene
+from reports.furnishing import fixed_outlines, furniture_poses
 
 FRAME_RATE = 5.0  # Hz kept for the replay
 FULL_WINDOW = 120.0  # s before the end that are kept at this rate however long the run is
@@ -33,8 +35,8 @@ CM = 100.0
 NOWHERE = -32768  # for absent people
 
 
-def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
-    """Base64 of the deflated replay: JSON text, a line feed, then little-endian arrays.
+def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
+    """Pack a replay as deflated base64: JSON text, a line feed, then little-endian arrays.
 
     The JSON names each array with its type and shape, in order.
     """
@@ -46,6 +48,16 @@ def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
         "world": _world(world),
         "phases": [phase.name.lower().replace("_", " ") for phase in Phase],
         "paths": _paths(trace),
+        **_happenings(trace, verdicts),
+    }
+    text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
+    body = b"".join(array.tobytes() for _, array in arrays)
+    return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
+
+
+def _happenings(trace: Trace, verdicts: Sequence[Verdict]) -> dict[str, list[list[Any]]]:
+    """List who blocked whom, what the stack reported and what was violated, with times [s]."""
+    return {
         "edges": [
             [round(span.first * trace.dt, 2), round((span.last + 1) * trace.dt, 2),
              span.edge.robot, span.edge.cause, span.edge.other, span.edge.resource]
@@ -63,13 +75,10 @@ def pack(world: World, trace: Trace, verdicts: tuple[Verdict, ...]) -> str:
             if v.violated and v.violated_at is not None
         ],
     }  # fmt: skip
-    text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
-    body = b"".join(array.tobytes() for _, array in arrays)
-    return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
 
 
 def kept_ticks(count: int, dt: float) -> np.ndarray:
-    """Ticks of a run that its replay keeps, first and last among them.
+    """Choose the ticks of a run that its replay keeps, first and last among them.
 
     Args:
         count: ticks of the run.
@@ -136,42 +145,39 @@ def _paths(trace: Trace) -> list[list[Any]]:
 
 
 def _points(points: Array) -> list[int]:
-    """Centimetres, flat; points that change the line by less than ``PATH_DETAIL`` are left out."""
+    """Centimetres, flat; without points that change the line by less than ``PATH_DETAIL``."""
     if len(points) > 2:
         points = shapely.get_coordinates(shapely.LineString(points).simplify(PATH_DETAIL))
     return _points_all(points)
 
 
 def _world(world: World) -> dict[str, Any]:
+    scene = floor_scene(world, fixed_outlines(world))
     return {
-        "bounds": [float(value) for value in world.bounds],
-        "walls": [_points_all(wall.polygon) for wall in world.walls],
-        "furniture": [
-            [item.name, item.kind, _points_all(item.polygon)]
-            for item in world.furniture
-            if not item.movable
-        ],
+        "extent": [round(value, 2) for value in extent_of(world)],
+        "scene": [_shape(shape) for shape in scene],
         "pieces": [  # movable; outlines around their centres
             [item.name, item.kind, _points_all(item.polygon - item.center)]
             for item in world.movable_furniture()
         ],
-        "rooms": [[room.name, *_points_all(room.point[None])] for room in world.rooms],
-        "queues": [
-            [resource.name, _points_all(resource.spots)]
-            for resource in world.resources
-            if len(resource.spots)
-        ],
-        "lanes": [_points_all(lane.to_room) for lane in world.lanes if len(lane.to_room) > 1],
-        "blockages": [
-            [event.name, event.start, event.end, _points_all(event.polygon)]
-            for event in world.events
-            if isinstance(event, Blockage)
-        ],
         "robots": [
             [robot.name, robot_colour(i), robot.radius] for i, robot in enumerate(world.robots)
         ],
-        "people": [[human.name, human.radius] for human in world.humans],
+        "people": [
+            [human.name, human.radius, Role.PERSON if human.reacts_to_robots else Role.BLIND_PERSON]
+            for human in world.humans
+        ],
     }
+
+
+def _shape(shape: Shape) -> list[Any]:
+    """Role, points [cm], then text and times [s] where a shape has them."""
+    row: list[Any] = [shape.role, _points_all(shape.points), shape.text]
+    if shape.role is Role.BLOCKAGE:
+        row += [shape.start, shape.end]
+    while row[-1] == "":
+        row.pop()
+    return row
 
 
 def _points_all(points: Array) -> list[int]:

@@ -1,167 +1,115 @@
-"""One self-contained HTML page of a run: no script, no address of another machine."""
+"""The HTML page of a campaign or a run: one file that opens from disk and needs no network."""
 
 from __future__ import annotations
 
-import base64
-import json
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 
 import jinja2
-import yaml
+from markupsafe import Markup
 
-from mrta_falsify.core import codec
-from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.fleet import StackEvent
-from reports.colours import robot_colour
-from reports.figure_panel import robustness_text
-from reports.run_view import RunView
+from mrta_falsify.core.errors import FormatError
+from reports import floor_drawings, time_charts
+from reports.case_drawings import DrawnCase, draw_case
+from reports.colours import css_variables
+from reports.contents import CaseContents, ReportContents
+from reports.sentences import (
+    edge_sentence,
+    evidence_text,
+    robustness_text,
+    violation_sentence,
+)
 
-MAX_EVENTS = 2000  # rows of the event table; a four-hour shift has more than a page can show
-MAX_EVIDENCE = 4000  # characters
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _TaskRow:
-    number: int
-    start: str
-    end: str
-    arrival: float
-    deadline: float
-    robot: str
-    colour: str
-    picked_up: str
-    dropped_off: str
-    state: str  #: "in time", "late" or "not delivered"
+MOST_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _EventRow:
-    time: float
-    kind: str
-    robot: str
-    task: str
-    resource: str
-    detail: str
-
-
-def write_page(
-    view: RunView,
-    path: Path,
-    *,
-    picture: Path,
-    command: str,
-    config: StackConfig,
-    versions: dict[str, str],
-    animation: Path | None = None,
-) -> None:
-    """Write the page of one run.
+def write_page(report: ReportContents, path: Path, *, most_bytes: int = MOST_BYTES) -> None:
+    """Write the page.
 
     Args:
-        view: what was run and how it was judged.
+        report: what it says.
         path: the HTML file.
-        picture: PNG to embed.
-        command: what reproduces the run.
-        config: the stack that was run.
-        versions: of the libraries the digests depend on.
-        animation: GIF to embed, if there is one.
+        most_bytes: see :func:`render_page`.
+
+    Raises:
+        FormatError: the file cannot be written.
     """
+    try:
+        path.write_text(render_page(report, most_bytes=most_bytes), encoding="utf-8")
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:
+    """Render the page as HTML text.
+
+    Args:
+        report: what it says.
+        most_bytes: size of all cases together; the page only counts those that do not fit.
+    """
+    drawn = _draw_cases(_by_urgency(report), most_bytes)
+    trials, floor = report.trials, report.floor
+    return (
+        _environment()
+        .get_template("page.html")
+        .render(
+            report=report,
+            style=_own_text("report.css"),
+            colours=Markup(css_variables()),
+            script=_own_text("replay.js") if drawn else "",
+            scores=time_charts.draw_scores(trials) if trials and trials.numbers else "",
+            coverage=floor_drawings.draw_coverage(floor, trials)
+            if floor and trials and trials.numbers
+            else "",
+            drawn=drawn,
+            costmaps=_name_costmaps(drawn.values()),
+        )
+    )
+
+
+def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("reports", "templates"),
         autoescape=True,
         trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.filters["violation_sentence"] = violation_sentence
+    environment.filters["edge_sentence"] = edge_sentence
     environment.filters["robustness"] = robustness_text
-    environment.filters["evidence"] = _evidence_text
-    trace = view.trace
-    page = environment.get_template("run.html").render(
-        world=view.world,
-        headline=headline(view),
-        violated=any(verdict.violated for verdict in view.verdicts),
-        facts=view.facts,
-        verdicts=view.verdicts,
-        picture=_data_uri(picture, "image/png"),
-        animation=_data_uri(animation, "image/gif") if animation is not None else "",
-        tasks=_task_rows(view),
-        events=[_event_row(view, event) for event in trace.events[:MAX_EVENTS]],
-        event_count=len(trace.events),
-        command=command,
-        stack=yaml.safe_dump(codec.encode(config), sort_keys=False),
-        versions="\n".join(f"{name} {number}" for name, number in sorted(versions.items())),
-    )
-    path.write_text(page, encoding="utf-8")
+    environment.filters["evidence"] = evidence_text
+    return environment
 
 
-def headline(view: RunView) -> str:
-    """The result of a run in one line."""
-    broken = [verdict.spec for verdict in view.verdicts if verdict.violated]
-    if broken:
-        return f"{len(broken)} of {len(view.verdicts)} specifications violated: {', '.join(broken)}"
-    return f"all {len(view.verdicts)} specifications hold"
+def _own_text(name: str) -> Markup:
+    """Read a file of our own templates, to be put into the page unescaped."""
+    return Markup((Path(__file__).parent / "templates" / name).read_text(encoding="utf-8"))
 
 
-def _data_uri(path: Path, kind: str) -> str:
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+def _by_urgency(report: ReportContents) -> list[CaseContents]:
+    """List the cases to draw: the first of each mode, then the second of each, and so on."""
+    if report.run is not None:
+        return [report.run] if report.run.trace.columns else []
+    most = max((len(mode.cases) for mode in report.modes), default=0)
+    return [mode.cases[i] for i in range(most) for mode in report.modes if i < len(mode.cases)]
 
 
-def _evidence_text(evidence: dict[str, object]) -> str:
-    text = json.dumps(codec.encode(evidence), indent=1, sort_keys=True)
-    return text if len(text) <= MAX_EVIDENCE else text[:MAX_EVIDENCE] + "\n..."
+def _draw_cases(cases: Iterable[CaseContents], most_bytes: int) -> dict[str, DrawnCase]:
+    """Draw as many cases as fit, by id; at least one."""
+    drawn: dict[str, DrawnCase] = {}
+    room = most_bytes
+    for case in cases:
+        found = draw_case(case)
+        room -= found.size
+        if room < 0 and drawn:
+            break
+        drawn[case.id] = found
+    return drawn
 
 
-def _task_rows(view: RunView) -> list[_TaskRow]:
-    picked: dict[int, StackEvent] = {}
-    dropped: dict[int, StackEvent] = {}
-    for event in view.trace.events:
-        if event.kind == "picked-up":
-            picked.setdefault(event.task, event)
-        elif event.kind == "dropped-off":
-            dropped.setdefault(event.task, event)
-    rows = []
-    for number, task in enumerate(view.world.tasks):
-        up, down = picked.get(number), dropped.get(number)
-        carrier = down or up
-        if down is None:
-            state = "not delivered"
-        else:
-            state = "in time" if down.time <= task.deadline else "late"
-        rows.append(
-            _TaskRow(
-                number=number,
-                start=_room(view, task.start),
-                end=_room(view, task.end),
-                arrival=task.arrival,
-                deadline=task.deadline,
-                robot=_robot(view, carrier.robot) if carrier else "",
-                colour=robot_colour(carrier.robot) if carrier else "",
-                picked_up=f"{up.time:.1f} s" if up else "",
-                dropped_off=f"{down.time:.1f} s" if down else "",
-                state=state,
-            )
-        )
-    return rows
-
-
-def _event_row(view: RunView, event: StackEvent) -> _EventRow:
-    detail = event.detail
-    if event.other >= 0:
-        detail = f"{_robot(view, event.other)} {detail}".strip()
-    return _EventRow(
-        time=event.time,
-        kind=event.kind,
-        robot=_robot(view, event.robot),
-        task=str(event.task) if event.task >= 0 else "",
-        resource=event.resource,
-        detail=detail,
-    )
-
-
-def _robot(view: RunView, number: int) -> str:
-    robots = view.world.robots
-    return robots[number].name if 0 <= number < len(robots) else ""
-
-
-def _room(view: RunView, number: int) -> str:
-    name = view.world.rooms[number].name
-    return str(number) if name in ("", str(number)) else f"{number} {name}"
+def _name_costmaps(drawn: Iterable[DrawnCase]) -> dict[str, str]:
+    """Map the data address of each different costmap picture to its id in the page."""
+    runs = [run for case in drawn for run in (case.main, case.minimised) if run is not None]
+    uris = [run.costmap.uri for run in runs if run.costmap is not None]
+    return {uri: f"costmap-{i}" for i, uri in enumerate(dict.fromkeys(uris))}

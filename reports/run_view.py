@@ -23,18 +23,7 @@ class RunView:
     facts: tuple[tuple[str, str], ...] = ()  #: label and text, shown in this order
 
 
-def extent_of(world: World) -> tuple[float, float, float, float]:
-    """Rectangle (x min, y min, x max, y max) [m] that holds everything drawn, plus 0.6 m."""
-    parts = [
-        *(wall.polygon for wall in world.walls),
-        *(item.polygon for item in world.furniture),
-        *(room.point[None] for room in world.rooms),
-        *(robot.pose[None, :2] for robot in world.robots),
-    ]
-    if not parts:
-        x_min, y_min, x_max, y_max = world.bounds
-        return float(x_min), float(y_min), float(x_max), float(y_max)
-    points = np.concatenate(parts)
-    low = np.maximum(points.min(axis=0) - 0.6, world.bounds[:2])
-    high = np.minimum(points.max(axis=0) + 0.6, world.bounds[2:])
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+def kept_column(trace: Trace, name: str) -> np.ndarray | None:
+    """Column of a trace; None if the trace was not kept, or is empty."""
+    column = trace.columns.get(name)
+    return column if column is not None and len(column) else None

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from typing import Any
 
+from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
 
+AT_PLACE = 0.5  # m; nearer than this, something happened at a place
+MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {
-    "queue": "waits for {resource}, which {other} holds or is before it in the queue",
-    "barrier": "cannot drive on because {other} stands on its path",
-    "cluster": "has a free way, but moves only after {other}, which is near",
-    "human": "stands because {other}, a person, is in the way",
-    "wall": "is held off by a solid{resource_in_brackets}",
+    "queue": "waits for {resource}: {other} holds it or is ahead in the queue",
+    "barrier": "cannot drive on because {other} stands in its path",
+    "cluster": "has a free path but waits for {other}, which is near and moves first",
+    "human": "stands still because {other}, a person, is in the way",
+    "wall": "is held back by a solid{resource_in_brackets}",
     "no-path": "has a goal but no path to it{because}",
-    "stalled": "has a goal and a free way, and does not drive",
+    "stalled": "has a goal and a free path but does not drive",
     "task": "waits for a task",
 }
 
@@ -28,31 +33,31 @@ MEANINGS = {
     "deadlines": "a deadline was missed",
     "no_deadlock": "robots wait for each other and nothing can resolve it",
     "exclusive_use": "two robots held a resource that only one may hold",
-    "no_livelock": "a robot kept driving without coming nearer to its goal",
-    "no_starvation": "a robot waited on while later ones were served",
+    "no_livelock": "a robot kept driving without getting closer to its goal",
+    "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
 }
 
 
 def listed(names: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
+    """List names as ``a``, ``a and b`` or ``a, b and c``."""
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def sentence(verdict: Verdict) -> str:
-    """One sentence about a violated verdict, with time, robots and place."""
+def violation_sentence(verdict: Verdict) -> str:
+    """Describe a violated verdict in one sentence, with time, robots and place."""
     when = f" at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
     who = listed(verdict.who)
     where = _place(verdict.evidence.get("place"))
     if verdict.spec == "no_deadlock":
+        alone = len(verdict.who) == 1
+        what = "is stuck for good" if alone else "are deadlocked"
+        stood = "it has stood" if alone else "they have stood"
         onset = verdict.evidence.get("onset")
-        since = f"; they have stood since {onset:.1f} s" if isinstance(onset, float) else ""
-        if len(verdict.who) == 1:
-            since = since.replace("they have stood", "it has stood")
-            return f"{who} is stuck for good{where} (found{when}){since}."
-        return f"{who} are deadlocked{where} (found{when}){since}."
+        since = f"; {stood} since {onset:.1f} s" if isinstance(onset, float) else ""
+        return f"{who} {what}{where} (found{when}){since}."
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
     meaning = MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
@@ -63,14 +68,16 @@ def sentence(verdict: Verdict) -> str:
 def _place(place: Any) -> str:
     if not isinstance(place, dict) or "near" not in place:
         return ""
-    distance = float(place.get("distance", 0.0))
-    near = place["near"] or "nowhere with a name"
-    at = f"at {near}" if distance < 0.5 else f"{distance:.1f} m from {near}"
-    return f" {at} (x {float(place['x']):.1f} m, y {float(place['y']):.1f} m)"
+    point = f"x {float(place['x']):.1f} m, y {float(place['y']):.1f} m"
+    near, distance = place["near"], float(place.get("distance", 0.0))
+    if not near:
+        return f" at {point}"
+    at = f"at {near}" if distance < AT_PLACE else f"{distance:.1f} m from {near}"
+    return f" {at} ({point})"
 
 
 def edge_sentence(edge: dict[str, str]) -> str:
-    """Why one robot of a wait-for cycle does not go on."""
+    """Say why one robot of a wait-for cycle does not move on."""
     resource, other = edge.get("resource", ""), edge.get("blocked_by", "")
     because = ""
     if other:
@@ -86,3 +93,16 @@ def edge_sentence(edge: dict[str, str]) -> str:
         because=because,
     )
     return f"{edge['robot']} {text}."
+
+
+def robustness_text(value: float) -> str:
+    """Write a robustness with three digits and a sign, or as a word if it is infinite."""
+    if math.isinf(value):
+        return "unbounded" if value > 0 else "-unbounded"
+    return f"{value:+.3g}"
+
+
+def evidence_text(evidence: dict[str, Any]) -> str:
+    """Write the evidence of a verdict as indented JSON, cut off where it is long."""
+    text = json.dumps(codec.encode(evidence), indent=1, sort_keys=True)
+    return text if len(text) <= MOST_EVIDENCE else text[:MOST_EVIDENCE] + "\n..."

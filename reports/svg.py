@@ -19,11 +19,11 @@ class Drawing:
     ) -> None:
         self._size = (width, height)
         self._label = label
-        self._data = data or {}  # what the page's script is told, as data-NAME
+        self._data = data or {}  # for the page's script, as data-NAME
         self._parts: list[str] = []
 
     def add(self, tag: str, text: str = "", /, **attributes: object) -> None:
-        """One element; ``class_`` and ``stroke_width`` become ``class`` and ``stroke-width``."""
+        """Add one element; ``class_`` becomes ``class``, ``stroke_width`` ``stroke-width``."""
         pairs = " ".join(
             f"{name.rstrip('_').replace('_', '-')}={quoteattr(_shown(value))}"
             for name, value in attributes.items()
@@ -32,17 +32,17 @@ class Drawing:
         self._parts.append(f"<{tag} {pairs}{body}")
 
     def line(self, points: Iterable[Sequence[float]] | Array, **attributes: object) -> None:
-        """A polyline through ``points``."""
+        """Add a polyline through ``points``."""
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self.add("polyline", points=text, fill="none", **attributes)
 
     def polygon(self, points: Iterable[Sequence[float]] | Array, **attributes: object) -> None:
-        """A closed outline through ``points``."""
+        """Add a closed outline through ``points``."""
         text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self.add("polygon", points=text, **attributes)
 
     def polygons(self, outlines: Iterable[Array], **attributes: object) -> None:
-        """Closed outlines as one element; where they overlap they are filled once."""
+        """Add closed outlines as one element, filled once where they overlap."""
         path = "".join(
             "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in outline) + "Z" for outline in outlines
         )
@@ -50,7 +50,7 @@ class Drawing:
             self.add("path", d=path, **attributes)
 
     def dots(self, points: Array, *, radius: float, **attributes: object) -> None:
-        """Filled circles as one element; those on one pixel are one."""
+        """Add filled circles as one element; those on one pixel are one."""
         places = np.unique(np.round(np.asarray(points).reshape(-1, 2)).astype(int), axis=0)
         if len(places):
             path = "".join(f"M{x} {y}h0" for x, y in places.tolist())
@@ -58,7 +58,7 @@ class Drawing:
                      stroke_width=2.0 * radius, **attributes)  # fmt: skip
 
     def arrow(self, start: Array, end: Array, **attributes: object) -> None:
-        """A straight arrow with a head of 8 px."""
+        """Add a straight arrow with a head of 9 px."""
         way = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
         length = float(np.hypot(*way))
         if length < 1.0:
@@ -72,7 +72,7 @@ class Drawing:
         self.polygon(head, fill=colour)
 
     def markup(self) -> Markup:
-        """The finished element."""
+        """Return the finished element."""
         width, height = self._size
         body = "".join(self._parts)
         # every text and attribute in it has been escaped above
@@ -88,8 +88,8 @@ def _shown(value: object) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
-class Floor:
-    """Maps metres of a rectangle to pixels, north up."""
+class FloorProjection:
+    """Maps metres of a rectangle of the floor to pixels, north up."""
 
     def __init__(self, bounds: Sequence[float] | Array, width: float) -> None:
         x_min, y_min, x_max, y_max = (float(value) for value in bounds)

@@ -26,7 +26,7 @@ os.execvp(sys.argv[3], sys.argv[3:])
 
 
 def find() -> str | None:
-    """Path of a Chromium, None if there is none."""
+    """Find the path of a Chromium; None if there is none."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
@@ -47,7 +47,7 @@ class Browser:
             self.send(f"{domain}.enable")
 
     def send(self, method: str, **params: Any) -> dict[str, Any]:
-        """A command, and its answer."""
+        """Send a command and return its answer."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": params}
         if self._session:
@@ -92,8 +92,16 @@ class Browser:
         self.send("Page.navigate", url=path.resolve().as_uri())
         self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
 
+    def open_replay(
+        self, path: Path, *, width: int = 1280, height: int = 900, mobile: bool = False
+    ) -> None:
+        """Open a report and wait until its first replay is ready."""
+        self.open(path, width=width, height=height, mobile=mobile)
+        self.value("document.querySelector('.replay').scrollIntoView()")
+        self.wait("document.querySelector('.replay').dataset.state === 'ready'")
+
     def value(self, script: str) -> Any:
-        """Value of a JavaScript expression; promises are awaited."""
+        """Evaluate a JavaScript expression; promises are awaited."""
         answer = self.send(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -110,7 +118,7 @@ class Browser:
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
-        """A real click in the middle of an element."""
+        """Click in the middle of an element, as a person does."""
         box = self.value(
             f"(() => {{ const e = document.querySelector({selector!r}); "
             "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); "
@@ -121,19 +129,19 @@ class Browser:
                       clickCount=1)  # fmt: skip
 
     def press(self, key: str, code: str, text: str = "") -> None:
-        """A real key press."""
+        """Press a key, as a person does."""
         self.send("Input.dispatchKeyEvent", type="keyDown", key=key, code=code, text=text)
         self.send("Input.dispatchKeyEvent", type="keyUp", key=key, code=code)
 
     def picture(self, path: Path) -> None:
-        """The whole page as PNG."""
+        """Write the whole page as PNG."""
         data = self.send("Page.captureScreenshot", captureBeyondViewport=True)["data"]
         path.write_bytes(base64.b64decode(data))
 
 
 @contextlib.contextmanager
 def browser() -> Iterator[Browser]:
-    """A running browser; ended, with its profile, afterwards."""
+    """Run a browser; it ends, with its profile, afterwards."""
     program = find()
     if program is None:
         raise RuntimeError("no Chromium on this machine")

@@ -1,6 +1,6 @@
 """Build the AWS hospital layout from the published sources.
 
-    python tools/build_aws_hospital.py ../shared/data [--picture]
+    python -m tools.build_aws_hospital ../shared/data [--picture]
 
 reads the wall mesh, the furniture poses, the occupancy map and the published roadways below
 the given folder and writes into ``scenic_worlds/layouts``:
@@ -52,7 +52,7 @@ from mrta_falsify.core.world import (
     write_world,
 )
 from scenic_worlds.layouts import load_layout
-from scenic_worlds.layouts.overlay import (
+from tools.map_overlay import (
     MAP_ORIGIN,
     MAP_RESOLUTION,
     draw_overlay,

@@ -44,7 +44,7 @@ from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.replay import replay_trial, store_replay
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.workers import local_workers
-from reports.sentences import edge_sentence, sentence
+from reports.sentences import edge_sentence, violation_sentence
 from tools.gallery_pictures import Seen, write_picture
 
 FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
@@ -259,7 +259,11 @@ def what_happened(seen: Seen) -> list[str]:
     """Tell what happened in a failing run, in sentences."""
     verdict = seen.verdict
     waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
-    return [sentence(verdict), *waits, *stories(tasks_of(verdict), seen.world, seen.trace)]
+    return [
+        violation_sentence(verdict),
+        *waits,
+        *stories(tasks_of(verdict), seen.world, seen.trace),
+    ]
 
 
 def _counts(found: Told) -> str:

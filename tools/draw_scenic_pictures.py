@@ -23,7 +23,7 @@ from shapely.geometry.base import BaseGeometry
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import robot_colour
 from reports.contact_sheet import write_contact_sheet
-from reports.figure_floor import draw_floor
+from reports.floor_plot import draw_floor
 from scenic_worlds.places import places_of
 from scenic_worlds.program import compile_program
 from scenic_worlds.shipped import scenario_names, scenario_path

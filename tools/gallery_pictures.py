@@ -20,12 +20,12 @@ from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from reports.colours import HUMAN, HUMAN_BLIND, INK, UNSAFE, robot_colour
-from reports.drawings import blocker_of
-from reports.figure_floor import draw_floor, draw_label
-from reports.figure_motion import robot_outline
+from reports.colours import INK, UNSAFE, person_colour, robot_colour
+from reports.floor_plot import draw_floor, draw_label
+from reports.floor_scene import extent_of
 from reports.furnishing import fixed_outlines, movable_outlines
-from reports.run_view import extent_of
+from reports.moving_scene import robot_outline
+from reports.wait_graph_drawing import blocker_of
 
 DPI = 100
 COLOURS = 128  # of the palette: keeps the files small
@@ -224,7 +224,7 @@ def _draw_map(
     first = max(0, tick - round(min(trail, trace.duration) / trace.dt))
     for number, human in enumerate(world.humans):
         way = trace.columns["human_position"][first : tick + 1, number]
-        colour = HUMAN if human.reacts_to_robots else HUMAN_BLIND
+        colour = person_colour(blind=not human.reacts_to_robots)
         axes.plot(*way.T, color=colour, linewidth=0.9, linestyle=(0, (3, 2)), zorder=6)
         if np.all(np.isfinite(way[-1])):
             axes.add_patch(Circle(way[-1], human.radius, facecolor=colour, zorder=10))

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import yaml
 
+from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
@@ -214,7 +216,8 @@ def write_run(
     Raises:
         InputError: the directory cannot be made.
     """
-    from reports import animation, figures, page  # noqa: PLC0415 - matplotlib loads slowly
+    from reports import animation, page, run_picture  # noqa: PLC0415 - matplotlib loads slowly
+    from reports.run_report import report_of_run  # noqa: PLC0415
 
     config = config or StackConfig()
     folder = make_directory(Path(directory))
@@ -235,7 +238,7 @@ def write_run(
     text = json.dumps(finite(codec.encode(outcome.verdicts)), indent=1, allow_nan=False)
     files.verdicts.write_text(text + "\n", encoding="utf-8")
     view = view_of(outcome, world, config)
-    figures.write_picture(view, files.picture)
+    run_picture.write_picture(view, files.picture)
     if files.gif is not None:
         animation.write_gif(view, files.gif)
     if files.mp4 is not None:
@@ -243,15 +246,17 @@ def write_run(
     command = ["mrta-falsify", "run", str(files.world), "--stack", str(files.stack)]
     speed = outcome.sim_time / max(outcome.wall_s, 1e-9)
     computed = ("computed in", f"{outcome.wall_s:.1f} s ({speed:.1f}x real time)")
-    page.write_page(
+    report = report_of_run(
         dataclasses.replace(view, facts=(*view.facts, computed)),
-        files.report,
-        picture=files.picture,
         command=shlex.join(command),
-        config=config,
+        stack=yaml.safe_dump(codec.encode(config), sort_keys=False),
         versions=versions(),
+        picture=files.picture,
         animation=files.gif,
+        first=leading(outcome.verdicts),
+        layer=suspected_layer(outcome.verdicts, outcome.trace),
     )
+    page.write_page(report, files.report)
     return files
 
 

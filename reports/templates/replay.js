@@ -152,14 +152,8 @@
     }
 
     whole() {
-      const w = this.data.world;
-      let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
-      const see = (flat) => { for (let i = 0; i < flat.length; i += 2) {
-        x0 = Math.min(x0, flat[i]); x1 = Math.max(x1, flat[i]); y0 = Math.min(y0, flat[i + 1]); y1 = Math.max(y1, flat[i + 1]); } };
-      w.walls.forEach(see);
-      w.rooms.forEach((r) => see(r.slice(1)));
-      if (x0 === Infinity) return { x0: w.bounds[0], y0: w.bounds[1], x1: w.bounds[2], y1: w.bounds[3] };
-      return { x0: x0 / 100 - 0.5, y0: y0 / 100 - 0.5, x1: x1 / 100 + 0.5, y1: y1 / 100 + 0.5 };
+      const [x0, y0, x1, y1] = this.data.world.extent;
+      return { x0, y0, x1, y1 };
     }
 
     zoom() {
@@ -173,9 +167,26 @@
       this.draw();
     }
 
-    draw() {
+    draw() { // from the floor up
+      const pen = this.pen();
+      if (!pen) return;
+      const f = this.frame(), places = this.data.world.robots.map((_, i) => this.point(this.data.xy, f, i));
+      if (this.shows("costmap")) this.paintCostmap(pen);
+      for (const row of this.data.world.scene) this.paintShape(pen, row);
+      this.paintPieces(pen, f);
+      for (const row of this.data.world.scene) if (row[0] === "room") this.paintRoom(pen, row);
+      if (this.shows("clusters")) this.paintClusters(pen, f, places);
+      if (this.shows("paths")) this.paintPaths(pen);
+      if (this.shows("rays")) this.paintRays(pen);
+      this.paintPeople(pen, f);
+      const said = this.paintRobots(pen, f, places);
+      if (this.shows("waits")) this.paintWaits(pen, f, places, said);
+      this.status.textContent = said.join(" \u00b7 ");
+    }
+
+    pen() { // the canvas, cleared, and how to get there from the map frame
       const canvas = this.canvas, box = canvas.getBoundingClientRect();
-      if (!box.width) return;
+      if (!box.width) return null;
       const view = this.view, ratio = devicePixelRatio || 1;
       const height = Math.min(box.width * (view.y1 - view.y0) / (view.x1 - view.x0), innerHeight * 0.8);
       canvas.style.height = `${height}px`;
@@ -183,121 +194,141 @@
       canvas.height = Math.round(height * ratio);
       const scale = Math.min(canvas.width / (view.x1 - view.x0), canvas.height / (view.y1 - view.y0));
       const left = (canvas.width - scale * (view.x1 - view.x0)) / 2;
-      const px = (x, y) => [left + (x - view.x0) * scale, canvas.height - (y - view.y0) * scale];
-      const css = getComputedStyle(this.root), colour = (name) => css.getPropertyValue(name).trim();
-      const g = canvas.getContext("2d");
+      const css = getComputedStyle(this.root), g = canvas.getContext("2d");
       g.clearRect(0, 0, canvas.width, canvas.height);
       g.lineJoin = "round";
-      const flat = (points, closed) => {
+      const px = (x, y) => [left + (x - view.x0) * scale, canvas.height - (y - view.y0) * scale];
+      const colour = (name) => css.getPropertyValue(`--${name}`).trim();
+      const line = (points, closed) => { // centimetres, flat
         g.beginPath();
         for (let i = 0; i < points.length; i += 2) g.lineTo(...px(points[i] / 100, points[i + 1] / 100));
         if (closed) g.closePath();
       };
-      const text = (string, x, y, size, fill) => {
+      const disc = (x, y, radius) => { g.beginPath(); g.arc(x, y, radius, 0, 7); };
+      const stroke = (shade, width) => { g.strokeStyle = shade; g.lineWidth = width * ratio; g.stroke(); };
+      const fill = (shade) => { g.fillStyle = shade; g.fill(); };
+      const text = (string, x, y, size, shade) => {
         g.font = `${size * ratio}px system-ui, sans-serif`;
         g.textAlign = "center";
         g.lineWidth = 3 * ratio;
-        g.strokeStyle = colour("--paper");
+        g.strokeStyle = colour("paper");
         g.strokeText(string, x, y);
-        g.fillStyle = fill;
+        g.fillStyle = shade;
         g.fillText(string, x, y);
       };
-      const w = this.data.world, f = this.frame(), now = this.time;
-      if (this.shows("costmap") && this.costmap && this.costmap.naturalWidth) {
-        const [x0, y0, x1, y1] = this.root.dataset.extent.split(",").map(Number);
-        const a = px(x0, y1), b = px(x1, y0);
-        g.imageSmoothingEnabled = false;
-        g.drawImage(this.costmap, a[0], a[1], b[0] - a[0], b[1] - a[1]);
+      return { g, px, scale, ratio, colour, line, disc, stroke, fill, text };
+    }
+
+    paintCostmap({ g, px }) {
+      if (!this.costmap || !this.costmap.naturalWidth) return;
+      const [x0, y0, x1, y1] = this.root.dataset.extent.split(",").map(Number);
+      const a = px(x0, y1), b = px(x1, y0);
+      g.imageSmoothingEnabled = false;
+      g.drawImage(this.costmap, a[0], a[1], b[0] - a[0], b[1] - a[1]);
+    }
+
+    paintShape(pen, [role, points, name, start, end]) { // what stands still; colours by role
+      const { px, scale, colour, line, disc, stroke, fill } = pen;
+      if (role === "lane") {
+        if (this.shows("lanes")) { line(points); stroke(colour("lane-edge"), 1); }
+      } else if (role === "furniture" || role === "wall") {
+        line(points, true); fill(colour(role));
+      } else if (role === "blockage") {
+        if (this.time < start || this.time >= end) return;
+        line(points, true); fill(colour(role)); stroke(colour("blockage-edge"), 1);
+        pen.text(name, ...px(points[0] / 100, points[1] / 100), 10, colour("bad"));
+      } else if (role === "door") {
+        line(points); stroke(colour(role), 2);
+      } else if (role === "queue-spot" || role === "parking") {
+        if (!this.shows("queues")) return;
+        disc(...px(points[0] / 100, points[1] / 100), 0.15 * scale);
+        fill(colour(role)); stroke(colour(`${role}-edge`), 1);
       }
-      if (this.shows("lanes")) {
-        g.strokeStyle = colour("--line"); g.lineWidth = ratio;
-        for (const lane of w.lanes) { flat(lane); g.stroke(); }
-      }
-      for (const [, , outline] of w.furniture) { flat(outline, true); g.fillStyle = colour("--furniture"); g.fill(); }
-      w.pieces.forEach(([, , outline], i) => {
+    }
+
+    paintRoom({ px, text, colour }, [, [x, y], name]) { text(name, ...px(x / 100, y / 100), 10, colour("soft")); }
+
+    paintPieces({ line, fill, colour }, f) { // furniture that was pushed
+      const { pieces } = this.data.world;
+      pieces.forEach(([, , outline], i) => {
         const place = this.point(this.data.pieces, f, i);
         if (!place) return;
-        const turn = (this.data.pieces_turn.values[f * w.pieces.length + i] / 256) * 2 * Math.PI;
+        const turn = (this.data.pieces_turn.values[f * pieces.length + i] / 256) * 2 * Math.PI;
         const c = Math.cos(turn), s = Math.sin(turn), moved = [];
         for (let k = 0; k < outline.length; k += 2) moved.push(
           100 * place[0] + c * outline[k] - s * outline[k + 1], 100 * place[1] + s * outline[k] + c * outline[k + 1]);
-        flat(moved, true); g.fillStyle = colour("--furniture"); g.fill();
+        line(moved, true); fill(colour("furniture"));
       });
-      for (const outline of w.walls) { flat(outline, true); g.fillStyle = colour("--wall"); g.fill(); }
-      for (const [name, start, end, outline] of w.blockages) {
-        if (now < start || now >= end) continue;
-        flat(outline, true); g.fillStyle = colour("--blocked"); g.fill();
-        g.strokeStyle = colour("--bad"); g.lineWidth = ratio; g.stroke();
-        text(name, ...px(outline[0] / 100, outline[1] / 100), 10, colour("--bad"));
+    }
+
+    clusterOf(f, robot) { return this.data.cluster.values[f * this.data.world.robots.length + robot]; }
+
+    paintClusters({ g, px, colour, stroke }, f, places) { // a line between robots of one cluster
+      g.globalAlpha = 0.35;
+      for (let i = 0; i < places.length; i++) for (let j = i + 1; j < places.length; j++) {
+        if (this.clusterOf(f, i) !== this.clusterOf(f, j)) continue;
+        g.beginPath(); g.moveTo(...px(...places[i])); g.lineTo(...px(...places[j])); stroke(colour("planning"), 6);
       }
-      if (this.shows("queues")) for (const [, spots] of w.queues) for (let i = 0; i < spots.length; i += 2) {
-        const [x, y] = px(spots[i] / 100, spots[i + 1] / 100);
-        g.beginPath(); g.arc(x, y, 0.15 * scale, 0, 7); g.strokeStyle = colour("--soft"); g.lineWidth = ratio; g.stroke();
+      g.globalAlpha = 1;
+    }
+
+    paintPaths({ g, ratio, line, stroke }) {
+      const { robots } = this.data.world, latest = new Array(robots.length).fill(null);
+      for (const [time, robot, points] of this.data.paths) { if (time > this.time) break; latest[robot] = points; }
+      g.setLineDash([5 * ratio, 4 * ratio]);
+      latest.forEach((points, i) => { if (points && points.length >= 4) { line(points); stroke(robots[i][1], 1.5); } });
+      g.setLineDash([]);
+    }
+
+    paintRays({ g, px, ratio, colour }) {
+      const times = this.data.rays_time.values, { shape, values } = this.data.rays;
+      let k = -1;
+      while (k + 1 < times.length && times[k + 1] / 10 <= this.time) k++;
+      if (k < 0) return;
+      g.fillStyle = colour("bad");
+      const row = shape[1] * shape[2] * 2;
+      for (let i = k * row; i < (k + 1) * row; i += 2) if (values[i] !== NOWHERE) {
+        const [x, y] = px(values[i] / 100, values[i + 1] / 100);
+        g.fillRect(x - 1.5 * ratio, y - 1.5 * ratio, 3 * ratio, 3 * ratio);
       }
-      for (const [name, x, y] of w.rooms) text(name, ...px(x / 100, y / 100), 10, colour("--soft"));
-      const n = w.robots.length, places = w.robots.map((_, i) => this.point(this.data.xy, f, i));
-      if (this.shows("clusters")) {
-        const cluster = (i) => this.data.cluster.values[f * n + i];
-        g.strokeStyle = colour("--planning"); g.lineWidth = 6 * ratio; g.globalAlpha = 0.35;
-        for (let i = 0; i < n; i++) for (let j = i + 1; j < n; j++) if (cluster(i) === cluster(j)) {
-          g.beginPath(); g.moveTo(...px(...places[i])); g.lineTo(...px(...places[j])); g.stroke();
-        }
-        g.globalAlpha = 1;
-      }
-      if (this.shows("paths")) {
-        const latest = new Array(n).fill(null);
-        for (const [time, robot, points] of this.data.paths) { if (time > now) break; latest[robot] = points; }
-        latest.forEach((points, i) => {
-          if (!points || points.length < 4) return;
-          flat(points); g.setLineDash([5 * ratio, 4 * ratio]); g.strokeStyle = w.robots[i][1]; g.lineWidth = 1.5 * ratio;
-          g.stroke(); g.setLineDash([]);
-        });
-      }
-      if (this.shows("rays") && this.data.rays_time.values.length) {
-        const times = this.data.rays_time.values, { shape, values } = this.data.rays;
-        let k = -1;
-        while (k + 1 < times.length && times[k + 1] / 10 <= now) k++;
-        if (k >= 0) {
-          g.fillStyle = colour("--bad");
-          const row = shape[1] * shape[2] * 2;
-          for (let i = k * row; i < (k + 1) * row; i += 2) if (values[i] !== NOWHERE) {
-            const [x, y] = px(values[i] / 100, values[i + 1] / 100);
-            g.fillRect(x - 1.5 * ratio, y - 1.5 * ratio, 3 * ratio, 3 * ratio);
-          }
-        }
-      }
-      w.people.forEach(([name, radius], i) => {
+    }
+
+    paintPeople({ px, scale, ratio, colour, disc, fill, text }, f) {
+      this.data.world.people.forEach(([name, radius, role], i) => {
         const place = this.point(this.data.people, f, i);
         if (!place) return;
         const [x, y] = px(...place);
-        g.beginPath(); g.arc(x, y, radius * scale, 0, 7);
-        g.fillStyle = colour("--person"); g.fill();
-        if (this.shows("names")) text(name, x, y - radius * scale - 3 * ratio, 9, colour("--soft"));
+        disc(x, y, radius * scale); fill(colour(role));
+        if (this.shows("names")) text(name, x, y - radius * scale - 3 * ratio, 9, colour("soft"));
       });
-      const said = [];
-      w.robots.forEach(([name, shade, radius], i) => {
+    }
+
+    paintRobots({ g, px, scale, ratio, colour, disc, stroke, fill, text }, f, places) { // returns what each is doing
+      const { robots } = this.data.world, n = robots.length;
+      const clusters = robots.map((_, i) => this.clusterOf(f, i));
+      return robots.map(([name, shade, radius], i) => {
         const [x, y] = px(...places[i]), size = Math.max(radius * scale, 4 * ratio);
         const yaw = (this.data.yaw.values[f * n + i] / 256) * 2 * Math.PI;
-        g.beginPath(); g.arc(x, y, size, 0, 7); g.fillStyle = shade; g.fill();
-        g.beginPath(); g.moveTo(x, y); g.lineTo(x + size * Math.cos(yaw), y - size * Math.sin(yaw));
-        g.strokeStyle = "#fff"; g.lineWidth = 2 * ratio; g.stroke();
-        const leader = this.data.leader.values[f * n + i];
-        if (this.shows("clusters") && leader === i && this.data.cluster.values.subarray(f * n, f * n + n).filter((c) => c === this.data.cluster.values[f * n + i]).length > 1) {
-          g.beginPath(); g.arc(x, y, size + 3 * ratio, 0, 7); g.strokeStyle = colour("--planning"); g.stroke();
-        }
-        if (this.shows("names")) text(name, x, y + size + 11 * ratio, 10, colour("--ink"));
-        said.push(`${name}: ${this.data.phases[this.data.phase.values[f * n + i]]}`);
+        disc(x, y, size); fill(shade);
+        g.beginPath(); g.moveTo(x, y); g.lineTo(x + size * Math.cos(yaw), y - size * Math.sin(yaw)); stroke("#fff", 2);
+        const leads = this.data.leader.values[f * n + i] === i && clusters.filter((c) => c === clusters[i]).length > 1;
+        if (this.shows("clusters") && leads) { disc(x, y, size + 3 * ratio); stroke(colour("planning"), 2); }
+        if (this.shows("names")) text(name, x, y + size + 11 * ratio, 10, colour("ink"));
+        return `${name}: ${this.data.phases[this.data.phase.values[f * n + i]]}`;
       });
-      if (this.shows("waits")) for (const [start, end, robot, cause, other, resource] of this.data.edges) {
+    }
+
+    paintWaits({ g, px, scale, ratio, colour, disc, stroke }, f, places, said) { // who blocks whom, also in words
+      const { people, robots } = this.data.world, now = this.time;
+      for (const [start, end, robot, cause, other, resource] of this.data.edges) {
         if (now < start || now >= end) continue;
-        const from = px(...places[robot]);
-        const place = other < 0 ? null : cause === "human" ? this.point(this.data.people, f, other) : places[other];
-        const who = other < 0 ? resource : cause === "human" ? w.people[other][0] : w.robots[other][0];
+        const from = px(...places[robot]), human = cause === "human";
+        const place = other < 0 ? null : human ? this.point(this.data.people, f, other) : places[other];
+        const who = other < 0 ? resource : (human ? people : robots)[other][0];
         said[robot] += `, ${cause}${who ? " " + who : ""}`;
-        if (!place) { g.beginPath(); g.arc(...from, 0.35 * scale, 0, 7); g.strokeStyle = colour("--bad"); g.lineWidth = 2 * ratio; g.stroke(); continue; }
-        this.arrow(g, from, px(...place), colour("--bad"), ratio);
+        if (place) this.arrow(g, from, px(...place), colour("bad"), ratio);
+        else { disc(...from, 0.35 * scale); stroke(colour("bad"), 2); }
       }
-      this.status.textContent = said.join(" · ");
     }
 
     arrow(g, from, to, colour, ratio) {

@@ -61,11 +61,11 @@ def lines_of(html: str) -> list[str]:
 
 #: how a sentence says who is waited for, and the reason it gives
 WAITS = (
-    (r"^(\S+) waits for (\S+), which (\S+) holds", lambda m: (m[1], m[3], f"holds {m[2]}")),
-    (r"^(\S+) cannot drive on because (\S+) stands on", lambda m: (m[1], m[2], "on its path")),
-    (r"^(\S+) has a free way, but moves only after (\S+),", lambda m: (m[1], m[2], "in turn")),
-    (r"^(\S+) stands because (\S+), a person", lambda m: (m[1], m[2], "person in the way")),
-    (r"^(\S+) is held off by a solid \((\S+)\)", lambda m: (m[1], m[2], "solid in the way")),
+    (r"^(\S+) waits for (\S+): (\S+) holds it", lambda m: (m[1], m[3], f"holds {m[2]}")),
+    (r"^(\S+) cannot drive on because (\S+) stands in", lambda m: (m[1], m[2], "on its path")),
+    (r"^(\S+) has a free path but waits for (\S+),", lambda m: (m[1], m[2], "in turn")),
+    (r"^(\S+) stands still because (\S+), a person", lambda m: (m[1], m[2], "person in the way")),
+    (r"^(\S+) is held back by a solid \((\S+)\)", lambda m: (m[1], m[2], "solid in the way")),
 )
 
 

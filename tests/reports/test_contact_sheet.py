@@ -19,8 +19,10 @@ from mrta_falsify.core.world import (
     Task,
     World,
 )
-from reports import contact_sheet, world_marks
-from reports.colours import robot_colour
+from reports import contact_sheet, schedule_plot
+from reports.colours import PAINTS, robot_colour
+from reports.floor_scene import Extent, Role
+from reports.moving_scene import start_of
 from tests.scenes.ward import ward_layout
 
 
@@ -53,10 +55,10 @@ def test_furniture_that_moves_between_worlds_is_in_colour_and_the_rest_pale(tmp_
     path = tmp_path / "sheet.png"
     worlds = [world_with_bed_at(2.0), world_with_bed_at(3.0)]
     contact_sheet.write_contact_sheet(worlds, path, title="beds", captions=["000", "001"])
-    assert rgb(contact_sheet.SAMPLED) in colours_of(path)
+    assert rgb(PAINTS[Role.SAMPLED_FURNITURE].fill) in colours_of(path)
     same = [worlds[0], worlds[0]]
     contact_sheet.write_contact_sheet(same, path, title="beds", captions=["000", "001"])
-    assert rgb(contact_sheet.SAMPLED) not in colours_of(path)
+    assert rgb(PAINTS[Role.SAMPLED_FURNITURE].fill) not in colours_of(path)
     assert rgb(robot_colour(0)) in colours_of(path)
 
 
@@ -80,12 +82,12 @@ def test_events_are_drawn_in_their_time(tmp_path):
     path = tmp_path / "world.svg"
     contact_sheet.write_world_picture(world, path, title="a $title$")
     assert path.stat().st_size > 1000
-    assert world_marks.last_time(world) == 100.0
+    assert schedule_plot.last_time(world) == 100.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8, 24])
 def test_panels_fill_the_sheet_and_fit_on_it(count):
-    grid = contact_sheet._grid(count, (0.0, 0.0, 25.0, 40.0), 6)
+    grid = contact_sheet.plan_grid(count, Extent(0.0, 0.0, 25.0, 40.0), 6)
     width, height = grid.size
     assert grid.columns * grid.rows >= count
     assert grid.columns * grid.rows - count < grid.columns
@@ -106,4 +108,4 @@ def test_a_world_without_anything_in_it_is_drawn_too(tmp_path):
 )
 def test_a_person_begins_at_its_share_of_the_route(share, repeat, expected):
     route = np.array([[0.0, 0.0], [4.0, 0.0]])
-    assert world_marks.start_of(route, share, repeat=repeat) == pytest.approx(expected)
+    assert start_of(route, share, repeat=repeat) == pytest.approx(expected)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from reports import animation, figures
-from reports.colours import FURNITURE
-from reports.drawings import moment
+from reports import animation, run_picture
+from reports.colours import PAINTS
+from reports.floor_drawings import draw_moment
+from reports.floor_scene import Role
 from reports.furnishing import furniture_poses, movable_outlines
 from reports.packing import pack
 from reports.run_view import RunView
@@ -51,15 +52,17 @@ def test_a_trace_that_does_not_say_leaves_furniture_at_its_first_place(pushed, h
 def test_picture_and_floor_plan_show_the_last_place(pushed, hall_trace):
     world, trace = pushed
     (outline,) = movable_outlines(world, trace, -1)
-    figure = figures.draw_run(RunView(world=world, trace=trace))
+    figure = run_picture.draw_run(RunView(world=world, trace=trace))
     shown = [
         path.vertices[: len(outline)]
         for collection in figure.axes[0].collections
         for path in collection.get_paths()
     ]
     assert any(points.shape == outline.shape and np.allclose(points, outline) for points in shown)
-    assert moment(world, trace, trace.duration) != moment(world, hall_trace, trace.duration)
-    assert moment(world, trace, 0.0) == moment(world, hall_trace, 0.0)
+    assert draw_moment(world, trace, trace.duration) != draw_moment(
+        world, hall_trace, trace.duration
+    )
+    assert draw_moment(world, trace, 0.0) == draw_moment(world, hall_trace, 0.0)
 
 
 def test_an_animation_moves_the_furniture(pushed, tmp_path):
@@ -69,7 +72,7 @@ def test_an_animation_moves_the_furniture(pushed, tmp_path):
     columns = {**trace.columns, "pose": robots, "human_position": people}
     view = RunView(world=world, trace=dataclasses.replace(trace, columns=columns))
     animation.write_gif(view, tmp_path / "run.gif")
-    colour = tuple(int(FURNITURE[k : k + 2], 16) for k in (1, 3, 5))
+    colour = tuple(int(PAINTS[Role.FURNITURE].fill[k : k + 2], 16) for k in (1, 3, 5))
     places = []
     with Image.open(tmp_path / "run.gif") as image:
         for frame in (0, image.n_frames - 1):
@@ -85,7 +88,7 @@ def test_an_animation_moves_the_furniture(pushed, tmp_path):
 def test_the_replay_of_a_page_has_every_place(pushed):
     world, trace = pushed
     data = unpack(pack(world, trace, ()))
-    assert data["world"]["furniture"] == []
+    assert all(role != Role.FURNITURE for role, *_ in data["world"]["scene"])
     ((name, _, outline),) = data["world"]["pieces"]
     assert name == world.furniture[0].name
     local = np.array(outline).reshape(-1, 2) / 100.0

@@ -23,7 +23,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, quick_stack
 from mrta_falsify.verbs import report as reporting
 from mrta_falsify.verbs.stored_trials import open_campaign
-from reports.campaign_page import render
+from reports.page import render_page
 from tests import browser
 from tests.reports.newcomer import lines_of
 from tests.reports.planted import stored
@@ -231,8 +231,8 @@ def evil(stalled, tmp_path):
 
 
 def test_html_in_names_stays_text_in_every_form(evil, campaign):
-    page = render(reporting.build_report(evil))
-    plain = render(reporting.build_report(campaign))
+    page = render_page(reporting.build_report(evil))
+    plain = render_page(reporting.build_report(campaign))
     ours, theirs = _Tags(), _Tags()
     ours.feed(plain)
     theirs.feed(page)
@@ -282,7 +282,7 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     many = _ManyFolders(
         directory=campaign.directory, settings=campaign.settings, records=tuple(records)
     )
-    page = render(reporting.build_report(many))
+    page = render_page(reporting.build_report(many))
     assert len(page) < 5_000_000
     lines = lines_of(page)
     # errors are not judged
@@ -384,8 +384,10 @@ def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
         directory=campaign.directory, settings=campaign.settings, records=tuple(rows)
     )
     found = reporting.build_report(many)
-    whole = render(found)
+    whole = render_page(found)
     assert whole.count("<article ") == 4
-    some = render(found, most_bytes=(len(whole) - 20_000) // 2)
+    some = render_page(found, most_bytes=(len(whole) - 20_000) // 2)
     assert 1 <= some.count("<article ") < 4
-    assert "4 trials, 1 of them in full below" in "\n".join(lines_of(render(found, most_bytes=1)))
+    assert "4 trials, 1 of them in full below" in "\n".join(
+        lines_of(render_page(found, most_bytes=1))
+    )

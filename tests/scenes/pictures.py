@@ -22,8 +22,8 @@ from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import INK, robot_colour
-from reports.figure_floor import draw_floor
-from reports.figure_motion import robot_outline
+from reports.floor_plot import draw_floor
+from reports.moving_scene import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 from tests.scenes.watching import path_at, tick_of, watch
 

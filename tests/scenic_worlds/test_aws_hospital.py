@@ -19,7 +19,7 @@ from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.geometry import signed_area
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts import layout_names, load_layout, load_world, world_names
-from scenic_worlds.layouts.overlay import (
+from tools.map_overlay import (
     MAP_ORIGIN,
     MAP_RESOLUTION,
     cell_centres,

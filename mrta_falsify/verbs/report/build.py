@@ -20,9 +20,9 @@ from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
-from reports import campaign_page
-from reports.contents import Case, Mode, Report, Trials
-from reports.sentences import sentence
+from reports.contents import CaseContents, Mode, ReportContents, TrialScores
+from reports.page import write_page
+from reports.sentences import violation_sentence
 
 MOST_CASES = 20  # shown in full unless asked otherwise
 CASE_BYTES = 225_000  # of the page for each case that is asked for: 20 make 4.5 MB
@@ -46,13 +46,13 @@ def write_report(
         FormatError: the file cannot be written.
     """
     report = build_report(campaign, against=against, cases=cases)
-    campaign_page.write_report(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
+    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
     return path
 
 
 def build_report(
     campaign: Campaign, *, against: Campaign | None = None, cases: int = MOST_CASES
-) -> Report:
+) -> ReportContents:
     """Build what the page says from what is stored.
 
     Args:
@@ -67,7 +67,7 @@ def build_report(
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
     found = _modes(campaign, failed, shown)
-    return Report(
+    return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
         headline=_headline(campaign, len(failed), len(judged), len(found)),
         facts=facts_of(campaign, judged, failed),
@@ -95,10 +95,10 @@ def _headline(campaign: Campaign, failed: int, judged: int, count: int) -> str:
 
 
 def _modes(
-    campaign: Campaign, failed: Sequence[TrialRecord], shown: Sequence[Case]
+    campaign: Campaign, failed: Sequence[TrialRecord], shown: Sequence[CaseContents]
 ) -> tuple[Mode, ...]:
     by_id = {record.id: record for record in failed}
-    cases: dict[str, list[Case]] = {}
+    cases: dict[str, list[CaseContents]] = {}
     for case in shown:
         cases.setdefault(case.signature, []).append(case)
     found = []
@@ -111,7 +111,7 @@ def _modes(
                 signature=mode.signature,
                 ids=tuple(mode.ids),
                 cases=tuple(cases.get(mode.signature, ())),
-                happened=sentence(verdict) if verdict is not None else "",
+                happened=violation_sentence(verdict) if verdict is not None else "",
                 layers=tuple(sorted(layers, key=lambda name: (-layers[name], name))),
             )
         )
@@ -127,13 +127,13 @@ def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | Non
     return None
 
 
-def _trials(judged: Sequence[TrialRecord], floor: World | None) -> Trials:
+def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
     places = np.array(
         [[r.descriptors.get("x", 0.5), r.descriptors.get("y", 0.5)] for r in judged]
     ).reshape(-1, 2)
     if floor is not None:
         places = floor.bounds[:2] + places * (floor.bounds[2:] - floor.bounds[:2])
-    return Trials(
+    return TrialScores(
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
         failed=tuple(record.failed for record in judged),

@@ -23,7 +23,7 @@ from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
-from reports.contents import Case, FailureFamily
+from reports.contents import CaseContents, FailureFamily
 from reports.sentences import listed
 
 if TYPE_CHECKING:
@@ -34,14 +34,14 @@ LOST_TOLD = 5  # of them, each of which gets a sentence
 MOST_NAMED = 4  # robots that are named one by one
 
 
-def readable_cases(campaign: Campaign, most: int) -> tuple[list[Case], list[str]]:
+def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], list[str]]:
     """Read the cases to show, and say which failures have missing or damaged files.
 
     Args:
         campaign: whose failures.
         most: cases to show.
     """
-    cases: list[Case] = []
+    cases: list[CaseContents] = []
     lost: list[str] = []
     for record in in_turn(campaign):
         if len(cases) >= most or len(lost) >= MOST_LOST:
@@ -71,7 +71,7 @@ def in_turn(campaign: Campaign) -> Iterator[TrialRecord]:
                 yield queue[turn]
 
 
-def case_of(campaign: Campaign, record: TrialRecord) -> Case:
+def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     """Read a stored failure as the report shows it.
 
     Raises:
@@ -83,7 +83,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> Case:
     verdicts = in_order(record.verdicts)
     explanation = read_finding(folder, Explanation)
     check = read_finding(folder, ReplayCheck)
-    case = Case(
+    case = CaseContents(
         id=record.id,
         signature=record.signature,
         world=world,
@@ -150,7 +150,7 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     )
 
 
-def _with_explanation(case: Case, found: Explanation) -> Case:
+def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
     """Show what re-runs say in place of what the trace alone says."""
     evidence = f"Runs that differ in one layer from {found.changed_at:.1f} s on: {found.reason}."
     if found.guess and found.guess != found.layer:
@@ -192,9 +192,11 @@ def _family(folder: Path) -> FailureFamily | None:
     )
 
 
-def _with_minimised(case: Case, found: Minimisation, folder: Path, config: StackConfig) -> Case:
+def _with_minimised(
+    case: CaseContents, found: Minimisation, folder: Path, config: StackConfig
+) -> CaseContents:
     world, trace = _read_run(folder / "world.min.json", folder / "trace.min.zip")
-    minimised = Case(
+    minimised = CaseContents(
         id=f"{case.id}, minimised",
         signature=found.signature,
         world=world,

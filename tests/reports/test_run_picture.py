@@ -13,9 +13,9 @@ from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage
-from reports import figures
+from reports import run_picture
 from reports.colours import costmap_image, robot_colour
-from reports.figure_motion import runs_of
+from reports.run_plot import runs_of
 from reports.run_view import RunView
 
 
@@ -41,15 +41,15 @@ def _texts(figure):
 
 
 def test_the_picture_names_rooms_robots_and_verdicts(view):
-    texts = _texts(figures.draw_run(view))
+    texts = _texts(run_picture.draw_run(view))
     assert {"0 store", "1 ward", "robot1", "no_deadlock", "violated", "holds", "-3"} <= set(texts)
     assert "unbounded" in texts
     assert "at 4.0 s  a" in texts
 
 
 def test_equal_runs_give_equal_pictures(view, tmp_path):
-    figures.write_picture(view, tmp_path / "a.png")
-    figures.write_picture(view, tmp_path / "b.png")
+    run_picture.write_picture(view, tmp_path / "a.png")
+    run_picture.write_picture(view, tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     with Image.open(tmp_path / "a.png") as image:
         assert min(image.size) > 600
@@ -57,27 +57,27 @@ def test_equal_runs_give_equal_pictures(view, tmp_path):
 
 def test_drawing_leaves_no_global_figure_and_no_changed_setting(view, tmp_path):
     before = dict(mpl.rcParams)
-    figures.write_picture(view, tmp_path / "a.png")
+    run_picture.write_picture(view, tmp_path / "a.png")
     assert _pylab_helpers.Gcf.figs == {}
     assert dict(mpl.rcParams) == before
 
 
 def test_a_run_without_a_kept_trace_is_drawn_from_the_world(view):
     bare = dataclasses.replace(view.trace, columns={}, events=(), paths=(), edges=())
-    texts = _texts(figures.draw_run(dataclasses.replace(view, trace=bare, costmap=None)))
+    texts = _texts(run_picture.draw_run(dataclasses.replace(view, trace=bare, costmap=None)))
     assert "robot2" in texts
 
 
 def test_a_blockage_is_labelled_with_its_time(view):
     event = Blockage(name="b", polygon=rectangle(1.0, 1.0, (3.0, 3.0)), start=5.0, end=25.0)
     world = dataclasses.replace(view.world, events=(event,))
-    assert "blocked 5-25 s" in _texts(figures.draw_run(dataclasses.replace(view, world=world)))
+    assert "blocked 5-25 s" in _texts(run_picture.draw_run(dataclasses.replace(view, world=world)))
 
 
 def test_room_names_are_text_not_formulas(view, tmp_path):
     room = dataclasses.replace(view.world.rooms[0], name="Dr. $\\frac Who_1^2$ & <b>")
     world = dataclasses.replace(view.world, rooms=(room, view.world.rooms[1]))
-    figures.write_picture(dataclasses.replace(view, world=world), tmp_path / "a.png")
+    run_picture.write_picture(dataclasses.replace(view, world=world), tmp_path / "a.png")
 
 
 def test_costmap_colours_tell_free_inflated_inscribed_lethal_and_unknown_apart():

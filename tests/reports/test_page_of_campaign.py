@@ -11,16 +11,22 @@ from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Furniture
-from reports.campaign_page import render
-from reports.contents import Case, ErrorKind, Mode, Report, Trials
-from reports.sentences import edge_sentence, sentence
+from reports.contents import (
+    CaseContents,
+    ErrorKind,
+    Mode,
+    ReportContents,
+    TrialScores,
+)
+from reports.page import render_page
+from reports.sentences import edge_sentence, violation_sentence
 from tests import browser
 
 
 @pytest.fixture(scope="module")
 def report(stalled):
     world, judged = stalled
-    case = Case(
+    case = CaseContents(
         id="0007",
         signature="no_deadlock/1:stalled/ward_0",
         world=world,
@@ -36,12 +42,12 @@ def report(stalled):
         ),
         removals=("without robot1 from 12.0 s on, robot2 goes on",),
     )
-    return Report(
+    return ReportContents(
         title="a <b>bold</b> title",
         headline="1 of 40 trials violates a specification, in one mode",
         facts=(("trials", "40"),),
         modes=(Mode(signature=case.signature, ids=("0007", "0012"), cases=(case,)),),
-        trials=Trials(
+        trials=TrialScores(
             numbers=tuple(range(40)),
             scores=tuple(0.5 - 0.02 * i for i in range(40)),
             failed=tuple(i > 25 for i in range(40)),
@@ -74,7 +80,7 @@ class _Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def page(report):
     reader = _Reader()
-    reader.feed(render(report))
+    reader.feed(render_page(report))
     return reader
 
 
@@ -100,7 +106,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
     assert "(found at " in text
     assert " s); it has stood since " in text  # when
     assert "ward_0 (x " in text  # where
-    assert "robot1 has a goal and a free way, and does not drive." in text  # why
+    assert "robot1 has a goal and a free path but does not drive." in text  # why
     assert "suspected layer: waypoint_generator" in text  # whose fault
     assert "mrta-falsify replay runs/a 0007 --verify 3" in text  # see it again
     assert "replay: 3 of 3 identical" in text  # believe it
@@ -110,7 +116,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
 def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
     empty = dataclasses.replace(report, modes=(), headline="None of 40 trials ...")
     reader = _Reader()
-    reader.feed(render(empty))
+    reader.feed(render_page(empty))
     assert "No violation was found. That is not a proof" in "".join(reader.text)
     assert "script" not in [tag for tag, _ in reader.tags]
 
@@ -118,8 +124,8 @@ def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
 @pytest.mark.parametrize(
     ("cause", "expected"),
     [
-        ("queue", "robot1 waits for ward_2, which robot2 holds or is before it in the queue."),
-        ("barrier", "robot1 cannot drive on because robot2 stands on its path."),
+        ("queue", "robot1 waits for ward_2: robot2 holds it or is ahead in the queue."),
+        ("barrier", "robot1 cannot drive on because robot2 stands in its path."),
         ("no-path", "robot1 has a goal but no path to it; robot2 cuts it off."),
     ],
 )
@@ -133,7 +139,15 @@ def test_a_verdict_is_told_with_time_and_names():
         spec="no_robot_robot_contact", robustness=-0.01, violated=True, violated_at=12.34,
         who=("robot1", "robot3"),
     )  # fmt: skip
-    assert sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
+    assert violation_sentence(verdict) == "Two robots touched at 12.3 s: robot1 and robot3."
+
+
+def test_a_place_without_a_name_is_told_by_its_coordinates():
+    place = {"near": "", "distance": 3.0, "x": 1.0, "y": -2.0}
+    verdict = Verdict(
+        spec="progress", robustness=-1.0, violated=True, who=("robot1",), evidence={"place": place}
+    )
+    assert violation_sentence(verdict).endswith("robot1 at x 1.0 m, y -2.0 m.")
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +155,7 @@ def open_page(report, tmp_path_factory):
     if browser.find() is None:
         pytest.skip("no Chromium on this machine")
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(render(report), encoding="utf-8")
+    path.write_text(render_page(report), encoding="utf-8")
     with browser.browser() as running:
         yield running, path
 
@@ -151,9 +165,7 @@ def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
     running, path = open_page
     running.requests.clear()
     running.errors.clear()
-    running.open(path)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path)
     clock = "document.querySelector('.clock').textContent"
     time = "document.querySelector('.replay').replay.time"
 
@@ -187,9 +199,7 @@ def test_the_replay_plays_scrubs_and_answers_keys_without_a_request(open_page):
 @pytest.mark.browser
 def test_a_click_in_the_timelines_jumps_there_and_a_line_shows_the_time(open_page):
     running, path = open_page
-    running.open(path)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path)
     running.click(".timelines svg")  # in its middle
     svg, replay = "document.querySelector('.timelines svg')", "document.querySelector('.replay')"
     left, width, end = (
@@ -225,9 +235,7 @@ def test_the_printed_page_has_its_pictures_and_opens_what_is_folded(open_page):
 @pytest.mark.parametrize(("width", "mobile"), [(1280, False), (390, True)])
 def test_the_canvas_shows_the_floor_and_the_page_does_not_scroll_sideways(open_page, width, mobile):
     running, path = open_page
-    running.open(path, width=width, height=800, mobile=mobile)
-    running.value("document.querySelector('.replay').scrollIntoView()")
-    running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+    running.open_replay(path, width=width, height=800, mobile=mobile)
     colours = running.value(
         "(() => { const c = document.querySelector('canvas'); "
         "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; "
@@ -274,10 +282,8 @@ def test_the_replay_moves_pushed_furniture(report, tmp_path):
     )
     path = tmp_path / "pushed.html"
     modes = (dataclasses.replace(mode, cases=(pushed,)),)
-    path.write_text(render(dataclasses.replace(report, modes=modes)), encoding="utf-8")
+    path.write_text(render_page(dataclasses.replace(report, modes=modes)), encoding="utf-8")
     with browser.browser() as running:
-        running.open(path)
-        running.value("document.querySelector('.replay').scrollIntoView()")
-        running.wait("document.querySelector('.replay').dataset.state === 'ready'")
+        running.open_replay(path)
         first, last = (running.value(FURNITURE_AT % time) for time in ("0", "1e9"))
     assert 0.0 < first < last - 50.0

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -18,15 +17,14 @@ from scipy.spatial import cKDTree
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.world import Furniture, Wall, World
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from reports.floor_plot import paint_floor, set_extent
+from reports.floor_scene import Extent, Role, floor_scene
+from reports.paper import DPI, Paper
+from tools.draw_layout import draw_release_areas
 
 #: of the AWS hospital map shipped with the layout, as in its my_map.yaml
 MAP_RESOLUTION = 0.05  # m
 MAP_ORIGIN = frozen_array([-12.5, -35.0])  # m, lower left corner
-
-LABEL: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "center"}
 
 OUTLINE_STEP = 0.05  # m between samples of an outline
 
@@ -43,7 +41,7 @@ class OverlayScores:
 
 def read_shipped_map() -> BoolArray:
     """Occupied cells ``(1119, 500)`` of the AWS hospital map, row 0 at y = -35 m."""
-    file = resources.files(__package__) / "aws_hospital_map.png"
+    file = resources.files("scenic_worlds.layouts") / "aws_hospital_map.png"
     with file.open("rb") as stream:
         pixels = np.asarray(Image.open(stream).convert("L"))
     return np.asarray(pixels[::-1] == 0)
@@ -113,7 +111,7 @@ def draw_overlay(
     window: Array | None = None,
     scale: float = 42.0,
 ) -> None:
-    """Picture of the map's cells with everything the layout says about the floor.
+    """Write a picture of the map's cells with everything the layout says about the floor.
 
     Args:
         world: the layout to draw.
@@ -124,59 +122,19 @@ def draw_overlay(
         window: ``(4,)`` x min, y min, x max, y max [m]; the world's bounds if not given.
         scale: pixels per metre.
     """
-    import matplotlib  # noqa: PLC0415  (only pictures need it)
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt  # noqa: PLC0415
-
-    x_min, y_min, x_max, y_max = world.bounds if window is None else window
-    figure = plt.figure(figsize=((x_max - x_min) * scale / 100, (y_max - y_min) * scale / 100))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    height, width = occupied.shape
-    extent = (
-        origin[0],
-        origin[0] + width * resolution,
-        origin[1],
-        origin[1] + height * resolution,
-    )
-    axes.imshow(occupied, cmap="gray_r", origin="lower", extent=extent, interpolation="nearest")
+    extent = Extent(*map(float, world.bounds if window is None else window))
+    paper = Paper.of_size(extent.width * scale / DPI, extent.height * scale / DPI)
+    axes = paper.axes_at(0.0, 0.0, paper.width, paper.height)
+    (x, y), (height, width) = origin, occupied.shape
+    cells = (x, x + width * resolution, y, y + height * resolution)
+    axes.imshow(occupied, cmap="gray_r", origin="lower", extent=cells, interpolation="nearest")
     for wall in world.walls:
         axes.fill(*wall.polygon.T, facecolor="#4a7fb540", edgecolor="#1d4e89", lw=0.8)
     for item in world.furniture:
         face, edge = ("#d9534f40", "#b52b27") if item.traced else ("#f0ad4e50", "#b5761d")
         axes.fill(*item.polygon.T, facecolor=face, edgecolor=edge, lw=0.8)
-    _draw_traffic(axes, world)
-    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal")
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
-
-
-def _draw_traffic(draw: Axes, world: World) -> None:
-    for lane in world.lanes:
-        start = world.rooms[lane.start].point
-        for points, colour in ((lane.to_queue, "#2e8b57"), (lane.to_room, "#7b2d8b")):
-            draw.plot(*np.vstack([start, points]).T, color=colour, lw=0.7, alpha=0.7)
-            draw.plot(*points.T, ".", color=colour, ms=3)
-    for number, room in enumerate(world.rooms):
-        if len(room.area):
-            draw.fill(*room.area.T, facecolor="none", edgecolor="#999999", ls=":", lw=1.0)
-        if len(room.door):
-            draw.plot(*room.door.T, color="#00a0a0", lw=3)
-        draw.plot(*room.point, "*", color="#c00000", ms=11)
-        draw.annotate(
-            f"{number} {room.name}",
-            (room.point[0], room.point[1]),
-            xytext=(6, 6),
-            textcoords="offset points",
-            fontsize=9,
-            color="#c00000",
-        )
-    for resource in world.resources:
-        draw.fill(*resource.release_area.T, facecolor="none", edgecolor="#e07000", ls="--", lw=0.9)
-        draw.plot(*resource.spots.T, "o", mfc="none", mec="#0050d0", ms=9)
-        for place, spot in enumerate(resource.spots):
-            draw.annotate(str(place), spot, color="#0050d0", **LABEL)
-    if len(world.parking):
-        draw.plot(*world.parking.T, "s", mfc="none", mec="#006000", ms=9)
-        for spot in world.parking:
-            draw.annotate("P", spot, color="#006000", **LABEL)
+    # solids are transparent here, so that the cells below can be seen
+    paint_floor(axes, (s for s in floor_scene(world) if s.role not in (Role.WALL, Role.FURNITURE)))
+    draw_release_areas(axes, world)
+    set_extent(axes, extent)
+    paper.save(path)

@@ -1,0 +1,144 @@
+"""SVG painter of floor scenes: the moment of a failure, and where trials came to trouble."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from markupsafe import Markup
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.world import World
+from reports.colours import robot_colour
+from reports.contents import TrialScores
+from reports.floor_scene import Extent, Role, Shape, extent_of, floor_at, floor_scene, shapes_at
+from reports.moving_scene import moving_scene, path_scene
+from reports.svg import Drawing, FloorProjection
+
+CLOSE_UP = 4.0  # m around the robots concerned that a close-up shows
+TRAIL = 20.0  # s of the way behind a robot
+MOMENT_WIDTH = 520.0  # px
+COVERAGE_WIDTH = 420.0  # px
+LEAST_BODY = 3.0  # px, radius of a robot on a large floor
+#: line widths [px] of areas, painted as one element a role
+AREAS = {Role.FURNITURE: 0.5, Role.WALL: 0.0, Role.BLOCKAGE: 1.0}
+SPOTS = (Role.QUEUE_SPOT, Role.PARKING)
+
+
+def draw_moment(
+    world: World,
+    trace: Trace,
+    time: float,
+    edges: Sequence[dict[str, str]] = (),
+    *,
+    members: Sequence[str] = (),
+) -> Markup:
+    """Draw the floor at ``time`` [s], close up on ``members`` if there are any."""
+    tick = int(np.clip(round(time / trace.dt), 0, max(len(trace) - 1, 0)))
+    places = trace.columns["pose"][tick, :, :2]
+    chosen = [i for i, name in enumerate(trace.robots) if name in members]
+    extent = _around(places[chosen]) if chosen else extent_of(world)
+    floor = FloorProjection(extent, MOMENT_WIDTH)
+    who = ", ".join(members) or "the whole floor"
+    drawing = Drawing(MOMENT_WIDTH, floor.height, label=f"floor plan at {time:.1f} s: {who}")
+    _paint_floor(drawing, floor, shapes_at(floor_at(world, trace, tick), time))
+    for shape in (*path_scene(trace, tick), *moving_scene(world, trace, tick, trail=TRAIL)):
+        _paint_moving(drawing, floor, shape)
+    people = trace.columns["human_position"][tick]
+    for edge in edges:
+        _paint_wait(drawing, floor, edge, trace, places, people)
+    return drawing.markup()
+
+
+def _around(points: Array) -> Extent:
+    low, high = points.min(axis=0) - CLOSE_UP, points.max(axis=0) + CLOSE_UP
+    return Extent(*map(float, (*low, *high)))
+
+
+def draw_coverage(world: World, trials: TrialScores) -> Markup:
+    """Draw where on the floor each trial came closest to trouble.
+
+    Args:
+        world: whose floor.
+        trials: places and failures.
+    """
+    floor = FloorProjection(extent_of(world), COVERAGE_WIDTH)
+    label = "where trials came closest to trouble"
+    drawing = Drawing(COVERAGE_WIDTH, floor.height, label=label)
+    lasting = (shape for shape in floor_scene(world) if shape.role is not Role.BLOCKAGE)
+    _paint_floor(drawing, floor, lasting)
+    bad = np.asarray(trials.failed, dtype=bool)
+    points = floor(trials.places)
+    drawing.dots(points[~bad], radius=3.0, stroke="var(--driving)", opacity=0.7)
+    drawing.dots(points[bad], radius=4.5, stroke="var(--bad)", opacity=0.7)
+    return drawing.markup()
+
+
+# --- shapes ----------------------------------------------------------------------------------
+
+
+def _paint_floor(drawing: Drawing, floor: FloorProjection, shapes: Iterable[Shape]) -> None:
+    """Paint what stands still, as far as it is in the picture."""
+    seen = [shape for shape in shapes if floor.shows(shape.points)]
+    for role, width in AREAS.items():
+        outlines = [floor(shape.points) for shape in seen if shape.role is role]
+        stroke = f"var(--{role}-edge)" if width else "none"
+        drawing.polygons(outlines, fill=f"var(--{role})", stroke=stroke, stroke_width=width)
+    for shape in seen:
+        if shape.role is Role.DOOR:
+            drawing.line(floor(shape.points), stroke="var(--door)", stroke_width=2)
+        elif shape.role in SPOTS:
+            x, y = floor(shape.points[0])
+            edge = f"var(--{shape.role}-edge)"
+            drawing.add("circle", cx=x, cy=y, r=2, fill=f"var(--{shape.role})", stroke=edge)
+    for shape in seen:
+        if shape.role is Role.ROOM:
+            x, y = floor(shape.points[0])
+            drawing.add("text", shape.text, x=x, y=y, class_="room", text_anchor="middle")
+
+
+def _paint_moving(drawing: Drawing, floor: FloorProjection, shape: Shape) -> None:
+    points = floor(shape.points)
+    if shape.role is Role.TRAIL:
+        colour = robot_colour(shape.number)
+        drawing.line(points, stroke=colour, stroke_width=1.5, opacity=0.5)
+    elif shape.role is Role.PATH:
+        colour = robot_colour(shape.number)
+        drawing.line(points, stroke=colour, stroke_width=1.2, stroke_dasharray="4 3")
+    elif shape.role in (Role.PERSON, Role.BLIND_PERSON):
+        (x, y), radius = points[0], shape.radius * floor.scale
+        drawing.add("circle", cx=x, cy=y, r=radius, fill=f"var(--{shape.role})")
+        _write_name(drawing, shape.text, x, y - radius - 3)
+    elif shape.role is Role.ROBOT:
+        (x, y), size = points[0], max(shape.radius * floor.scale, LEAST_BODY)
+        drawing.add("circle", cx=x, cy=y, r=size, fill=robot_colour(shape.number))
+        ahead = (x + size * np.cos(shape.yaw), y - size * np.sin(shape.yaw))
+        drawing.line([(x, y), ahead], stroke="#fff", stroke_width=2)
+        _write_name(drawing, shape.text, x, y + size + 12)
+
+
+def _write_name(drawing: Drawing, name: str, x: float, y: float) -> None:
+    drawing.add("text", name, x=x, y=y, class_="label", text_anchor="middle")
+
+
+def _paint_wait(
+    drawing: Drawing,
+    floor: FloorProjection,
+    edge: dict[str, str],
+    trace: Trace,
+    places: Array,
+    people: Array,
+) -> None:
+    """Paint an arrow from a robot to the robot or person that blocks it."""
+    robot, other = edge["robot"], edge["blocked_by"]
+    if robot not in trace.robots:
+        return
+    if edge["cause"] == "human" and other in trace.humans:
+        end = people[trace.humans.index(other)]
+    elif other in trace.robots:
+        end = places[trace.robots.index(other)]
+    else:
+        return
+    start = places[trace.robots.index(robot)]
+    drawing.arrow(floor(start), floor(end), stroke="var(--bad)", stroke_width=2)

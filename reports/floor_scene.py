@@ -1,0 +1,155 @@
+"""A floor as plain shapes with roles. One painter per target draws them.
+
+The painters: :mod:`reports.floor_plot` (matplotlib), :mod:`reports.floor_drawings` (SVG),
+:mod:`reports.animation` (pixels) and ``templates/replay.js`` (canvas). All take their colours
+from :mod:`reports.colours`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.world import Blockage, World
+from reports.furnishing import fixed_outlines, movable_outlines
+
+FLOOR_MARGIN = 0.6  # m of floor shown around everything that is drawn
+
+
+class Role(StrEnum):
+    """What a shape of the floor is."""
+
+    LANE = "lane"
+    ROOM_AREA = "room-area"
+    FURNITURE = "furniture"
+    SAMPLED_FURNITURE = "sampled-furniture"  #: differs between worlds of one program
+    WALL = "wall"
+    BLOCKAGE = "blockage"
+    DOOR = "door"
+    QUEUE_SPOT = "queue-spot"
+    PARKING = "parking"
+    ROOM = "room"
+    ROUTE = "route"  #: of a person
+    TRAIL = "trail"  #: where a robot was
+    PATH = "path"  #: where a robot plans to go
+    PERSON = "person"
+    BLIND_PERSON = "blind-person"  #: ignores robots
+    ROBOT = "robot"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shape:
+    """One thing to paint: an area, a line or a place, depending on its role."""
+
+    role: Role
+    points: Array  #: (n, 2) [m], map frame: corners, points of a line, or one place
+    text: str = ""  #: name or label
+    number: int = -1  #: of the robot or person
+    radius: float = 0.0  #: of a body [m]
+    yaw: float = 0.0  #: of a body [rad]
+    start: float = -np.inf  #: when it appears [s]
+    end: float = np.inf  #: when it goes [s]
+    blind: bool = False  #: belongs to a person who ignores robots
+
+
+class Extent(NamedTuple):
+    """A rectangle of the floor [m], map frame."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+    @property
+    def width(self) -> float:
+        """From west to east [m]."""
+        return self.x_max - self.x_min
+
+    @property
+    def height(self) -> float:
+        """From south to north [m]."""
+        return self.y_max - self.y_min
+
+
+def extent_of(world: World) -> Extent:
+    """Rectangle that holds everything drawn, plus a margin, within the bounds of the world."""
+    parts = [
+        *(wall.polygon for wall in world.walls),
+        *(item.polygon for item in world.furniture),
+        *(room.point[None] for room in world.rooms),
+        *(robot.pose[None, :2] for robot in world.robots),
+    ]
+    if not parts:
+        return Extent(*map(float, world.bounds))
+    points = np.concatenate(parts)
+    low = np.maximum(points.min(axis=0) - FLOOR_MARGIN, world.bounds[:2])
+    high = np.minimum(points.max(axis=0) + FLOOR_MARGIN, world.bounds[2:])
+    return Extent(*map(float, (*low, *high)))
+
+
+def costmap_extent(costmap: Costmap) -> Extent:
+    """Rectangle that the cells of a costmap cover."""
+    rows, cols = costmap.cost.shape
+    x, y = map(float, costmap.origin)
+    return Extent(x, y, x + cols * costmap.resolution, y + rows * costmap.resolution)
+
+
+def floor_scene(world: World, furniture: Sequence[Array] | None = None) -> tuple[Shape, ...]:
+    """Describe everything that stands still, from the bottom of the picture to its top.
+
+    Args:
+        world: what to draw.
+        furniture: outlines ``(V, 2)`` [m]; all furniture at its first places if None.
+    """
+    if furniture is None:
+        furniture = [item.polygon for item in world.furniture]
+    ways = [way for lane in world.lanes for way in (lane.to_queue, lane.to_room) if len(way) > 1]
+    return (
+        *(Shape(role=Role.LANE, points=way) for way in ways),
+        *(Shape(role=Role.ROOM_AREA, points=r.area) for r in world.rooms if len(r.area) >= 3),
+        *(Shape(role=Role.FURNITURE, points=outline) for outline in furniture),
+        *(Shape(role=Role.WALL, points=wall.polygon) for wall in world.walls),
+        *(_blockage(event) for event in world.events if isinstance(event, Blockage)),
+        *(Shape(role=Role.DOOR, points=r.door) for r in world.rooms if len(r.door) >= 2),
+        *_places(world),
+    )
+
+
+def floor_at(world: World, trace: Trace, tick: int) -> tuple[Shape, ...]:
+    """Describe the floor at a tick (-1: the last one), with furniture where it was pushed to."""
+    furniture = fixed_outlines(world) + movable_outlines(world, trace, tick)
+    return floor_scene(world, furniture)
+
+
+def _blockage(event: Blockage) -> Shape:
+    return Shape(
+        role=Role.BLOCKAGE,
+        points=event.polygon,
+        text=event.name,
+        start=event.start,
+        end=event.end,
+    )
+
+
+def _places(world: World) -> Iterable[Shape]:
+    """Describe queue spots (1 is the head), parking spots and room points."""
+    for resource in world.resources:
+        for place, spot in enumerate(resource.spots, start=1):
+            yield Shape(role=Role.QUEUE_SPOT, points=spot[None], text=f"{place}")
+    for spot in world.parking:
+        yield Shape(role=Role.PARKING, points=spot[None], text="P")
+    for number, room in enumerate(world.rooms):
+        text = f"{number}" if room.name in ("", f"{number}") else f"{number} {room.name}"
+        yield Shape(role=Role.ROOM, points=room.point[None], text=text, number=number)
+
+
+def shapes_at(shapes: Iterable[Shape], time: float) -> tuple[Shape, ...]:
+    """Keep the shapes that are there at ``time`` [s]."""
+    return tuple(shape for shape in shapes if shape.start <= time < shape.end)

@@ -1,0 +1,76 @@
+"""The wait-for graph of a deadlock as SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from markupsafe import Markup
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.world import World
+from reports.colours import robot_colour
+from reports.svg import Drawing
+
+WIDTH, FLAT_HEIGHT, HEIGHT = 360.0, 130.0, 320.0  # px; flat with two nodes
+RING = 105.0  # px, radius of the ring of nodes
+NODE = 30.0  # px, radius
+RIM = 34.0  # px between the middle of a node and the end of an arrow
+APART = 14.0  # px that an arrow lies beside the line between its nodes
+FITS = 8  # letters of a name inside its node
+NO_ROBOT = "#6b6b80"  # nodes of people, rooms and solids; white text reads on it
+#: what the graph says where no robot and no known thing is waited for; a solid otherwise
+NOTHING_KNOWN = {"stalled": "nothing", "no-path": "no way"}
+
+
+def draw_wait_graph(edges: Sequence[dict[str, str]], world: World) -> Markup:
+    """Draw a wait-for cycle: a node per robot or person, an arrow per edge with its cause."""
+    names = list(dict.fromkeys(n for edge in edges for n in (edge["robot"], blocker_of(edge))))
+    height = FLAT_HEIGHT if len(names) == 2 else HEIGHT
+    drawing = Drawing(WIDTH, height, label="wait-for graph: " + ", ".join(map(_edge_text, edges)))
+    places = _places(names, np.array([WIDTH / 2.0, height / 2.0]))
+    for edge in edges:
+        _draw_edge(drawing, edge, places[edge["robot"]], places[blocker_of(edge)])
+    numbers = {robot.name: i for i, robot in enumerate(world.robots)}
+    for name, (x, y) in places.items():
+        colour = robot_colour(numbers[name]) if name in numbers else NO_ROBOT
+        drawing.add("circle", cx=x, cy=y, r=NODE, fill=colour)
+        fits = len(name) <= FITS
+        below = 4 if fits else NODE + 12
+        kind = "node" if fits else "label"
+        drawing.add("text", name, x=x, y=y + below, text_anchor="middle", class_=kind)
+    return drawing.markup()
+
+
+def _places(names: Sequence[str], middle: Array) -> dict[str, Array]:
+    """Place nodes in a ring, two beside each other [px]."""
+    angles = np.pi / 2.0 + 2.0 * np.pi * np.arange(len(names)) / max(len(names), 1)
+    if len(names) == 2:
+        angles = np.array([np.pi, 0.0])
+    around = np.stack([np.cos(angles), -np.sin(angles)], axis=-1)
+    return dict(zip(names, middle + RING * around, strict=True))
+
+
+def _draw_edge(drawing: Drawing, edge: dict[str, str], start: Array, end: Array) -> None:
+    way = end - start
+    length = float(np.hypot(*way))
+    if length < 1.0:  # a robot that blocks itself
+        return
+    unit = way / length
+    side = APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
+    drawing.arrow(
+        start + RIM * unit + side, end - RIM * unit + side, stroke="var(--bad)", stroke_width=2
+    )
+    x, y = (start + end) / 2.0 + 2.2 * side
+    resource = edge["resource"] if edge["blocked_by"] else ""  # else it is the node
+    text = edge["cause"] + (f" ({resource})" if resource else "")
+    drawing.add("text", text, x=x, y=y + 4, class_="label", text_anchor="middle")
+
+
+def blocker_of(edge: dict[str, str]) -> str:
+    """Node of the wait-for graph that an edge of a cycle leads to."""
+    return edge["blocked_by"] or edge["resource"] or NOTHING_KNOWN.get(edge["cause"], "solid")
+
+
+def _edge_text(edge: dict[str, str]) -> str:
+    return f"{edge['robot']} waits for {blocker_of(edge)} ({edge['cause']})"
