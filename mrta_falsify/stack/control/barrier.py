@@ -29,7 +29,7 @@ BROKEN = 1e-9  # m/s^2, by how much a row must be broken to count: rounding is l
 
 BODY_MARGIN = 0.01  # m, beyond the body, the least gap to an obstacle that is asked for
 PAIR_MARGIN = 0.04  # m, beyond two bodies, the least gap to a robot that is asked for
-OBSTACLE_SHARE = 0.95  # of the distance, so that a robot inside the gap may leave along a wall
+OBSTACLE_SHARE = 0.95  # of the distance: inside its gap a robot may drive along a wall
 OBSTACLE_COUPLING = 0.25  # obstacle rows take a quarter of the slack that the others take
 
 

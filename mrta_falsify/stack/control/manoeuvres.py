@@ -58,7 +58,7 @@ PASS_LENGTHS = (0.9, 0.4)  # m, the long leg first
 PASS_SPEED, PASS_LIMIT = 0.5, 0.6  # of the cruising speed: predicted, allowed
 PASS_MARGIN = 0.03  # m, beyond the gap to obstacles, so that no barrier row stops it halfway
 PASS_TURN_COST = 0.5  # per rad of turning on the spot; a rad of detour costs 1
-SHORT_COST = 0.1  # rad, of the shorter leg, which ends beside the obstacle
+SHORT_COST = 0.1  # rad, of the shorter leg: the long one is preferred
 LEFT_COST = 0.02  # rad, passing on the left: of sides that are nearly equal, take the right
 
 HEADINGS = 12  #: directions tried when moving aside, and straight back
