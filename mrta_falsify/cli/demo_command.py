@@ -73,10 +73,10 @@ def _show_day(seed: int, config: StackConfig, directory: Path) -> bool:
 
     world = find_world(demo.DEMO_WORLD, seed=seed)
     click.echo(f"{len(world.robots)} robots, {len(world.humans)} people, {len(world.tasks)} tasks")
-    output.say("loading compiled code; the first time it is compiled, which takes minutes")
-    click.echo(
-        f"compiled code loaded in {demo.load_compiled_code(world, config):.1f} s; not timed below"
-    )
+    output.say("warming up: the first run ever compiles code, which takes minutes")
+    seconds = demo.load_compiled_code(world, config)
+    click.echo(f"warm-up  {seconds:.1f} s for compiled code and {demo.WARM_UP:g} s of simulation")
+    click.echo("The time below is of the run alone.")
     with output.progress(world.name, world.horizon, "s simulated") as on_progress:
         day = demo.run_day(world, config, directory, on_progress=on_progress)
     print_run(summarise_run(day.outcome))

@@ -103,7 +103,10 @@ def demo(
 
 
 def load_compiled_code(world: World, config: StackConfig) -> float:
-    """Load or compile what a run needs, so that its time is of the simulation; seconds taken."""
+    """Load or compile what a run needs, and return the seconds that took.
+
+    A run that is timed afterwards spends its time on simulation.
+    """
     began = time.perf_counter()
     run(dataclasses.replace(world, horizon=WARM_UP), config, keep_trace=False)
     return time.perf_counter() - began
