@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mrta_falsify.core.costmap import INSCRIBED, UNKNOWN, Costmap
-from mrta_falsify.core.geometry import path_length
+from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.stack.planning import search_kernels as kernels
 from mrta_falsify.stack.planning.astar import AStar, Options

@@ -89,13 +89,12 @@ def search_route(
     s = len(chosen)
     stops = _stops_of(travel, jobs, starts.room[robot], chosen, state, soft)
     now = state.copy()
-    load, to_drop = int(np.sum(now)), s
-    key = int(np.sum(now * stops.power))
+    load, to_drop, key = int(np.sum(now)), s, int(np.sum(now * stops.power))
     path = np.empty(2 * s, np.int64)
     time, here = np.empty(2 * s + 1), np.empty(2 * s + 1, np.int64)
     time[0], here[0] = starts.time[robot], starts.room[robot]
-    options = np.empty((2 * s + 1, 2 * s), np.int64)
-    count, tried = np.zeros(2 * s + 1, np.int64), np.zeros(2 * s + 1, np.int64)
+    options, count = np.empty((2 * s + 1, 2 * s), np.int64), np.zeros(2 * s + 1, np.int64)
+    tried = np.zeros(2 * s + 1, np.int64)
     seen, filled = _Seen(np.full(1, -1, np.int64), np.empty(1)), 0
     depth, nodes, entering = 0, 0, True
     while True:
