@@ -18,7 +18,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.geometry import path_length
+from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import RobotSpec, Task, World
 from mrta_falsify.specs.library import default_specifications

@@ -9,7 +9,8 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, Costmap
 from mrta_falsify.core.errors import HarnessError
-from mrta_falsify.core.polyline import path_length, rectangle
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.protocols import Plan, Planner
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Wall, World
