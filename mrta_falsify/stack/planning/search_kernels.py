@@ -5,9 +5,9 @@ that must not be entered, else ``PRICE`` (free) and more. It has a border of one
 cell, so no neighbour lies outside. Cells are flat indices ``row * width + col``. All costs
 are whole numbers, so sums do not depend on the order of summation.
 
-A straight step between cells of prices p and q costs ``p + q``, a diagonal one
-``(p + q) * 181 / 128`` rounded down (181 / 128 is the square root of 2 to 2e-4). A diagonal
-step needs both cells beside it free: no corner is cut.
+A straight step between cells of prices p and q costs ``p + q``. A diagonal one costs
+``(p + q) * 181 / 128`` rounded down; 181 / 128 is the square root of 2 to 2e-4. A diagonal
+step needs both cells beside it free, so that it cuts no corner.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def expand(  # noqa: PLR0915 - one loop
 ) -> Cells:  # pragma: no cover - compiled
     """Continue a search until the cost of ``target`` and of all its best paths is final.
 
-    A* with the octile distance to ``target`` as its consistent heuristic, so every closed
-    cell has its exact cost to come, whatever the target was. Therefore the search may be
-    continued towards another target: the frontier only gets new keys. Cells are closed
-    until the smallest key exceeds the cost of ``target``: then all cells on *every* best
-    path are closed, and descending the costs gives the same path whatever was asked before.
+    The search is A* with the octile distance to ``target`` as its consistent heuristic. Every
+    closed cell therefore has its exact cost to come, whatever the target was, and the search
+    may be continued towards another target: the frontier only gets new keys. Cells are closed
+    until the smallest key exceeds the cost of ``target``. Then all cells on *every* best path
+    are closed, and descending the costs gives the same path whatever was asked before.
 
     Args:
         prices: price grid.
@@ -129,9 +129,9 @@ def _steps(
 
 
 @njit(cache=True)
-def _pay(price: int, other: int, k: int) -> int:  # pragma: no cover - compiled
+def _pay(price: int, other: int, k: int) -> np.int64:  # pragma: no cover - compiled
     """Cost of step ``k`` between cells of two prices."""
-    pay = np.int32(price) + np.int32(other)
+    pay = np.int64(price) + np.int64(other)
     return pay if k < 4 else (pay * 181) >> 7
 
 
@@ -140,7 +140,7 @@ def _cuts_corner(
     price: Prices, cell: int, other: int, beside: int
 ) -> bool:  # pragma: no cover - compiled
     """Whether a diagonal step passes a blocked cell."""
-    return price[cell + beside] == 0 or price[other - beside] == 0
+    return bool(price[cell + beside] == 0 or price[other - beside] == 0)
 
 
 @njit(cache=True)
@@ -284,8 +284,8 @@ def line_cost(
 def pull_taut(prices: Prices, cost: Costs, cells: Cells) -> Cells:  # pragma: no cover - compiled
     """Corners of a path: cells whose straight connections cost no more than the path.
 
-    Greedy from the start: each corner looks ahead for as long as the straight line to the
-    next cell of the path is free and not dearer than the path between the two.
+    Greedy from the start: each corner looks ahead along the path. It stops where the straight
+    line to the next cell is blocked, or dearer than the path between the two.
     """
     width = prices.shape[1]
     corners = np.empty(len(cells), np.int32)
