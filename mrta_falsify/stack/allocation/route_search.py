@@ -89,13 +89,10 @@ def search_route(
     s = len(chosen)
     stops = _stops_of(travel, jobs, starts.room[robot], chosen, state, soft)
     now = state.copy()
-    load, to_drop, key = 0, s, 0
-    for i in range(s):
-        load += now[i]
-        key += now[i] * stops.power[i]
+    load, to_drop = int(now.sum()), s
+    key = int((now * stops.power).sum())
     path = np.empty(2 * s, np.int64)
-    time = np.full(2 * s + 1, starts.time[robot])
-    here = np.full(2 * s + 1, starts.room[robot])
+    time, here = np.full(2 * s + 1, starts.time[robot]), np.full(2 * s + 1, starts.room[robot])
     options, count = np.empty((2 * s + 1, 2 * s), np.int64), np.zeros(2 * s + 1, np.int64)
     tried, rank = count.copy(), np.empty(2 * s)
     seen, filled = _Seen(np.full(1, -1, np.int64), np.empty(1)), 0
