@@ -1,8 +1,12 @@
 """The dispatcher: tasks in, itineraries out, arrival times back.
 
-It calls the allocator when tasks arrive, when tasks wait and a robot can be reached, and when
-a robot runs late and moving its later stops may help. Its memory holds open tasks only, so a
-long shift costs no more than a short one.
+It calls the allocator in three cases:
+
+- Tasks arrive.
+- Tasks wait and a robot can be reached.
+- A robot runs late, and moving its later stops may help.
+
+Its memory holds open tasks only, so a long shift costs no more than a short one.
 """
 
 from __future__ import annotations
@@ -100,7 +104,7 @@ class Dispatcher:
         return state.delivered == len(self._order)
 
     def take_no_more(self, state: DispatcherState) -> None:
-        """Tasks that have not arrived yet never will."""
+        """Let no further task arrive."""
         self._order = self._order[: state.known]
 
     def travel_time(self, start: int, end: int) -> float:
@@ -208,7 +212,7 @@ class Dispatcher:
         fleet: Sequence[RobotReport],
         robots: Sequence[int],
     ) -> Orders:
-        """Free the stops that are not committed, and take the new plan if it is better."""
+        """Plan the stops that are not committed anew, and take the new plan if it is better."""
         kept = self._problem(state, time, fleet, robots, keep_plans=True)
         freed = self._problem(state, time, fleet, robots, keep_plans=False)
         old, new = self._ask(kept), self._ask(freed)
@@ -223,11 +227,11 @@ class Dispatcher:
         itineraries = self._itineraries(problem, answer, fleet)
         state.waiting = sorted(set(state.open) - _taken(itineraries, fleet))
         notes = _notes(time, "robots late", answer.reason, itineraries, fleet)
-        # Only new times are nothing to tell of.
+        # New times alone are not worth an event.
         return Orders(itineraries=itineraries, events=notes if better or len(notes) > 1 else [])
 
     def _ask(self, problem: AllocationProblem) -> Allocation:
-        """The allocator's answer; its times and lists are set right where they are not."""
+        """Ask the allocator; work out times and lists anew where they are wrong."""
         answer = self._allocator.allocate(problem)
         if fault_of(problem, answer) or not verify(answer, problem):
             return answer
@@ -237,7 +241,7 @@ class Dispatcher:
     def _planted_fault(
         self, state: DispatcherState, time: float, fleet: Sequence[RobotReport], answer: Allocation
     ) -> str:
-        """Why a planted defect has no plan; empty without one.
+        """Say why a planted defect has no plan; empty without such a defect.
 
         SMrTa for simulation asserts planned and actual times of the same stop: unsatisfiable
         from the first late robot on. Its dispatcher does not expect an answer without a plan.
@@ -340,7 +344,7 @@ def _runs_late(time: float, report: RobotReport) -> bool:
 
 
 def _taken(itineraries: dict[int, tuple[Stop, ...]], fleet: Sequence[RobotReport]) -> set[int]:
-    """Tasks that some robot has, under new ``itineraries``."""
+    """Tasks that a robot has under new ``itineraries``."""
     plans = [itineraries.get(i, report.itinerary) for i, report in enumerate(fleet)]
     return {stop.task for plan in plans for stop in plan}
 

@@ -1,4 +1,4 @@
-"""How robots work off their itineraries: drive to a room, load or unload, go on."""
+"""How robots work off their itineraries: drive to a room, load or unload, drive on."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class Replanning:
         return changed
 
     def _checked(self, robot: int, mission: Mission, state: StackState, fleet: FleetState) -> Way:
-        """Let the robot plan again if its path is no good any more; looked at now and then."""
+        """Let the robot plan again if its path is outdated; checked every CHECK_TICKS."""
         way = mission.way
         if way.must_plan or (fleet.tick + robot) % CHECK_TICKS != 0:
             return way
@@ -96,7 +96,7 @@ class Replanning:
             return True
         rest, _, _, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
         if length <= 2.0 * SPOT_REACHED or mission.passage.standing is not None:
-            return False  # it is where it is to be
+            return False  # it stands where it is to stand
         stuck = time - mission.moved_at > RETRY and time >= way.plan_at
         off_path = np.hypot(rest[0, 0] - position[0], rest[0, 1] - position[1]) > OFF_PATH
         return bool(

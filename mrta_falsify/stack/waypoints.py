@@ -51,7 +51,7 @@ class Direct:
 
 
 def join(waypoints: Array, position: Array, origin: Array | None = None) -> Array:
-    """The part of ``waypoints`` that a robot at ``position`` still has to visit.
+    """Find the part of ``waypoints`` that a robot at ``position`` still has to visit.
 
     The robot joins at the end of the nearest leg, so that one that starts beside its lane, or
     half-way along it, is not sent back.

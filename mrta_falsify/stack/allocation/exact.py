@@ -121,7 +121,7 @@ def without_plans(problem: AllocationProblem) -> AllocationProblem:
 
 
 def without_robots(problem: AllocationProblem) -> Allocation:
-    """Answer where nobody can serve anything."""
+    """Answer of a problem without robots."""
     reason = "there is no robot that can be reached"
     core = (problem.tasks[0].number,)
     return Allocation(

@@ -70,7 +70,7 @@ class Insertion:
         return self
 
     def insert(self, table: RouteTable, *, rescue: bool = True) -> IntArray:
-        """Give pending tasks places in time; gives those for which none was found."""
+        """Give pending tasks places in time, and return those for which none was found."""
         table.relieve(range(table.n), self._weights)
         left = construct(table.w, table.pending(), self._weights, False, 0.0, self._seed())
         if len(left) == 0 or not rescue:

@@ -1,9 +1,9 @@
 """Compiled parts of the insertion allocators: routes as linked lists with slack times.
 
-Node ``r < n`` is the start of robot r, nodes ``n + 2 k`` and ``n + 2 k + 1`` are pickup and
-drop of task k. Every node knows its time, the latest time that spoils no deadline after it,
-the load behind it, and how many drops follow, so that trying a place costs constant time.
-Travel times are closed under shortest paths: going elsewhere first is never quicker.
+Node ``r < n`` is the start of robot r. Nodes ``n + 2 k`` and ``n + 2 k + 1`` are pickup and
+drop of task k. Every node knows its time and the latest time that spoils no deadline after it.
+It also knows the load behind it and how many drops follow, so that trying a place costs
+constant time. Travel times are closed under shortest paths: going elsewhere first is never quicker.
 
 Reference: constant-time tests after Savelsbergh, "The vehicle routing problem with time
 windows: minimizing route duration", 1992; regret after Potvin & Rousseau, EJOR 1993; ruin and

@@ -89,13 +89,12 @@ def search_route(
     s = len(chosen)
     stops = _stops_of(travel, jobs, starts.room[robot], chosen, state, soft)
     now = state.copy()
-    load, to_drop = int(np.sum(now)), s
-    key = int(np.sum(now * stops.power))
+    load, to_drop = int(now.sum()), s
+    key = int((now * stops.power).sum())
     path = np.empty(2 * s, np.int64)
-    time, here = np.empty(2 * s + 1), np.empty(2 * s + 1, np.int64)
-    time[0], here[0] = starts.time[robot], starts.room[robot]
-    options = np.empty((2 * s + 1, 2 * s), np.int64)
-    count, tried = np.zeros(2 * s + 1, np.int64), np.zeros(2 * s + 1, np.int64)
+    time, here = np.full(2 * s + 1, starts.time[robot]), np.full(2 * s + 1, starts.room[robot])
+    options, count = np.empty((2 * s + 1, 2 * s), np.int64), np.zeros(2 * s + 1, np.int64)
+    tried, rank = count.copy(), np.empty(2 * s)
     seen, filled = _Seen(np.full(1, -1, np.int64), np.empty(1)), 0
     depth, nodes, entering = 0, 0, True
     while True:
@@ -116,7 +115,7 @@ def search_route(
             if is_open:
                 may_load = load < starts.capacity[robot]
                 count[depth] = _fill_options(
-                    options[depth], travel, stops, now, time[depth], here[depth], may_load
+                    options[depth], rank, travel, stops, now, time[depth], here[depth], may_load
                 )
         if tried[depth] < count[depth]:
             x = options[depth, tried[depth]]
@@ -145,32 +144,24 @@ def _stops_of(
 ) -> _Stops:  # pragma: no cover - compiled
     """Stops of the chosen tasks for a robot that begins in ``room``."""
     s = len(chosen)
-    stops = _Stops(
-        np.empty(2 * s, np.int64),
-        np.empty(2 * s),
-        np.zeros(2 * s),
-        np.empty(2 * s),
-        np.empty(s),
-        np.empty(s, np.int64),
-        np.empty(s, np.int64),
-    )
-    value = 64
+    at, service, release = np.empty(2 * s, np.int64), np.empty(2 * s), np.zeros(2 * s)
+    due, power, value = np.empty(s), np.empty(s, np.int64), 64
     for i in range(s):
         k = chosen[i]
-        stops.due[i] = np.inf if soft[i] else jobs.due[k]
-        stops.room[2 * i], stops.room[2 * i + 1] = jobs.start[k], jobs.end[k]
-        stops.service[2 * i], stops.service[2 * i + 1] = jobs.load[k], jobs.unload[k]
-        stops.release[2 * i] = jobs.release[k]
-        stops.power[i] = value
+        due[i] = np.inf if soft[i] else jobs.due[k]
+        at[2 * i], at[2 * i + 1] = jobs.start[k], jobs.end[k]
+        service[2 * i], service[2 * i + 1] = jobs.load[k], jobs.unload[k]
+        release[2 * i] = jobs.release[k]
+        power[i] = value
         value *= 3
-    stops.by_due[:] = np.argsort(stops.due, kind="mergesort")
+    least = np.empty(2 * s)
     for x in range(2 * s):
-        least = travel[room, stops.room[x]]
+        least[x] = travel[room, at[x]]
         for y in range(2 * s):
             if y != x and (state[y >> 1] == 0 or y & 1):
-                least = min(least, travel[stops.room[y], stops.room[x]])
-        stops.least[x] = least + stops.service[x]
-    return stops
+                least[x] = min(least[x], travel[at[y], at[x]])
+        least[x] += service[x]
+    return _Stops(at, service, release, least, due, np.argsort(due, kind="mergesort"), power)
 
 
 @inner()
@@ -185,6 +176,7 @@ def _done_at(
 @inner()
 def _fill_options(
     options: IntArray,
+    rank: Array,
     travel: Array,
     stops: _Stops,
     now: IntArray,
@@ -192,8 +184,7 @@ def _fill_options(
     here: int,
     may_load: bool,
 ) -> int:  # pragma: no cover - compiled
-    """List the stops that may come next, the most urgent first, and return how many."""
-    rank = np.empty(len(options))
+    """List the stops that may come next, the most urgent first, with ranks; return how many."""
     count = 0
     for i in range(len(now)):
         if now[i] == 2 or (now[i] == 0 and not may_load):
@@ -328,7 +319,9 @@ def feasible_sets(
     one = np.int64(1)
     level, found = np.zeros(1, np.int64), np.empty(0, np.int64)
     looked, total = 0, 0
-    is_carried = np.zeros(len(jobs.due), np.bool_)
+    m = len(jobs.due)
+    chosen, state, soft = np.empty(m, np.int64), np.zeros(m, np.int64), np.zeros(m, np.bool_)
+    is_carried = np.zeros(m, np.bool_)
     for k in carried:
         is_carried[k] = True
     while len(level) > 0:
@@ -338,12 +331,12 @@ def feasible_sets(
                 if base >> k != 0:
                     continue  # sets grow by tasks of larger number only
                 tasks = base | (one << k)
-                chosen, state, soft = _members(tasks, is_carried)
+                s = _fill_members(tasks, is_carried, chosen, state, soft)
                 looked += 1
-                if looked > most or len(chosen) > MOST_TASKS:
+                if looked > most or s > MOST_TASKS:
                     return False, found, total
                 answer, nodes, _ = search_route(
-                    travel, jobs, starts, robot, chosen, state, soft, 1_000_000
+                    travel, jobs, starts, robot, chosen[:s], state[:s], soft[:s], 1_000_000
                 )
                 total += nodes
                 if answer == CUT_OFF:
@@ -360,21 +353,19 @@ def feasible_sets(
 
 
 @inner()
-def _members(
-    tasks: int, is_carried: BoolArray
-) -> tuple[IntArray, IntArray, BoolArray]:  # pragma: no cover - compiled
-    """Tasks of a set and on board, whether each is on board, and whether it is not in the set."""
-    m = len(is_carried)
-    chosen, state, soft = np.empty(m, np.int64), np.zeros(m, np.int64), np.zeros(m, np.bool_)
+def _fill_members(
+    tasks: int, is_carried: BoolArray, chosen: IntArray, state: IntArray, soft: BoolArray
+) -> int:  # pragma: no cover - compiled
+    """List the tasks of a set and those on board, as ``search_route`` asks for; how many."""
     s = 0
-    for j in range(m):
+    for j in range(len(is_carried)):
         in_set = (tasks >> j) & 1 == 1
         if in_set or is_carried[j]:
             chosen[s] = j
             state[s] = 1 if is_carried[j] else 0
             soft[s] = not in_set
             s += 1
-    return chosen[:s], state[:s], soft[:s]
+    return s
 
 
 @inner()

@@ -51,7 +51,7 @@ class Batch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamOutcome:
-    """Everything that a stream of batches came to."""
+    """What a stream of batches came to."""
 
     answer: Allocation  #: whole itineraries, executed part first
     faults: tuple[Fault, ...]  #: what the strict checker found; empty for a valid outcome
@@ -104,7 +104,7 @@ class Stream:
         self._batches = 0
 
     def advance(self, now: float) -> list[list[Stop]]:
-        """Time has come to ``now`` [s]; gives all stops that are committed, per robot."""
+        """Move on to time ``now`` [s], and return all stops that are committed, per robot."""
         self._table.commit(now)
         self.now = now
         return self._table.committed()

@@ -210,7 +210,7 @@ class RouteTable:
     # --- changes ----------------------------------------------------------------------------
 
     def add(self, tasks: Sequence[OpenTask]) -> IntArray:
-        """Take in tasks that nobody has yet; gives their indices."""
+        """Take in tasks that no robot has yet, and return their indices."""
         first, count = len(self.tasks), len(tasks)
         if first + count > len(self.w.task):
             self._grow(max(first + count, 2 * first))
@@ -229,17 +229,17 @@ class RouteTable:
         return np.arange(first, first + count)
 
     def pending(self) -> IntArray:
-        """Indices of the tasks that nobody has."""
+        """Indices of the tasks that no robot has."""
         return np.flatnonzero(self.w.task["owner"] == FREE)
 
     def commit(self, now: float) -> None:
-        """Time has come to ``now`` [s]: what has begun cannot be changed any more."""
+        """Move on to time ``now`` [s]: what has begun cannot be changed any more."""
         if (self.w.node["time"][: self.n] >= now).all():
             return  # every robot is committed to be at work then
         self._logged = commit_until(self.w, now, *self._log, self._logged)
 
     def report(self, r: int, time: float) -> None:
-        """The committed part of robot ``r`` ends at ``time`` [s], not when it was planned."""
+        """Let the committed part of robot ``r`` end at ``time`` [s], not when it was planned."""
         _, robot, logged = self._log
         mine = np.flatnonzero(robot[: self._logged] == r)
         if len(mine):

@@ -30,13 +30,17 @@ class Fault:
 
 
 def verify(answer: Allocation, problem: AllocationProblem) -> tuple[Fault, ...]:
-    """Every condition of the problem that the answer violates; empty for a valid answer.
+    """List the conditions of the problem that the answer violates; empty for a valid answer.
 
-    Checked: one itinerary per robot; stops of open tasks in the right rooms; each task by one
-    robot, picked up once before it is dropped once; loads on board dropped by their robot;
-    capacity; times not earlier than travel, service and arrival allow; the kept plan of a
-    ``keep`` problem; and that late and unserved tasks are exactly the ones listed, with a
-    reason, and that a proved core is made of tasks and consistent with what is lost.
+    A valid answer keeps these conditions:
+
+    - There is one itinerary per robot, with stops of open tasks in the right rooms.
+    - Each task is served by one robot, picked up once before it is dropped once.
+    - Loads on board are dropped by their robot, and no robot carries more than its capacity.
+    - No time is earlier than travel, service and arrival allow.
+    - The kept plan of a ``keep`` problem is part of the answer.
+    - Late and unserved tasks are exactly the ones listed, with a reason.
+    - A proved core is made of tasks and agrees with what is lost.
     """
     if len(answer.itineraries) != len(problem.robots):
         what = f"{len(answer.itineraries)} itineraries for {len(problem.robots)} robots"
@@ -143,7 +147,7 @@ def _kept_faults(plan: RobotPlan, itinerary: Sequence[Stop]) -> list[Fault]:
 def _list_faults(
     answer: Allocation, tasks: dict[int, OpenTask], planned: set[int], late: set[int]
 ) -> list[Fault]:
-    """Late and unserved tasks must be named, and nothing else."""
+    """Check that late and unserved tasks are named, and nothing else."""
     faults = []
     for what, given, found in (
         ("late", set(answer.late), late),

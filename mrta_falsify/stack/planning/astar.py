@@ -3,7 +3,7 @@
 A plan is a pure function of (map, start, goal). The search runs from the goal towards the
 start and keeps its exact costs; another start of the same goal continues it. Because every
 cell on every best path is closed before a path is read off, the path never depends on what
-was asked before (see ``kernels.expand``).
+was asked before (see ``search_kernels.expand``).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from mrta_falsify.stack.planning.grid import PlanningGrid, build_grid
 from mrta_falsify.stack.planning.path_ends import (
     exit_cell,
     finished_plan,
-    goal_cell,
     joined,
     no_plan,
+    path_ends,
 )
 
 KEPT_MAPS = 4  # maps whose grids and goal fields are kept
@@ -106,28 +106,20 @@ class AStar:
             raise HarnessError("AStar.plan: no costmap; call use(costmap) first")
         memory = self._maps[-1]
         grid = memory.grid
-        start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
-        if not np.isfinite(start).all():
-            return no_plan("start-blocked")
-        first = grid.free_cell(grid.coordinates(start))
-        way_out = first < 0
-        if way_out:
-            first = exit_cell(memory.costmap, grid, grid.prices, start)
-        if first < 0:
-            return no_plan("start-blocked")
-        last, end = goal_cell(grid, goal, self._options.tolerance)
-        if last < 0:
-            return no_plan("goal-blocked")
-        to_goal = self._extended_field(memory, last, first)
-        if way_out and not to_goal.closed[first]:
+        ends = path_ends(memory.costmap, grid, start, goal, self._options.tolerance)
+        if ends.blocked:
+            return no_plan(ends.blocked)
+        first = ends.first
+        to_goal = self._extended_field(memory, ends.last, first)
+        if ends.way_out and not to_goal.closed[first]:
             # The nearest exit leads into a pocket: take the nearest that leads to the goal.
             reachable = grid.prices * to_goal.closed.reshape(grid.prices.shape)
-            first = exit_cell(memory.costmap, grid, reachable, start)
+            first = exit_cell(memory.costmap, grid, reachable, ends.start)
         if first < 0 or not to_goal.closed[first]:
             return no_plan("unreachable")
         cells = kernels.descend(grid.prices, to_goal.cost, to_goal.closed, first)
         corners = grid.points(kernels.pull_taut(grid.prices, to_goal.cost, cells))
-        return finished_plan(joined(grid, start, corners, end, keep_first=way_out))
+        return finished_plan(joined(grid, ends, corners))
 
     def _extended_field(self, memory: _MapMemory, last: int, first: int) -> _GoalField:
         """Field of the goal cell ``last``, closed at ``first`` if that can be reached."""

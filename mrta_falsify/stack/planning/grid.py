@@ -18,8 +18,8 @@ _BLOCKED = 2**16 - 1  # while pooling: dearer than any price
 class PlanningGrid:
     """Price grid of a costmap, with a border of one blocked cell all around.
 
-    ``prices`` is left writable, although nobody may write: compiled code would be built
-    once more for read-only arrays.
+    ``prices`` must not be written to. It is left writable all the same, because compiled code
+    would be built once more for read-only arrays.
     """
 
     prices: kernels.Prices  #: (rows + 2, cols + 2), 0: must not be entered
@@ -50,7 +50,7 @@ class PlanningGrid:
 def build_grid(
     costmap: Costmap, *, resolution: float, cost_weight: float, allow_unknown: bool
 ) -> PlanningGrid:
-    """Price grid of ``costmap``.
+    """Build the price grid of ``costmap``.
 
     Args:
         costmap: Nav2 bytes.

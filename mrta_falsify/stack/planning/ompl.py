@@ -34,9 +34,9 @@ from mrta_falsify.stack.planning.grid import PlanningGrid, build_grid
 from mrta_falsify.stack.planning.path_ends import (
     exit_cell,
     finished_plan,
-    goal_cell,
     joined,
     no_plan,
+    path_ends,
 )
 
 AMPLE = 10  # times the iterations, for the last attempt at a goal known to be connected
@@ -97,33 +97,28 @@ class Ompl:
         if self._costmap is None or self._grid is None:
             raise HarnessError("Ompl.plan: no costmap; call use(costmap) first")
         grid = self._grid
-        start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
-        if not np.isfinite(start).all():
-            return no_plan("start-blocked")
-        first = grid.free_cell(grid.coordinates(start))
-        way_out = first < 0
-        if way_out:
-            first = exit_cell(self._costmap, grid, grid.prices, start)
-        if first < 0:
-            return no_plan("start-blocked")
-        last, end = goal_cell(grid, goal, self._options.tolerance)
-        if last < 0:
-            return no_plan("goal-blocked")
-        connected = _connected(grid.prices, last)
-        if way_out and not connected.flat[first]:
-            first = exit_cell(self._costmap, grid, grid.prices * connected, start)
+        ends = path_ends(self._costmap, grid, start, goal, self._options.tolerance)
+        if ends.blocked:
+            return no_plan(ends.blocked)
+        first = ends.first
+        connected = _connected(grid.prices, ends.last)
+        if ends.way_out and not connected.flat[first]:
+            first = exit_cell(self._costmap, grid, grid.prices * connected, ends.start)
         if first < 0 or not connected.flat[first]:
             return no_plan("unreachable")
-        from_point, to_point = grid.points(np.array([first, last]))
-        ends = grid.coordinates(np.stack([from_point, to_point]))
+        corners = self._corners(grid, first, ends.last)
+        if corners is None:
+            return no_plan("unreachable")
+        return finished_plan(joined(grid, ends, grid.corner + corners * grid.resolution))
+
+    def _corners(self, grid: PlanningGrid, first: int, last: int) -> Array | None:
+        """Corners ``(K, 2)`` in cells of a way between connected cells, None: not found."""
+        ends = grid.coordinates(grid.points(np.array([first, last])))
         corners = self._search(_preferred(grid, ends), ends, first, last, 1)
         for patience in (1, AMPLE):
             if corners is None:
                 corners = self._search(grid.prices, ends, first, last, patience)
-        if corners is None:
-            return no_plan("unreachable")
-        points = grid.corner + corners * grid.resolution
-        return finished_plan(joined(grid, start, points, end, keep_first=way_out))
+        return corners
 
     def _search(
         self, prices: kernels.Prices, ends: Array, first: int, last: int, patience: int

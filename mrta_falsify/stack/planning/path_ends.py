@@ -1,6 +1,8 @@
-"""What every grid-based planner does at the ends of a path, and how it hands one over."""
+"""What every grid-based planner does at the ends of a path, and how it returns the path."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +18,7 @@ SPACING = 0.1  # m between points of a path
 
 
 def exit_cell(costmap: Costmap, grid: PlanningGrid, prices: kernels.Prices, start: Array) -> int:
-    """Free cell of ``prices`` nearest to a blocked ``start`` ``(2,)`` [m]; -1: none.
+    """Find the free cell of ``prices`` nearest to a blocked ``start`` ``(2,)`` [m]; -1: none.
 
     It lies within ``ESCAPE``, and the straight way there does not run into an obstacle.
     """
@@ -27,7 +29,7 @@ def exit_cell(costmap: Costmap, grid: PlanningGrid, prices: kernels.Prices, star
 
 
 def goal_cell(grid: PlanningGrid, goal: Array, tolerance: float) -> tuple[int, Array]:
-    """Cell to plan to and the point ``(2,)`` [m] the path ends at; cell -1 if all is blocked."""
+    """Find the cell to plan to, -1 if all is blocked, and the point ``(2,)`` [m] of its end."""
     if not np.isfinite(goal).all():
         return -1, goal
     col, row = coordinates = grid.coordinates(goal)
@@ -40,18 +42,59 @@ def goal_cell(grid: PlanningGrid, goal: Array, tolerance: float) -> tuple[int, A
     return (cell, grid.points(np.array([cell]))[0]) if cell >= 0 else (-1, goal)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PathEnds:
+    """The cells a search connects, and the points the path begins and ends at."""
+
+    start: Array  #: (2,) [m]
+    end: Array  #: (2,) [m]
+    first: int  #: cell to search from, -1: none
+    last: int  #: cell to search to, -1: none
+    way_out: bool  #: the start is blocked: the path begins with a straight way to ``first``
+
+    @property
+    def blocked(self) -> str:
+        """Why there can be no path; empty if there may be one."""
+        if self.first < 0:
+            return "start-blocked"
+        return "goal-blocked" if self.last < 0 else ""
+
+
+def path_ends(
+    costmap: Costmap, grid: PlanningGrid, start: Array, goal: Array, tolerance: float
+) -> PathEnds:
+    """Find the cells to search between.
+
+    Args:
+        costmap: of the grid.
+        grid: its prices.
+        start: ``(2,)`` [m]; a blocked one gets a straight way out, at most ``ESCAPE`` long.
+        goal: ``(2,)`` [m]; a blocked one is replaced by the nearest free cell.
+        tolerance: how far away that cell may be [m].
+    """
+    start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    if not np.isfinite(start).all():
+        return PathEnds(start, goal, -1, -1, way_out=False)
+    first = grid.free_cell(grid.coordinates(start))
+    way_out = first < 0
+    if way_out:
+        first = exit_cell(costmap, grid, grid.prices, start)
+    last, end = goal_cell(grid, goal, tolerance) if first >= 0 else (-1, goal)
+    return PathEnds(start, end, first, last, way_out)
+
+
 def no_plan(reason: str) -> Plan:
-    """A plan that says why there is none."""
+    """Say why there is no path."""
     return Plan(path=frozen_array(np.zeros((0, 2))), length=float("inf"), reason=reason)
 
 
 def finished_plan(corners: Array) -> Plan:
-    """Plan along the polyline ``(K, 2)`` [m], points at most ``SPACING`` apart."""
+    """Return the polyline ``(K, 2)`` [m] as a plan, with points at most ``SPACING`` apart."""
     return Plan(path=frozen_array(_resampled(corners)), length=path_length(corners))
 
 
 def _resampled(corners: Array) -> Array:
-    """``corners`` ``(K, 2)`` [m] with points between them, each leg in equal steps."""
+    """Put points between ``corners`` ``(K, 2)`` [m], in equal steps on each leg."""
     leg = np.diff(corners, axis=0)
     pieces = np.maximum(np.ceil(np.hypot(leg[:, 0], leg[:, 1]) / SPACING - 1e-9), 1).astype(int)
     of_leg = np.repeat(np.arange(len(leg)), pieces)
@@ -60,14 +103,13 @@ def _resampled(corners: Array) -> Array:
     return np.concatenate([between, corners[-1:]])
 
 
-def joined(
-    grid: PlanningGrid, start: Array, corners: Array, end: Array, *, keep_first: bool
-) -> Array:
-    """``corners`` (cell centres) with ``start`` and ``end`` in place of its ends where possible.
+def joined(grid: PlanningGrid, ends: PathEnds, corners: Array) -> Array:
+    """Put start and end in place of the first and last of ``corners`` where that is possible.
 
-    The end cells are convex and free, so the way by their centres is always possible.
+    Corners ``(K, 2)`` [m] are centres of cells. The end cells are convex and free, so the way by
+    their centres is always possible.
     """
-    inner = corners
+    inner, start, end, keep_first = corners, ends.start, ends.end, ends.way_out
     if not keep_first:
         ahead = corners[1] if len(corners) > 1 else end
         if _is_clear(grid, start, ahead):

@@ -5,9 +5,9 @@ that must not be entered, else ``PRICE`` (free) and more. It has a border of one
 cell, so no neighbour lies outside. Cells are flat indices ``row * width + col``. All costs
 are whole numbers, so sums do not depend on the order of summation.
 
-A straight step between cells of prices p and q costs ``p + q``, a diagonal one
-``(p + q) * 181 / 128`` rounded down (181 / 128 is the square root of 2 to 2e-4). A diagonal
-step needs both cells beside it free: no corner is cut.
+A straight step between cells of prices p and q costs ``p + q``. A diagonal one costs
+``(p + q) * 181 / 128`` rounded down; 181 / 128 is the square root of 2 to 2e-4. A diagonal
+step needs both cells beside it free, so that it cuts no corner.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from mrta_falsify.core.arrays import IntArray
 
 Prices = NDArray[np.uint16]  #: (rows, width) price grid
 Costs = NDArray[np.int32]  #: (rows * width,) cost to come, FAR: not reached
@@ -29,16 +31,16 @@ _DIAGONAL = (2 * PRICE * 181) >> 7  # least cost of a diagonal step
 
 
 @njit(cache=True)
-def expand(  # noqa: PLR0915 - one loop, split would cost calls per cell
+def expand(  # noqa: PLR0915 - one loop
     prices: Prices, cost: Costs, closed: Marks, frontier: Cells, target: int
 ) -> Cells:  # pragma: no cover - compiled
     """Continue a search until the cost of ``target`` and of all its best paths is final.
 
-    A* with the octile distance to ``target`` as its consistent heuristic, so every closed
-    cell has its exact cost to come, whatever the target was. Therefore the search may be
-    continued towards another target: the frontier only gets new keys. Cells are closed
-    until the smallest key exceeds the cost of ``target``: then all cells on *every* best
-    path are closed, and descending the costs gives the same path whatever was asked before.
+    The search is A* with the octile distance to ``target`` as its consistent heuristic. Every
+    closed cell therefore has its exact cost to come, whatever the target was, and the search
+    may be continued towards another target: the frontier only gets new keys. Cells are closed
+    until the smallest key exceeds the cost of ``target``. Then all cells on *every* best path
+    are closed, and descending the costs gives the same path whatever was asked before.
 
     Args:
         prices: price grid.
@@ -56,31 +58,15 @@ def expand(  # noqa: PLR0915 - one loop, split would cost calls per cell
     width = prices.shape[1]
     price = prices.ravel()
     target_row, target_col = target // width, target % width
+    keys = _keys(cost, frontier, width, target)
     # Bucket queue: heads[key - base] starts a linked list of pool entries.
-    base, largest = np.int64(FAR), np.int64(0)
-    keys = np.empty(len(frontier), np.int64)
-    for i in range(len(frontier)):
-        cell = frontier[i]
-        dr, dc = abs(cell // width - target_row), abs(cell % width - target_col)
-        keys[i] = cost[cell] + _STRAIGHT * max(dr, dc) + (_DIAGONAL - _STRAIGHT) * min(dr, dc)
-        base = min(base, keys[i])
-        largest = max(largest, keys[i])
-    heads = np.full(max(int(largest - base), 0) + 65536, -1, np.int32)
+    base = keys.min() if len(keys) else np.int64(FAR)
+    heads = np.full((keys.max() - base if len(keys) else 0) + 65536, -1, np.int32)
     pool_cell = np.empty(max(4096, 2 * len(frontier)), np.int32)
     pool_next = np.empty(len(pool_cell), np.int32)
-    used, spare = 0, -1
-    for i in range(len(frontier)):
-        if closed[frontier[i]]:
-            continue
-        pool_cell[used] = frontier[i]
-        pool_next[used] = heads[keys[i] - base]
-        heads[keys[i] - base] = used
-        used += 1
-    waiting = used
-    key = 0
-    steps = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
-    step_row = np.array([0, 0, -1, 1, -1, -1, 1, 1])
-    step_col = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    used = waiting = _fill_queue(heads, pool_cell, pool_next, frontier, keys - base, closed)
+    spare, key = -1, 0
+    steps, step_row, step_col = _steps(width)
     while waiting > 0:
         while heads[key] < 0:
             key += 1
@@ -95,45 +81,109 @@ def expand(  # noqa: PLR0915 - one loop, split would cost calls per cell
         if closed[cell]:
             continue
         closed[cell] = 1
-        here, price_here = cost[cell], np.int32(price[cell])
+        here, price_here = cost[cell], price[cell]
         row, col = cell // width - target_row, cell % width - target_col
         for k in range(8):
-            step = steps[k]
-            other = cell + step
+            other = cell + steps[k]
             if price[other] == 0 or closed[other]:
                 continue
-            pay = price_here + np.int32(price[other])
-            if k >= 4:
-                beside = step_col[k]
-                if price[cell + beside] == 0 or price[other - beside] == 0:
-                    continue
-                pay = (pay * 181) >> 7
+            if k >= 4 and _cuts_corner(price, cell, other, step_col[k]):
+                continue
+            pay = _pay(price_here, price[other], k)
             if here + pay >= cost[other]:
                 continue
             cost[other] = here + pay
-            dr, dc = abs(row + step_row[k]), abs(col + step_col[k])
-            ahead = _STRAIGHT * max(dr, dc) + (_DIAGONAL - _STRAIGHT) * min(dr, dc)
-            slot = here + pay + ahead - base
+            slot = here + pay + _octile(row + step_row[k], col + step_col[k]) - base
             if slot >= len(heads):
-                longer = np.full(2 * len(heads), -1, np.int32)
-                longer[: len(heads)] = heads
-                heads = longer
+                heads = _doubled(heads)
             if spare >= 0:
                 entry = spare
                 spare = pool_next[entry]
             else:
                 if used == len(pool_cell):
-                    more_cells = np.empty(2 * used, np.int32)
-                    more_next = np.empty(2 * used, np.int32)
-                    more_cells[:used] = pool_cell
-                    more_next[:used] = pool_next
-                    pool_cell, pool_next = more_cells, more_next
+                    pool_cell, pool_next = _doubled(pool_cell), _doubled(pool_next)
                 entry = used
                 used += 1
             pool_cell[entry] = other
             pool_next[entry] = heads[slot]
             heads[slot] = entry
             waiting += 1
+    return _open_cells(heads, key, waiting, pool_cell, pool_next, closed)
+
+
+@njit(cache=True)
+def _octile(rows: int, cols: int) -> int:  # pragma: no cover - compiled
+    """Least cost of a way over so many rows and columns, of either sign."""
+    rows, cols = abs(rows), abs(cols)
+    return _STRAIGHT * max(rows, cols) + (_DIAGONAL - _STRAIGHT) * min(rows, cols)
+
+
+@njit(cache=True)
+def _steps(
+    width: int,
+) -> tuple[IntArray, IntArray, IntArray]:  # pragma: no cover - compiled
+    """Steps to the eight neighbours, the straight ones first: in cells, rows and columns."""
+    step_row = np.array([0, 0, -1, 1, -1, -1, 1, 1])
+    step_col = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    return step_row * width + step_col, step_row, step_col
+
+
+@njit(cache=True)
+def _pay(price: int, other: int, k: int) -> np.int64:  # pragma: no cover - compiled
+    """Cost of step ``k`` between cells of two prices."""
+    pay = np.int64(price) + np.int64(other)
+    return pay if k < 4 else (pay * 181) >> 7
+
+
+@njit(cache=True)
+def _cuts_corner(
+    price: Prices, cell: int, other: int, beside: int
+) -> bool:  # pragma: no cover - compiled
+    """Whether a diagonal step passes a blocked cell."""
+    return bool(price[cell + beside] == 0 or price[other - beside] == 0)
+
+
+@njit(cache=True)
+def _keys(
+    cost: Costs, frontier: Cells, width: int, target: int
+) -> IntArray:  # pragma: no cover - compiled
+    """Cost to come and least cost to go of each frontier cell."""
+    row, col = target // width, target % width
+    keys = np.empty(len(frontier), np.int64)
+    for i in range(len(frontier)):
+        cell = frontier[i]
+        keys[i] = cost[cell] + _octile(cell // width - row, cell % width - col)
+    return keys
+
+
+@njit(cache=True)
+def _fill_queue(
+    heads: Cells, pool_cell: Cells, pool_next: Cells, cells: Cells, slots: IntArray, closed: Marks
+) -> int:  # pragma: no cover - compiled
+    """Put the cells that are not closed into the slots of an empty bucket queue; how many."""
+    used = 0
+    for i in range(len(cells)):
+        if not closed[cells[i]]:
+            pool_cell[used] = cells[i]
+            pool_next[used] = heads[slots[i]]
+            heads[slots[i]] = used
+            used += 1
+    return used
+
+
+@njit(cache=True)
+def _doubled(entries: Cells) -> Cells:  # pragma: no cover - compiled
+    """The same entries in twice the room, the new half at -1."""
+    longer = np.full(2 * len(entries), -1, np.int32)
+    longer[: len(entries)] = entries
+    return longer
+
+
+@njit(cache=True)
+def _open_cells(
+    heads: Cells, key: int, waiting: int, pool_cell: Cells, pool_next: Cells, closed: Marks
+) -> Cells:  # pragma: no cover - compiled
+    """Cells that still wait in the bucket queue from ``key`` on and are not closed."""
     left = np.empty(waiting, np.int32)
     count = 0
     while waiting > 0:
@@ -155,8 +205,7 @@ def descend(
     """Cells from ``start`` down the exact costs to where they are 0; ties by fixed order."""
     width = prices.shape[1]
     price = prices.ravel()
-    steps = np.array([-1, 1, -width, width, -width - 1, -width + 1, width - 1, width + 1])
-    step_col = np.array([-1, 1, 0, 0, -1, 1, -1, 1])
+    steps, _, step_col = _steps(width)
     cells = np.empty(1024, np.int32)
     cells[0] = start
     count = 1
@@ -166,21 +215,15 @@ def descend(
             other = cell + steps[k]
             if price[other] == 0 or not closed[other]:
                 continue
-            pay = np.int32(price[cell]) + np.int32(price[other])
-            if k >= 4:
-                beside = step_col[k]
-                if price[cell + beside] == 0 or price[other - beside] == 0:
-                    continue
-                pay = (pay * 181) >> 7
-            if cost[other] + pay == cost[cell]:
+            if k >= 4 and _cuts_corner(price, cell, other, step_col[k]):
+                continue
+            if cost[other] + _pay(price[cell], price[other], k) == cost[cell]:
                 break
         else:
             return cells[:0]  # cannot happen while the costs are exact
         cell = other
         if count == len(cells):
-            longer = np.empty(2 * count, np.int32)
-            longer[:count] = cells
-            cells = longer
+            cells = _doubled(cells)
         cells[count] = cell
         count += 1
     return cells[:count]
@@ -241,8 +284,8 @@ def line_cost(
 def pull_taut(prices: Prices, cost: Costs, cells: Cells) -> Cells:  # pragma: no cover - compiled
     """Corners of a path: cells whose straight connections cost no more than the path.
 
-    Greedy from the start: each corner looks ahead for as long as the straight line to the
-    next cell of the path is free and not dearer than the path between the two.
+    Greedy from the start: each corner looks ahead along the path. It stops where the straight
+    line to the next cell is blocked, or dearer than the path between the two.
     """
     width = prices.shape[1]
     corners = np.empty(len(cells), np.int32)

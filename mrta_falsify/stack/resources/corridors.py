@@ -181,7 +181,9 @@ class CorridorTraffic:
                 if queue.resource.hold != "until_served" and stretch.leave > DEEP:
                     # However it came there: no other robot may come in.
                     queue.admit(memory, robot.robot)
-                    events.append(queue.event(time, "granted", robot.robot, detail="was inside"))
+                    events.append(
+                        queue.event(time, robot.robot, kind="granted", detail="was inside")
+                    )
                 continue
             stop = stretch.enter - STOP_SHORT
             robot.limit = max(0.0, stop - FILE_GAP * _robots_before(robot, stretch, robots, memory))

@@ -143,20 +143,20 @@ class Queue:
         if not self.ask(state, waiter):
             return []
         holder = -1 if self.has_place(state) else state.holders[0]
-        return [self.event(waiter.since, "waits-for", waiter.robot, other=holder)]
+        return [self.event(waiter.since, waiter.robot, kind="waits-for", other=holder)]
 
     def let_go(self, state: QueueState, robot: int, time: float) -> list[StackEvent]:
         """Take the resource back from a holder."""
         self.release(state, robot)
-        released = self.event(time, "released", robot)
+        released = self.event(time, robot, kind="released")
         return [released, *self.grants(self.careless_admission(state), time)]
 
     def grants(self, robots: Sequence[int], time: float) -> list[StackEvent]:
         """Tell that ``robots`` became holders."""
-        return [self.event(time, "granted", robot) for robot in robots]
+        return [self.event(time, robot, kind="granted") for robot in robots]
 
     def event(
-        self, time: float, kind: str, robot: int, *, other: int = -1, detail: str = ""
+        self, time: float, robot: int, *, kind: str, other: int = -1, detail: str = ""
     ) -> StackEvent:
         """Event of this resource at ``time`` [s]."""
         return StackEvent(
