@@ -69,14 +69,14 @@ def check_command(
     if bool(scenarios) == everything:
         raise click.UsageError("give a SCENARIO or several, or --all")
     from mrta_falsify.verbs.folders import make_directory
-    from mrta_falsify.verbs.worlds import shipped_scenarios
+    from scenic_worlds.shipped import scenario_names
 
     directory = options.pop("output")
     if directory is not None:
         make_directory(directory)
     if len(scenarios) == 1:
         return _check_one(scenarios[0], options, directory, style)
-    return _check_many(scenarios or shipped_scenarios(), options, directory, style)
+    return _check_many(scenarios or scenario_names(), options, directory, style)
 
 
 def _check_one(name: str, options: dict[str, Any], directory: Path | None, style: str) -> int:

@@ -23,6 +23,7 @@ State = Literal["ok", "missing", "failed"]
 REQUIRED = {
     "click": "click",
     "cmaes": "cmaes",
+    "daqp": "daqp",
     "fcl": "python-fcl",
     "imageio": "imageio",
     "jinja2": "jinja2",
@@ -47,7 +48,6 @@ REQUIRED = {
 }
 #: extra -> the modules it brings
 EXTRAS = {
-    "daqp": ("daqp",),
     "dask": ("distributed", "dask"),
     "mcap": ("mcap", "mcap_ros2", "rosbags"),
     "qd": ("ribs",),

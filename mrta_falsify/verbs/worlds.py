@@ -12,6 +12,7 @@ from mrta_falsify.core.errors import FormatError, UnknownNameError
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.verbs.folders import Place, located
 from scenic_worlds import layouts, variation
+from scenic_worlds.shipped import scenario_names
 from simulator_interface import starts
 from simulator_interface.formats import mrta_sim
 
@@ -72,25 +73,19 @@ def find_world_and_scene(
         world, name, fixed = name, name.name, True
     elif (name := str(name)) in layouts.world_names():
         world, fixed = layouts.load_world(name), True
-    elif name.endswith(".scenic") or name in shipped_scenarios():
+    elif name.endswith(".scenic") or name in scenario_names():
         sampled = _sample_program(name, seed or 0)
         world, scene, fixed = sampled.world, sampled.scene, False
     elif name.endswith(".json") or Path(name).exists():
         world, fixed = read_world(Path(name)), True
     else:
-        raise UnknownNameError("world", name, (*layouts.world_names(), *shipped_scenarios()))
+        raise UnknownNameError("world", name, (*layouts.world_names(), *scenario_names()))
     world = _with_inputs(world, tasks, robots, humans)
     with located(name):
         starts.check_starts(world)
         if fixed and seed is not None:
             world = variation.vary_world(world, seed)
     return FoundWorld(world=world, scene=scene)
-
-
-def shipped_scenarios() -> tuple[str, ...]:
-    """List the names of the shipped Scenic programs, without loading Scenic."""
-    folder = Path(layouts.__file__).parent.parent / "scenarios"
-    return tuple(sorted(path.stem for path in folder.glob("*.scenic")))
 
 
 def _sample_program(name: str, seed: int) -> Realised:
