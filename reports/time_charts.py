@@ -15,7 +15,7 @@ from mrta_falsify.core.verdict import Verdict
 from reports.colours import robot_colour
 from reports.contents import TrialScores
 from reports.svg import Drawing, ticks
-from reports.timelines import stretches
+from reports.timelines import runs_of_equal
 
 DETAIL = 0.3  # px that a curve may be off
 CHART_WIDTH = 806.0  # px between the axes of a chart
@@ -148,7 +148,7 @@ def _plot(signal: Signal, time: Array, robots: Sequence[int], since: float | Non
 
 def _known(finite: BoolArray) -> list[tuple[int, int]]:
     """First place and place after the last of each stretch of True."""
-    return [(first, last) for first, last, value in stretches(finite) if value]
+    return [(first, last) for first, last, value in runs_of_equal(finite) if value]
 
 
 def _simplified(points: Array) -> Array:

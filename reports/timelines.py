@@ -53,7 +53,7 @@ def _draw_phases(drawing: Drawing, trace: Trace, robot: int, y: float) -> None:
         width = max((last - first) * scale, least)
         drawing.add("rect", x=NAMES + first * scale, y=top, width=width, height=height, fill=fill)
 
-    for first, last, phase in stretches(trace.columns["phase"][:, robot]):
+    for first, last, phase in runs_of_equal(trace.columns["phase"][:, robot]):
         bar(first, last, y, PHASE_BAR, 0.3, _colour(Phase(phase)))
     for span in trace.edges:
         if span.edge.robot == robot and span.edge.cause != "task":
@@ -80,7 +80,7 @@ def _draw_times(
         drawing.add("text", what, x=x + shift, y=10, class_="tick", text_anchor=side)
 
 
-def stretches(values: np.ndarray) -> list[tuple[int, int, int]]:
+def runs_of_equal(values: np.ndarray) -> list[tuple[int, int, int]]:
     """First tick, tick after the last, and value of each stretch of equal values."""
     edges = np.flatnonzero(np.diff(values)) + 1
     starts = np.concatenate([[0], edges])

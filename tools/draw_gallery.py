@@ -49,6 +49,7 @@ from tools.gallery_pictures import Seen, write_picture
 
 FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
 CASES = FOLDER / "cases.yaml"
+WIDE = 100  # columns of the page
 PAGE = FOLDER / "README.md"
 MAX_RUNS = 100  # of the minimiser
 PATIENCE = 3600.0  # s of wall clock for a trial, on a busy machine
@@ -327,7 +328,21 @@ def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
         here = f"docs/gallery/{case.name}"
         world = f"{here}/{FILES[0]}"
         rows.append(["mrta-falsify", "run", world, "--stack", f"{here}/{FILES[2]}", "-o", "out"])
-    return [shlex.join(words) for words in rows]
+    return [on_lines(words) for words in rows]
+
+
+def on_lines(words: list[str]) -> str:
+    """Join a command, broken before options where it is wider than the page."""
+    lines = [""]
+    quoted = [shlex.quote(word) for word in words]
+    for i, word in enumerate(quoted):
+        wanted = len(word) + (len(quoted[i + 1]) + 1 if quoted[i + 1 :] else 0)
+        if word.startswith("-") and len(lines[-1]) + 1 + wanted > WIDE - 2:
+            lines[-1] += " \\"
+            lines.append("   ")
+        lines[-1] += (" " if lines[-1] else "") + word
+    return "\n".join(lines)
+
 
 
 def main() -> None:

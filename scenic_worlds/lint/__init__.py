@@ -37,7 +37,7 @@ from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.candidate import SearchSpace
 from scenic_worlds.lint.misspelt import missing_model_line, unknown_params, unknown_properties
-from scenic_worlds.lint.program_text import Lint, ProgramText
+from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import (
     only_in_requirements,
     opaque_dimensions,

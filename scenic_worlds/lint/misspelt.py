@@ -9,7 +9,7 @@ from typing import Any
 from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 
-from scenic_worlds.lint.program_text import Lint, ProgramText
+from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import drawn_values, required_values
 from scenic_worlds.lint.scenic_habits import SAMPLER_PARAMS
 from scenic_worlds.shipped import MODEL

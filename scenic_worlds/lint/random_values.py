@@ -12,7 +12,7 @@ from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.candidate import SearchSpace
 from scenic_worlds.checking import names_in_worlds
-from scenic_worlds.lint.program_text import Lint, ProgramText
+from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.primitives.leaves import DrivenLeaf, DrivenMutator, is_primitive
 from scenic_worlds.requirements import requirement_file
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from scenic.core.requirements import CompiledRequirement
 from scenic.core.scenarios import Scenario
 
-from scenic_worlds.lint.program_text import Lint, ProgramText
+from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.requirements import requirement_file
 
 SAMPLER_PARAMS = (

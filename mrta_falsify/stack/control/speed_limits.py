@@ -28,7 +28,7 @@ TOUCH = 0.05  # m, nearer people who walk make a robot stop, wherever they walk
 NO_BRAKING = 1e-9  # m per (m/s)^2, less way to brake is none
 
 
-class Margins(NamedTuple):
+class SpeedMargins(NamedTuple):
     """What keeps robots able to stop."""
 
     body_radius: float  #: [m]
@@ -55,9 +55,9 @@ class _Offset(NamedTuple):
     vy: float
 
 
-def margins_of(options: CbfOptions) -> Margins:
+def margins_of(options: CbfOptions) -> SpeedMargins:
     """Take the margins from a controller's options."""
-    return Margins(
+    return SpeedMargins(
         body_radius=options.body_radius,
         human_clearance=options.human_clearance,
         human_stop=options.human_stop,
@@ -147,7 +147,7 @@ def speed_limits(
     things: Things,
     human_radius: Array,
     min_gap_robot: float,
-    margins: Margins,
+    margins: SpeedMargins,
     dt: float,
 ) -> SpeedRange:
     """Find how fast each robot may go.

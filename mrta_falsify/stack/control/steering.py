@@ -38,7 +38,7 @@ from mrta_falsify.stack.control.obstacles import (
     seen_by_wrong_robot,
 )
 from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
-from mrta_falsify.stack.control.speed_limits import Margins, margins_of, speed_limits
+from mrta_falsify.stack.control.speed_limits import SpeedMargins, margins_of, speed_limits
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most
@@ -77,7 +77,7 @@ class Law(NamedTuple):
 
     kinds: Kinds  #: (3,) of KIND
     clearances: Clearances
-    margins: Margins
+    margins: SpeedMargins
     rows_of_wrong_robot: bool  #: planted defect
 
 
