@@ -13,9 +13,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import re
 import shlex
 import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -344,7 +346,6 @@ def on_lines(words: list[str]) -> str:
     return "\n".join(lines)
 
 
-
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -366,7 +367,19 @@ def main() -> None:
         sections.append(section(found))
         summary = {"case": case.name, "signature": record.signature}
         print(json.dumps(summary), file=sys.stdout, flush=True)
-    PAGE.write_text(page + "\n" + "\n".join(sections), encoding="utf-8")
+    PAGE.write_text(in_columns(page + "\n" + "\n".join(sections)), encoding="utf-8")
+
+
+def in_columns(page: str) -> str:
+    """Break the paragraphs of a page; headings, tables, pictures and commands stay."""
+    blocks = page.split("\n\n")
+    prose = [not re.match(r"[#|!`\n]|mrta-falsify", block) for block in blocks]
+    return "\n\n".join(
+        textwrap.fill(block, WIDE, break_long_words=False, break_on_hyphens=False)
+        if plain
+        else block
+        for block, plain in zip(blocks, prose, strict=True)
+    )
 
 
 if __name__ == "__main__":
