@@ -54,3 +54,4 @@ bench: $(STAMP)
 
 clean:
 	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis build demo-run
+	find . -path ./.venv -prune -o -type d -name __pycache__ -exec rm -rf {} +

@@ -10,10 +10,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import ByteArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import LETHAL
 
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, ByteArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import LETHAL, Costmap
 
 TOUCH = 1e-9  # cells; a footprint this close to a cell touches it (rounding of coordinates)

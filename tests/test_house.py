@@ -92,6 +92,11 @@ def test_scenic_and_pybullet_stay_behind_their_doors():
                 assert top in ("simulator_interface", "scenic_worlds"), path
 
 
+def test_numba_stays_behind_its_door():
+    users = [path for path in _source_files() if "numba" in _imported(path)]
+    assert [str(path.relative_to(ROOT)) for path in users] == ["mrta_falsify/core/compiled.py"]
+
+
 def test_nothing_reads_a_pickle_and_nothing_uses_pyplot():
     for path in _source_files():
         assert "pickle" not in _imported(path), path

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 
 #: no points ``(0, 2)``; read-only, so that values may share it
 NO_POINTS = np.zeros((0, 2))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 
 TIE = 1e-12  # m^2, squared distances that differ by less are equal
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import CrowdView
 from mrta_falsify.stack.wall_grid import (
     SIGHT,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, ByteArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
 from mrta_falsify.core.fleet import PARKED_AFTER
 from mrta_falsify.core.plane import NO_POINTS

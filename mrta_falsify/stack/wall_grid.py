@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 
 CELL = 1.0  # m, side of a cell of the wall grid
 SIGHT = 1.5  # m, walls farther away do not push

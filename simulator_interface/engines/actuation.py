@@ -9,10 +9,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import RobotSpec
 from simulator_interface.engines.bodies import Fleet

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 
 
 @njit(cache=True)

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
 from simulator_interface.engines.bodies import Fleet

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from simulator_interface.engines.rays import EdgeGrid
 
 FAR = 5.0  # m; gaps beyond are reported as inf

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from simulator_interface.engines.gaps import (
     Footprints,
     Pedestrians,

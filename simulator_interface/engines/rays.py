@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 
 CELL = 0.5  # m; 0.25 to 1 m cost the same within noise on the AWS floor
 MARGIN = 1.0  # m of grid around all edges

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import PARKED_AFTER, Sensed
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Blockage, World

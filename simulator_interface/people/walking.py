@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
 from mrta_falsify.core.protocols import CostmapSource, Planner
 

@@ -16,10 +16,10 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 
 NONE = -1
 FREE, GONE = -1, -2  #: owners of tasks that no robot has, and that are not in the table any more

@@ -15,10 +15,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 
 OBSTACLE, HUMAN, ROBOT = 0, 1, 2  #: kinds of things

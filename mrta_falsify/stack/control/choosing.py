@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.conflicts import Traffic, fill_box
 from mrta_falsify.stack.control.manoeuvres import (
     CHOICE,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, StraightLeg
 from mrta_falsify.stack.control.state import Crew
 

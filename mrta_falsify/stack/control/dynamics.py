@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 
 
 @njit(cache=True)

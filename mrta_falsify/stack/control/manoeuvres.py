@@ -6,10 +6,10 @@ A try replaces the choice so far, and the motion predicted for it, by a better o
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.polyline import project_on_path
 from mrta_falsify.stack.control.conflicts import (
     Traffic,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, ROBOT, Movers, Things
 from mrta_falsify.stack.control.barrier_options import CbfOptions

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
 from mrta_falsify.stack.control.state import Crew, CrewView
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.polyline import point_ahead, project_on_segment
 
 STEP = 0.25  # s, between samples of a predicted motion

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.barrier import Rows, violated_components
 from mrta_falsify.stack.control.solvers import (
     UNBOUNDED,

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, Movers, Things
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.obstacles import ROBOT_RANGE

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import (

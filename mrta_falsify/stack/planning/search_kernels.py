@@ -13,10 +13,10 @@ step needs both cells beside it free, so that it cuts no corner.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.core.compiled import njit
 
 Prices = NDArray[np.uint16]  #: (rows, width) price grid
 Costs = NDArray[np.int32]  #: (rows * width,) cost to come, FAR: not reached

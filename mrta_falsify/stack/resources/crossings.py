@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import inside
 
 STEP = 0.1  # m between the points of a way that are tested
