@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
@@ -52,7 +52,7 @@ class _MovingBeforeContact:
         return self._moving
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _moving(
     velocity: Array, before: Array, twist: Array, contact: BoolArray, held: BoolArray
 ) -> BoolArray:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
@@ -89,7 +89,7 @@ def _inner_area(world: World, resource: Resource, rim: float) -> Array:
     return np.array(orient(largest).exterior.coords)[:-1]
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def signed_distances(polygon: Array, points: Array) -> Array:
     """Measure how far ``points`` ``(N, 2)`` are from a polygon ``(V, 2)`` [m]; inside negative."""
     count = len(polygon)

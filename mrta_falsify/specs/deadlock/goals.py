@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.world import Resource, World
 
 #: m; goals may be jittered by 0.2 m per axis (MRTA-Sim), and spots are 1 m apart
@@ -97,7 +97,7 @@ def contains(polygon: Array, point: Array) -> bool:
     return bool(_contains(polygon, point[0], point[1]))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _contains(polygon: Array, x: float, y: float) -> bool:
     inside = False
     for k in range(len(polygon)):

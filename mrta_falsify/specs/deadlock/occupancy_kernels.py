@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 
 Owners = NDArray[np.int16]  #: (rows, cols) 0 free, else 1 + number of a solid
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def fill_interior(owner: Owners, polygon: Array, value: int, cell: float) -> None:
     """Give ``value`` to the cells whose centres lie in ``polygon`` ``(V, 2)``, by scan lines."""
     rows, cols = owner.shape
@@ -41,7 +41,7 @@ def fill_interior(owner: Owners, polygon: Array, value: int, cell: float) -> Non
                 owner[row, col] = value
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def fill_rim(owner: Owners, polygon: Array, value: int, clearance: float, cell: float) -> None:
     """Give ``value`` to the cells whose centres are within ``clearance`` [m] of an edge."""
     rows, cols = owner.shape
@@ -65,7 +65,7 @@ def fill_rim(owner: Owners, polygon: Array, value: int, clearance: float, cell: 
                     owner[row, col] = value
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def fill_discs(blocked: BoolArray, centers: Array, radius: float, cell: float) -> None:
     """Block the cells whose centres are nearer than ``radius`` [m] to one of ``centers`` (M, 2)."""
     rows, cols = blocked.shape
@@ -90,7 +90,7 @@ class Disc(NamedTuple):
     radius: float  #: [m]
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def flood(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> bool:
     """Whether a chain of neighbouring free cells leads from ``start`` to ``goal``.
 
@@ -127,7 +127,7 @@ def flood(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> bool:
     return False
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _is_inside(disc: Disc, row: int, col: int, cell: float) -> bool:
     dx, dy = (col + 0.5) * cell - disc.x, (row + 0.5) * cell - disc.y
     return bool(dx * dx + dy * dy <= disc.radius * disc.radius)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 
 NEARER_BY = 0.03  # m; a body in the way comes nearer by more than this if the robot moves on
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def points_ahead(path: Array, x: float, y: float, reach: float, step: float) -> Array:
     """Sample ``path`` ``(L, 2)`` every ``step`` [m] from its point nearest to (x, y) on.
 
@@ -59,7 +59,7 @@ def points_ahead(path: Array, x: float, y: float, reach: float, step: float) -> 
     return points[:made]
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def remaining_length(path: Array, x: float, y: float) -> float:
     """Measure ``path`` ``(L, 2)``, L >= 1, from the point nearest to (x, y) to its end [m].
 
@@ -83,7 +83,7 @@ def remaining_length(path: Array, x: float, y: float) -> float:
     return float(rest + best)
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def first_conflicts(
     ahead: Array, x: float, y: float, bodies: Array, clearance: Array, step: float
 ) -> Array:

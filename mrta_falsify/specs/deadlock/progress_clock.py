@@ -11,10 +11,10 @@ import heapq
 import math
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
@@ -96,7 +96,7 @@ class ProgressClock:
         return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
     """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
     rows, cols = free.shape

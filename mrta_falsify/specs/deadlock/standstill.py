@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.compiled import njit
 
 #: a robot that stays within this distance of one place stands [m]; with 4 s of patience
 #: anything faster than 0.025 m/s still counts as moving
@@ -62,7 +62,7 @@ class Standstill:
         return self.since
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _fill_standstill(
     pose: Array,
     time: float,
@@ -89,7 +89,7 @@ def _fill_standstill(
             since[i] = time
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _fill_goals(goal: Array, time: float, since: Array, goals: Array) -> None:
     for i in range(len(goal)):
         if since[i] == time:  # has just moved: forget
