@@ -140,7 +140,7 @@ def test_a_world_that_does_not_exist_lists_the_shipped_ones(cli):
         ("control_rate=0", ["control_rate is 0 Hz; it must be >= 5"]),
         ("defects=[lazy]", ["unknown defect 'lazy'", "Known: cluster_rows_wrong_robot"]),
         ("planner=no_such_module:Planner", ["cannot be loaded: No module named"]),
-        ("planner=os:path", ["'os:path' is no planner"]),
+        ("planner=os:path", ["'os:path' cannot be used as planner"]),
         ("planner", ["it must read layer=NAME or layer.option=VALUE"]),
     ],
 )

@@ -66,9 +66,11 @@ def test_check_tells_dimensions_speed_rejecters_and_lint(cli, program):
         "chair is not inside its region",
         "bed collides with chair",
     }
-    (finding,) = data["lint"]
-    assert finding["code"] == "random-only-in-require"
-    assert finding["where"] == f"{program}:10"
+    where = {finding["code"]: finding["where"] for finding in data["lint"]}
+    assert where == {
+        "random-only-in-require": f"{program}:10",
+        "unknown-param": f"{program}:2",  # nothing reads `gap`
+    }
     assert json.loads(Path("out/check.json").read_text())["k"] == data["k"]
     assert Path("out/contact_sheet.png").read_bytes().startswith(PNG)
 
