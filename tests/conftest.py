@@ -14,12 +14,18 @@ from mrta_falsify.core.fleet import BlockedBy, Command, Frame, Intent, Phase, Se
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, Room, Task, Wall, World
+from tests.shared_parses import share_parses
 
 # Timings of a shared machine must not fail a property; the examples are few and fixed in CI.
 settings.register_profile("house", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "house"))
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let the tests of this process share what Scenic parses."""
+    share_parses()
 
 
 @pytest.fixture

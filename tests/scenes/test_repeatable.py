@@ -17,8 +17,6 @@ from scenic_worlds.variation import vary_world
 from tests.scenes import worlds
 from tests.scenes.watching import watch
 
-RUNS, PROCESSES = 20, 3
-
 
 def digest_of(world: World, engine: str) -> str:
     config = apply_setting(StackConfig(), f"engine={engine}")
@@ -41,13 +39,19 @@ def noisy_day(seed: int) -> World:
     return dataclasses.replace(world, robots=tuple(noisy))
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("runs", "processes"),
+    [
+        pytest.param(4, 2, marks=pytest.mark.slow),
+        pytest.param(20, 3, marks=pytest.mark.long),
+    ],
+)
 @pytest.mark.parametrize("engine", ["kinematic", "bullet"])
-def test_twenty_runs_in_three_processes_give_one_digest(engine):
+def test_runs_in_several_processes_give_one_digest(engine, runs, processes):
     world = noisy_day(7)
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        digests = list(pool.map(digest_of, [world] * RUNS, [engine] * RUNS))
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        digests = list(pool.map(digest_of, [world] * runs, [engine] * runs))
     assert len(set(digests)) == 1
     assert digest_of(world, engine) == digests[0]
 
