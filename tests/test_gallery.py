@@ -29,8 +29,8 @@ def test_every_case_of_the_gallery_has_its_section_picture_and_commands():
 
 
 def _cases():
-    """List the cases of the gallery; the first two stand for all in `make test`."""
-    marks = {case.name: pytest.mark.long for case in draw_gallery.read_cases()[2:]}
+    """List the cases of the gallery; the tests of `explain` run the longest in `make test`, too."""
+    marks = {"stuck_at_the_door": pytest.mark.long}
     return [
         pytest.param(case, id=case.name, marks=marks.get(case.name, pytest.mark.slow))
         for case in draw_gallery.read_cases()
