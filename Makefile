@@ -4,6 +4,8 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3.11
 BIN := .venv/bin
 STAMP := .venv/.installed
 WORKERS ?= 2
+# A worker that is done takes over tests of one that is not.
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .PHONY: help demo test unit long check format bench clean
 
@@ -30,13 +32,13 @@ demo: $(STAMP)
 	$(BIN)/mrta-falsify demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+	$(PYTEST) -m "not long"
 
 unit: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not long and not browser"
+	$(PYTEST) -m "not slow and not long and not browser"
 
 long: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS) -m long
+	$(PYTEST) -m long
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .

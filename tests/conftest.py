@@ -14,12 +14,21 @@ from mrta_falsify.core.fleet import BlockedBy, Command, Frame, Intent, Phase, Se
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, Room, Task, Wall, World
+from tests.shared_parses import share_parses
+from tests.warm_kernels import warm_kernels
 
 # Timings of a shared machine must not fail a property; the examples are few and fixed in CI.
 settings.register_profile("house", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "house"))
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let the tests of this process share what Scenic parses and what numba compiles."""
+    share_parses()
+    if not session.config.option.collectonly:
+        warm_kernels(len(session.items))
 
 
 @pytest.fixture

@@ -20,7 +20,14 @@ def _blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.DOTALL)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if _blocks(page, "python")], ids=str)
+def _pages_with_python() -> list[object]:
+    """List pages; one runs a whole campaign and explains, minimises and reports its failure."""
+    slow = {"python": pytest.mark.slow}
+    pages = [page for page in PAGES if _blocks(page, "python")]
+    return [pytest.param(p, id=p.stem, marks=slow.get(p.stem, ())) for p in pages]
+
+
+@pytest.mark.parametrize("page", _pages_with_python())
 def test_the_python_of_a_page_runs_and_its_claims_hold(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     module = types.ModuleType("documented")
@@ -29,7 +36,9 @@ def test_the_python_of_a_page_runs_and_its_claims_hold(page, tmp_path, monkeypat
         exec(compile(block, str(page), "exec"), module.__dict__)
 
 
-@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("extend-*.md")), ids=str)
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs").glob("extend-*.md")), ids=lambda page: page.stem
+)
 def test_an_extension_page_names_its_entry_point_and_a_class_it_defines(page):
     point = page.stem.removeprefix("extend-")
     assert point in registry.EXTENSION_POINTS

@@ -15,6 +15,7 @@ import pytest
 CASES = Path(__file__).with_name("dask_on_loopback.py")
 
 
+@pytest.mark.slow
 def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
     pytest.importorskip("distributed")
     command = [

@@ -156,8 +156,8 @@ def test_copies_say_which_failures_are_robust(campaign):
     directory, call, *_ = campaign
     folder = directory.parent
     result = call(
-        "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 6, "--workers", 1,
-        "--seed", 4, "--jittered", 3, *QUICK, "--format", "json",
+        "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 6,
+        "--executor", "serial", "--seed", 4, "--jittered", 3, *QUICK, "--format", "json",
     )  # fmt: skip
     assert result.exit_code == 1, result.stderr
     data = json.loads(result.stdout)

@@ -119,6 +119,7 @@ def sampled(tmp_path_factory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_sample_writes_world_picture_and_map_of_each_candidate(sampled):
     index = json.loads((sampled / "samples.json").read_text())
     assert len(index["samples"]) == 2
@@ -133,6 +134,7 @@ def test_sample_writes_world_picture_and_map_of_each_candidate(sampled):
     assert (sampled / "contact_sheet.png").read_bytes().startswith(PNG)
 
 
+@pytest.mark.slow
 def test_a_sampled_candidate_gives_its_world_by_itself(sampled):
     program = open_scenario(str(sampled.parent / "small.scenic"))
     for row in json.loads((sampled / "samples.json").read_text())["samples"]:
@@ -142,6 +144,7 @@ def test_a_sampled_candidate_gives_its_world_by_itself(sampled):
         assert again.world.digest() == row["world_digest"]
 
 
+@pytest.mark.slow
 def test_the_same_seed_writes_the_same_files(cli, sampled):
     program = sampled.parent / "small.scenic"
     result = cli("sample", str(program), "--count", "2", "--seed", "7", "-o", "again")

@@ -75,6 +75,7 @@ def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file)
     assert result.exit_code == int(violated)
 
 
+@pytest.mark.slow
 def test_stdout_of_a_real_process_holds_the_json_object_and_nothing_else(ward_file):
     done = subprocess.run(
         [sys.executable, "-m", "mrta_falsify.cli", "run", str(ward_file), "--format", "json"],

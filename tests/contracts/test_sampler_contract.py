@@ -123,7 +123,9 @@ SPREADING = {"random", "halton", "sobol", "splitting", "verifai_ce", "verifai_ma
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_halton"})
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n == "auto" else ()) for n in LEARNERS]
+)
 def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
     cube = {"dimensions": 12}
 

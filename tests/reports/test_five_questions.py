@@ -35,8 +35,8 @@ TRUTH = {
 @pytest.fixture(
     scope="module",
     params=[
-        "costmap_blind_to_furniture",
-        pytest.param("fourth_waiter_dropped", marks=pytest.mark.slow),
+        pytest.param("costmap_blind_to_furniture", marks=pytest.mark.slow),
+        pytest.param("fourth_waiter_dropped", marks=pytest.mark.long),
     ],
 )
 def case(request, tmp_path_factory):

@@ -33,7 +33,13 @@ def outage(link, who=("robot1",)):
     return watch(worlds.two_robots_in_a_row(link, who=who))
 
 
-@pytest.mark.parametrize("who", [("robot1",), ALL], ids=["one robot", "all robots"])
+@pytest.mark.parametrize(
+    "who",
+    [
+        pytest.param(("robot1",), id="one robot"),
+        pytest.param(ALL, id="all robots", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("link", LINKS)
 def test_every_task_is_done_without_contact_whatever_link_is_cut(link, who):
     outcome = outage(link, who)

@@ -17,8 +17,6 @@ from scenic_worlds.variation import vary_world
 from tests.scenes import worlds
 from tests.scenes.watching import watch
 
-RUNS, PROCESSES = 20, 3
-
 
 def digest_of(world: World, engine: str) -> str:
     config = apply_setting(StackConfig(), f"engine={engine}")
@@ -41,13 +39,19 @@ def noisy_day(seed: int) -> World:
     return dataclasses.replace(world, robots=tuple(noisy))
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("runs", "processes"),
+    [
+        pytest.param(4, 2, marks=pytest.mark.slow),
+        pytest.param(20, 3, marks=pytest.mark.long),
+    ],
+)
 @pytest.mark.parametrize("engine", ["kinematic", "bullet"])
-def test_twenty_runs_in_three_processes_give_one_digest(engine):
+def test_runs_in_several_processes_give_one_digest(engine, runs, processes):
     world = noisy_day(7)
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-        digests = list(pool.map(digest_of, [world] * RUNS, [engine] * RUNS))
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        digests = list(pool.map(digest_of, [world] * runs, [engine] * runs))
     assert len(set(digests)) == 1
     assert digest_of(world, engine) == digests[0]
 
@@ -63,7 +67,10 @@ def test_two_runs_of_one_scene_give_one_digest():
         assert digest_of(world, engine) == digest_of(world, engine)
 
 
-@pytest.mark.parametrize("order", [(6, 5, 4, 3, 2, 1, 0), (3, 0, 6, 1, 5, 2, 4)])
+@pytest.mark.parametrize(
+    "order",
+    [(6, 5, 4, 3, 2, 1, 0), pytest.param((3, 0, 6, 1, 5, 2, 4), marks=pytest.mark.slow)],
+)
 def test_order_and_names_of_furniture_do_not_matter_to_verdicts(order):
     world = worlds.cluttered_ward()
     shuffled = tuple(

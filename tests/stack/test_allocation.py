@@ -207,6 +207,7 @@ def test_a_proof_of_one_task_says_who_would_be_first_and_when():
     assert "robot that could be first, 7, is there at 20 s" in answer.reason
 
 
+@pytest.mark.slow
 def test_counting_proofs_are_found_where_clauses_alone_would_take_for_ever():
     # 9 deliveries between two rooms far apart, one each way in time, 8 robots.
     far = np.array([[0.0, 50.0], [50.0, 0.0]])

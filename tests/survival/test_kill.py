@@ -7,8 +7,14 @@ import pytest
 from benchmarks.campaign.survival import disturb
 
 
-@pytest.mark.slow
-def test_kill_9_loses_nothing_doubles_nothing_and_changes_nothing(tmp_path):
-    report = disturb(tmp_path, kills=6, budget=400, seed=1)
-    assert report.kills == 6
+@pytest.mark.parametrize(
+    ("kills", "budget"),
+    [
+        pytest.param(2, 120, marks=pytest.mark.slow),
+        pytest.param(6, 400, marks=pytest.mark.long),
+    ],
+)
+def test_kill_9_loses_nothing_doubles_nothing_and_changes_nothing(tmp_path, kills, budget):
+    report = disturb(tmp_path, kills=kills, budget=budget, seed=1)
+    assert report.kills == kills
     assert (report.lost, report.doubled, report.different, report.orphans) == (0, 0, 0, 0)

@@ -46,6 +46,7 @@ def test_a_comparison_that_was_begun_is_known_again(tmp_path):
     assert run_searches(plan(), tmp_path)
 
 
+@pytest.mark.slow
 def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_path):
     whole = dataclasses.replace(plan(), samplers=("random", "sobol"), repeats=2, budget=15)
     tables = []
@@ -62,6 +63,7 @@ def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_pa
     assert tables[0] == tables[1]
 
 
+@pytest.mark.slow
 def test_only_searches_that_are_missing_or_cut_short_are_run(tmp_path):
     whole = dataclasses.replace(plan(), repeats=3, budget=6, stop_after=0)
     assert run_searches(dataclasses.replace(whole, repeats=1), tmp_path)

@@ -30,6 +30,7 @@ def in_process(monkeypatch):
 
 
 @pytest.mark.usefixtures("in_process")
+@pytest.mark.slow
 def test_a_failure_is_fixed_on_a_stack_without_its_defect_and_stays_on_its_own(campaign):
     told = []
     (row,) = corpus.recheck(campaign, jittered=1, on_done=told.append)

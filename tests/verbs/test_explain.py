@@ -7,13 +7,15 @@ import pytest
 
 from benchmarks.defects import worlds
 from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Counterfactual, Removal
-from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
 from mrta_falsify.verbs.explain.explaining import explain_job
+from mrta_falsify.verbs.explain.removals import removals_of
 from scenic_worlds.program import compile_program
 
 
@@ -26,18 +28,20 @@ def _job(defect, *specifications):
     )
 
 
-@pytest.mark.slow
-def test_the_layer_whose_replacement_cures_the_failure_is_named():
+@pytest.mark.parametrize(
+    "max_runs", [pytest.param(3, marks=pytest.mark.slow), pytest.param(8, marks=pytest.mark.long)]
+)
+def test_the_layer_whose_replacement_cures_the_failure_is_named(max_runs):
     told = []
     found = explain_job(
         _job("room_freed_while_parked", "exclusive_use"),
-        max_runs=8,
+        max_runs=max_runs,
         on_done=lambda done, total: told.append((done, total)),
     )
     assert found.layer == "queue_policy"
     gone = {finding.layer for finding in found.counterfactuals if finding.failure_gone}
     assert gone == {"queue_policy"}
-    assert found.runs <= 8 + 6
+    assert found.runs <= max_runs + 6
     assert [done for done, _ in told] == list(range(1, found.runs + 1))
     assert all(done <= total for done, total in told)
 
@@ -101,16 +105,34 @@ def test_the_trace_alone_gives_a_first_guess(stalled):
     assert suspected_layer((), judged.outcome.trace) == ""
 
 
-@pytest.mark.slow
-def test_the_robot_without_which_all_others_go_on_is_found():
+@pytest.fixture(scope="module")
+def stuck():
+    """The world of the gallery in which three robots are stuck at a door."""
     folder = Path(__file__).parent.parent.parent / "docs" / "gallery" / "stuck_at_the_door"
-    job = Job(
+    return Job(
         world=compile_program(folder / "world.min.scenic").sample(0),
         config=read_config(folder / "stack.yaml"),
         specifications=("no_deadlock",),
         early_stop=True,
     )
-    removals = {removal.robot: removal for removal in explain_job(job, max_runs=14).removals}
+
+
+def _removals(job):
+    judged = judge(job)
+    return tuple(removals_of(job, leading(judged.verdicts), judged.outcome.trace, 3))
+
+
+@pytest.mark.parametrize(
+    "removed",
+    [
+        pytest.param(_removals, marks=pytest.mark.slow, id="alone"),
+        pytest.param(
+            lambda job: explain_job(job, max_runs=14).removals, marks=pytest.mark.long, id="explain"
+        ),
+    ],
+)
+def test_the_robot_without_which_all_others_go_on_is_found(stuck, removed):
+    removals = {removal.robot: removal for removal in removed(stuck)}
     assert removals["robot2"].go_on == ("robot1", "robot3")
     assert removals["robot2"].stay == ()
     assert removals["robot1"].stay == ("robot2", "robot3")

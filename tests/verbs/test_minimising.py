@@ -39,9 +39,21 @@ def cluttered():
     return Job(world=crowd, config=config, specifications=("no_deadlock",), early_stop=True)
 
 
+@pytest.fixture(scope="module")
+def alone(cluttered):
+    """What one worker makes of it."""
+    return minimize_job(cluttered, max_runs=60)
+
+
+@pytest.fixture(scope="module")
+def begun(cluttered):
+    """What two runs make of it."""
+    return minimize_job(cluttered, max_runs=2)
+
+
 @pytest.mark.slow
-def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered):
-    found = minimize_job(cluttered, max_runs=60)
+def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered, alone):
+    found = alone
     world = found.world
     assert found.finding.one_minimal
     assert [robot.name for robot in world.robots] == ["robot1"]
@@ -72,9 +84,8 @@ def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
     assert more.finding.runs == 4
 
 
-@pytest.mark.slow
-def test_several_workers_come_to_the_same_world(cluttered):
-    alone = minimize_job(cluttered, max_runs=60)
+@pytest.mark.long
+def test_several_workers_come_to_the_same_world(cluttered, alone):
     together = minimize_job(cluttered, max_runs=60, workers=2)
     assert together.world.digest() == alone.world.digest()
     assert together.judged.outcome.trace.digest == alone.judged.outcome.trace.digest
@@ -111,18 +122,18 @@ def test_values_move_to_nominal_where_the_failure_does_not_need_them(cluttered):
 
 
 @pytest.mark.slow
-def test_the_smallest_world_is_written_as_a_program_that_fails_in_the_same_way(cluttered, tmp_path):
-    found = minimize_job(cluttered, max_runs=2)
-    said = write_as_program(found, cluttered, tmp_path)
+def test_the_smallest_world_is_written_as_a_program_that_fails_in_the_same_way(
+    cluttered, begun, tmp_path
+):
+    said = write_as_program(begun, cluttered, tmp_path)
     assert said in ("identical", "same failure")
     again = compile_program(tmp_path / "world.min.scenic").sample(0)
     judged = judge(dataclasses.replace(cluttered, world=again), keep_trace=False)
-    assert signature(judged.verdicts) == found.finding.signature
+    assert signature(judged.verdicts) == begun.finding.signature
 
 
 @pytest.mark.slow
-def test_no_program_is_left_that_does_not_fail(cluttered, tmp_path):
-    found = minimize_job(cluttered, max_runs=2)
+def test_no_program_is_left_that_does_not_fail(cluttered, begun, tmp_path):
     healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
-    assert "no failure" in write_as_program(found, healthy, tmp_path)
+    assert "no failure" in write_as_program(begun, healthy, tmp_path)
     assert not list(tmp_path.iterdir())
