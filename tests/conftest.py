@@ -25,10 +25,16 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Let the tests of this process share what Scenic parses and what numba compiles."""
+    """Let the tests of this process share what Scenic parses."""
     share_parses()
-    if not session.config.option.collectonly:
-        warm_kernels(len(session.items))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_kernels(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """On a clean clone, two workers compile half of the kernels each before their first test."""
+    warm_kernels(len(request.session.items), tmp_path_factory.getbasetemp().parent)
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,19 +43,19 @@ class Still:
         )
 
 
-def warm_kernels(selected: int) -> None:
+def warm_kernels(selected: int, shared: Path) -> None:
     """Compile this worker's half and wait for the other; does nothing in other processes.
 
     Args:
         selected: number of tests to be run.
+        shared: folder of this test run that both workers see.
     """
     halves = {"gw0": _warm_deciding, "gw1": _warm_the_rest}
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if worker not in halves or workers < len(halves) or selected < FEW:
         return
-    run = os.environ["PYTEST_XDIST_TESTRUNUID"]
-    flags = {name: Path(tempfile.gettempdir()) / f"mrta-kernels-{run}-{name}" for name in halves}
+    flags = {name: shared / f"kernels-{name}" for name in halves}
     halves[worker]()
     flags[worker].touch()
     end = time.monotonic() + PATIENCE

@@ -20,7 +20,9 @@ def occupies(resource: Resource, pose: Array) -> bool:
     return bool(Polygon(resource.release_area).contains(Point(pose[:2])))
 
 
-@pytest.mark.parametrize("deliveries", [EVEN, ODD, ROUND, ACROSS])
+@pytest.mark.parametrize(
+    "deliveries", [EVEN, ODD, *(pytest.param(d, marks=pytest.mark.slow) for d in (ROUND, ACROSS))]
+)
 def test_nobody_waits_for_ever_with_a_robot_parked_in_every_room(deliveries):
     outcome = watch(worlds.full_house(deliveries))
     assert violations(outcome) == {}

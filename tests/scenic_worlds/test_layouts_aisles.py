@@ -50,6 +50,7 @@ def check(world):
 
 @settings(max_examples=20, deadline=None)
 @given(parameters(WAREHOUSE_RANGES, "picks"))
+@pytest.mark.slow
 def test_every_warehouse_is_connected_and_its_lanes_are_free(lengths):
     check(warehouse(**lengths))
 

@@ -320,6 +320,7 @@ def test_a_task_may_have_service_times(showrooms):
     assert (task.pickup_time, task.dropoff_time) == (4.0, 5.0)
 
 
+@pytest.mark.slow
 def test_a_burst_arrives_within_its_time(streams):
     for world in streams:
         for task in world.tasks[:6]:

@@ -123,6 +123,7 @@ def test_a_map_updated_locally_equals_one_built_anew(walls, blocked, parked):
         assert not (lethal & (anew.cost != LETHAL))[distance > 0.001].any()
 
 
+@pytest.mark.slow
 def test_the_hospital_map_shows_every_object_and_nothing_else():
     world = load_layout("aws_hospital")
     costmap = build_costmap(world)

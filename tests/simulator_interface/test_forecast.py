@@ -79,6 +79,7 @@ def test_a_forecast_is_what_then_happens(engine):
     assert foreseen[0] != foreseen[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_run_that_is_asked_about_goes_on_as_if_it_had_not_been(engine):
     world, config = swap()
