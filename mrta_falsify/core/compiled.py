@@ -1,8 +1,9 @@
-"""The door to numba: compiled functions, cached by the state of all sources.
+"""The door to numba: compiled functions, cached by the state of all that they are made of.
 
 numba looks at a function's own file to tell whether its cached code is fresh. It misses a change in
-a function that is called from another file, and fails on a class of arguments that was renamed.
-Caches of this toolkit therefore lie in a folder whose name is the digest of every compiled module.
+a function or constant that the file imports, and fails on a class of arguments that was renamed.
+The caches of a module of ours therefore lie in a folder named by the texts of the module and of all
+modules of ours that it imports.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +23,10 @@ from numba.core.caching import (
     UserWideCacheLocator,
 )
 
-__all__ = ["njit", "sources_digest"]
+__all__ = ["digest_of_module", "njit"]
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("mrta_falsify", "simulator_interface")  #: that have compiled modules
-MARK = b"import njit"  # a module with this line is compiled
 NUMBA_S_OWN = (
     "UserProvidedCacheLocator",
     "InTreeCacheLocator",
@@ -35,26 +36,50 @@ NUMBA_S_OWN = (
 )
 
 
-@functools.cache
-def sources_digest(root: Path = ROOT) -> str:
-    """Hash the names and texts of all compiled modules below ``root`` (12 hex digits)."""
+@functools.lru_cache(maxsize=1024)
+def digest_of_module(path: Path, root: Path = ROOT) -> str:
+    """Hash the texts of a module and of all modules below ``root`` that it imports (12 digits)."""
     seen = hashlib.sha256()
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            text = path.read_bytes()
-            if MARK in text:
-                seen.update(str(path.relative_to(root)).encode() + b"\0" + text)
+    for module in sorted(_closure(path, root)):
+        seen.update(str(module.relative_to(root)).encode() + b"\0" + module.read_bytes())
     return seen.hexdigest()[:12]
 
 
+def _closure(path: Path, root: Path) -> set[Path]:
+    found, waiting = set[Path](), [path]
+    while waiting:
+        module = waiting.pop()
+        if module not in found:
+            found.add(module)
+            waiting += _imported(module, root)
+    return found
+
+
+@functools.lru_cache(maxsize=1024)
+def _imported(module: Path, root: Path) -> tuple[Path, ...]:
+    """List the modules of ours that a module names in its ``from ... import`` lines."""
+    lines = re.findall(
+        rf"^from ((?:{'|'.join(PACKAGES)})[\w.]*) import (\([^)]*\)|.*)",
+        module.read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
+    paths = []
+    for origin, names in lines:
+        place = root.joinpath(*origin.split("."))
+        inside = [place / f"{name}.py" for name in re.findall(r"\w+", names)]
+        paths += [file for file in (place.with_suffix(".py"), *inside) if file.is_file()]
+    return tuple(paths)
+
+
 class _ByDigest:
-    """Puts the caches of our own modules into a folder named by the digest."""
+    """Puts the caches of our own modules into folders named by digests."""
 
     _cache_path: str
 
     def __init__(self, function: Any, file: str) -> None:
         super().__init__(function, file)  # type: ignore[call-arg]
-        self._cache_path = os.path.join(self._cache_path, f"compiled-{sources_digest()}")
+        folder = f"compiled-{digest_of_module(Path(file).resolve())}"
+        self._cache_path = os.path.join(self._cache_path, folder)
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:

@@ -2,32 +2,45 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from mrta_falsify.core import compiled
 from mrta_falsify.core.polyline import path_length
 
 
-def _tree(root: Path, text: str) -> Path:
-    for package in compiled.PACKAGES:
-        (root / package).mkdir(parents=True, exist_ok=True)
-    (root / "mrta_falsify" / "kernel.py").write_text(f"from numba import njit\n{text}\n")
-    (root / "mrta_falsify" / "plain.py").write_text("A = 1\n")
-    return root
+def _tree(root: Path, constant: str) -> Path:
+    package = root / "mrta_falsify" / "core"
+    package.mkdir(parents=True)
+    (package / "lengths.py").write_text(f"NEAR = {constant}\n")
+    (package / "apart.py").write_text(f"FAR = {constant}\n")
+    kernel = package / "kernel.py"
+    kernel.write_text("from mrta_falsify.core.lengths import NEAR\n\nprint(NEAR)\n")
+    return kernel
 
 
-def test_a_change_in_any_compiled_module_gives_another_cache(tmp_path):
-    one = compiled.sources_digest(_tree(tmp_path / "a", "x = 1"))
-    assert compiled.sources_digest(_tree(tmp_path / "b", "x = 1")) == one
-    assert compiled.sources_digest(_tree(tmp_path / "c", "x = 2")) != one
-    (tmp_path / "b" / "mrta_falsify" / "plain.py").write_text("A = 2\n")
-    compiled.sources_digest.cache_clear()
-    assert compiled.sources_digest(tmp_path / "b") == one
+def test_a_module_gets_another_cache_if_what_it_imports_changes(tmp_path):
+    one, same, other = (
+        compiled.digest_of_module(_tree(tmp_path / name, constant), tmp_path / name)
+        for name, constant in (("a", "1.0"), ("b", "1.0"), ("c", "2.0"))
+    )
+    assert one == same
+    assert one != other
+
+
+def test_what_a_module_does_not_import_leaves_its_cache_alone(tmp_path):
+    one = compiled.digest_of_module(_tree(tmp_path / "a", "1.0"), tmp_path / "a")
+    kernel = _tree(tmp_path / "b", "1.0")
+    (kernel.parent / "apart.py").write_text("FAR = 9.0\n")
+    assert compiled.digest_of_module(kernel, tmp_path / "b") == one
 
 
 def test_our_caches_lie_in_a_folder_of_that_name_and_those_of_others_do_not():
-    assert compiled.sources_digest() in path_length._cache.cache_path
+    path_length(np.zeros((2, 2)))
+    folder = f"compiled-{compiled.digest_of_module(Path(path_length.py_func.__code__.co_filename))}"
+    assert Path(path_length.stats.cache_path).name == folder
 
     def foreign() -> int:
         return 1
 
     cached = compiled.njit(cache=True)(foreign)
-    assert "compiled-" not in cached._cache.cache_path
+    assert "compiled-" not in cached.stats.cache_path
