@@ -90,6 +90,7 @@ def test_directories_are_text_or_paths():
 # --- another version --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_replay_of_another_versions_trial_compares_verdicts(cli, tmp_path, monkeypatch):
     shutil.copytree(RECORDED / "stalls", tmp_path / "stalls")
     record = mf.show(tmp_path / "stalls", 4)

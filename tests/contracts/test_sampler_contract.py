@@ -121,10 +121,11 @@ def test_nothing_but_rejections_does_not_stop_it_either(name):
 # VerifAI's learn from violations alone, splitting from levels: neither climbs a slope
 SPREADING = {"random", "halton", "sobol", "splitting", "verifai_ce", "verifai_mab"}
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_halton"})
+HEAVY = ("auto", "surrogate", "tpe")  # each learns for seconds
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n == "auto" else ()) for n in LEARNERS]
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in HEAVY else ()) for n in LEARNERS]
 )
 def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
     cube = {"dimensions": 12}
