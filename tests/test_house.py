@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import itertools
 import json
 import re
@@ -103,6 +104,7 @@ def test_nothing_reads_a_pickle_and_nothing_uses_pyplot():
         assert "matplotlib.pyplot" not in path.read_text(), path
 
 
+@functools.cache
 def _imported(path: Path) -> set[str]:
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):

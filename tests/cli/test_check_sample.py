@@ -19,6 +19,8 @@ from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.worlds import find_world
 from simulator_interface.formats import nav2
 
+pytestmark = pytest.mark.slow  # compiles Scenic programs
+
 BAD = Path(__file__).parent / "bad_scenarios"
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -11,7 +11,7 @@ from scipy.stats import ks_2samp
 from mrta_falsify.core.candidate import Candidate
 from scenic_worlds.program import Program
 
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 WARDS = """
 from scenic_worlds.floors import hospital

@@ -18,7 +18,7 @@ from scenic_worlds.program import compile_program
 from scenic_worlds.shipped import SCENARIO_DIR, scenario_names, scenario_path
 from simulator_interface.engines import bodies
 
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 #: what the issue asks for; more are welcome
 WANTED = {

@@ -27,7 +27,7 @@ from mrta_falsify.trial import Job, judge, quick_stack
 from scenic_worlds.program import compile_program, scenario_path
 from scenic_worlds.writing import write_program
 
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 #: every kind of thing that programs place: furniture, people, blockages, outages, noise, streams
 QUICK = ("blockage_mid_run", "communication_outage", "crowded_corridor", "narrow_doors")

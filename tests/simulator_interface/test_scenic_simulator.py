@@ -16,7 +16,7 @@ from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import Blockage, read_world
 from simulator_interface.simulate import simulate
 
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 SCENIC = Path(sys.executable).parent / "scenic"

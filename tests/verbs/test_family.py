@@ -23,7 +23,7 @@ from mrta_falsify.verbs.family.finding import find_family
 from mrta_falsify.verbs.family.peeling import peeled_box
 from scenic_worlds.program import compile_program
 
-pytestmark = pytest.mark.filterwarnings("ignore")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 PROGRAM = """
 model scenic_worlds.model
