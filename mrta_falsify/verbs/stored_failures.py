@@ -11,7 +11,12 @@ from mrta_falsify.verbs.explain import explain
 from mrta_falsify.verbs.family import find_family
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.minimize import minimize
-from mrta_falsify.verbs.report import junit_report, markdown_report, write_report
+from mrta_falsify.verbs.report import (
+    MOST_CASES,
+    junit_report,
+    markdown_report,
+    write_report,
+)
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.workers import count_cores
@@ -159,7 +164,7 @@ def write_reports(
     junit: Place | None = None,
     markdown: Place | None = None,
     against: Place | None = None,
-    cases: int = 20,
+    cases: int = MOST_CASES,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
