@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,6 +104,14 @@ class Intent:
     waits_for: tuple[str, ...]  #: N names of the resource waited for, "" if none
 
 
+class Tells(NamedTuple):
+    """What a stack tells of itself; a specification that needs what is missing cannot judge."""
+
+    deliveries: bool = True  #: events ``picked-up`` and ``dropped-off``
+    goals: bool = True  #: ``Intent.goal`` and ``Intent.tasks_left``
+    paths: bool = True  #: ``Intent.path``
+
+
 @dataclass(frozen=True, slots=True)
 class BlockedBy:
     """One blocked-by edge: ``robot`` cannot move on because of ``other``."""
@@ -123,3 +132,4 @@ class Frame:
     events: tuple[StackEvent, ...]
     blocked_by: tuple[BlockedBy, ...] = ()
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
+    tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode
