@@ -91,9 +91,9 @@ class Declaration:
                 return self._parking.point(parking_spot)
             return NOT_A_POINT
         if isinstance(activity, Waiting) and activity.place is not None:
-            spots = self._rooms.queues[activity.queue].resource.spots
-            if activity.place < len(spots):
-                return np.asarray(spots[activity.place])
+            queue = self._rooms.queues[activity.queue]
+            if queue.is_own_spot(activity.place):
+                return np.asarray(queue.spots[activity.place])
         return self._points[room]
 
     def _waited_for(self, robots: int, memories: Sequence[QueueState]) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
+from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import ControlView, CostmapSource, PriorityRule, PriorityView
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Idle, Off, Serving, Waiting
@@ -31,6 +32,7 @@ from mrta_falsify.stack.lookahead import Outlook, Views
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.replanning import Replanning
+from mrta_falsify.stack.resources.clear_ways import ClearWays
 from mrta_falsify.stack.resources.corridors import STOP_SHORT, CorridorTraffic, Traveller
 from mrta_falsify.stack.resources.crossings import find_crossing
 from mrta_falsify.stack.resources.parking import ParkingTraffic
@@ -49,7 +51,8 @@ class Stack:
         allocator = registry.build("allocator", config.allocator, defects=defects)
         self._dispatcher = Dispatcher(world, allocator, defects)
         self._links = LinkTimetable(world)
-        self._rooms = RoomTraffic(world, config)
+        ways = ClearWays(world, costmaps.costmap(0.0, NO_POINTS))
+        self._rooms = RoomTraffic(world, config, ways)
         self._follower = ItineraryFollower(
             world, self._rooms, self._dispatcher, stalls="same_room_twice_stalls" in defects
         )
@@ -204,10 +207,10 @@ class Stack:
             waiting = mission.activity
             if not isinstance(waiting, Waiting) or not len(views.rest[robot]):
                 continue
-            resource = self._rooms.queues[waiting.queue].resource
-            if len(resource.spots):
+            queue = self._rooms.queues[waiting.queue]
+            if len(queue.spots):
                 continue
-            enter, _ = find_crossing(views.rest[robot], resource.release_area)
+            enter, _ = find_crossing(views.rest[robot], queue.resource.release_area)
             limits[robot] = max(0.0, enter - STOP_SHORT)
             arrived = waiting.place is not None and limits[robot] <= SPOT_REACHED
             stopping[robot] = replace(mission, activity=replace(waiting, arrived=arrived))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,11 +33,35 @@ class QueueState:
     forgotten: list[int] = field(default_factory=list)  #: by the defect `fourth_waiter_dropped`
 
 
+class WaitingSpots(NamedTuple):
+    """Where robots wait for a resource."""
+
+    points: Array  #: (S, 2) [m], head first
+    own: int  #: so many of them, the first, are spots of the resource as the world has it
+
+
 class Queue:
     """Rules of one resource; its memory is a :class:`QueueState` that the caller owns."""
 
-    def __init__(self, resource: Resource, policy: QueuePolicy, defects: Sequence[str]) -> None:
+    def __init__(
+        self,
+        resource: Resource,
+        policy: QueuePolicy,
+        defects: Sequence[str],
+        spots: WaitingSpots | None = None,
+    ) -> None:
+        """Serve a resource.
+
+        Args:
+            resource: as the world describes it.
+            policy: order of those who wait.
+            defects: planted defects switched on.
+            spots: where robots wait; the resource's own spots if None.
+        """
         self.resource = resource
+        chosen = spots or WaitingSpots(np.asarray(resource.spots), len(resource.spots))
+        self.spots = chosen.points  #: (S, 2) waiting spots [m], head first
+        self._own_spots = chosen.own
         self._policy = policy
         self._defects = frozenset(defects)
 
@@ -119,6 +144,14 @@ class Queue:
             return ()
         return (self.admit(state, self.order(state)[0]),)
 
+    def is_off_lane(self, place: int) -> bool:
+        """Whether the robot at ``place`` stands somewhere that no lane leads to."""
+        return self._own_spots <= place < len(self.spots)
+
+    def is_own_spot(self, place: int) -> bool:
+        """Whether the robot at ``place`` in the queue stands at a spot that the world names."""
+        return place < self._own_spots
+
     def waiting_point(self, place: int, approach: Array) -> Array:
         """Where the robot at ``place`` in the queue stands.
 
@@ -130,7 +163,7 @@ class Queue:
             ``(2,)`` the spot [m]. Waiters beyond the last spot line up behind it on
             ``approach``, one metre apart.
         """
-        spots = self.resource.spots
+        spots = self.spots
         if place < len(spots):
             return np.asarray(spots[place])
         behind = float(place - len(spots) + 1) if len(spots) else float(place)

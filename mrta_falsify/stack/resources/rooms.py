@@ -11,12 +11,13 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
-from mrta_falsify.core.plane import distance_of, is_within
+from mrta_falsify.core.plane import NO_POINTS, distance_of, is_within
 from mrta_falsify.core.protocols import Waiter, WaypointGenerator
-from mrta_falsify.core.world import Lane, World
+from mrta_falsify.core.world import Lane, Resource, World
 from mrta_falsify.stack.activity import Heading, Idle, Parking, Stalled, Waiting
 from mrta_falsify.stack.mission import Mission
-from mrta_falsify.stack.resources.queue import Queue, QueueState
+from mrta_falsify.stack.resources.clear_ways import ClearWays
+from mrta_falsify.stack.resources.queue import Queue, QueueState, WaitingSpots
 from mrta_falsify.stack.route import SPOT_REACHED
 from mrta_falsify.stack.waypoints import join
 
@@ -28,10 +29,13 @@ _OUTSIDE = (Waiting, Parking, Stalled)  # activities of holders that do not use 
 class RoomTraffic:
     """The rule by which robots get into rooms; has no memory of its own."""
 
-    def __init__(self, world: World, config: StackConfig) -> None:
+    def __init__(self, world: World, config: StackConfig, ways: ClearWays) -> None:
         defects = config.defects
         policy = registry.build("queue_policy", config.queue_policy, defects=defects)
-        self.queues = [Queue(resource, policy, defects) for resource in world.resources]
+        self.queues = [
+            Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
+            for resource in world.resources
+        ]
         self.queue_of_room = {
             queue.resource.room: i
             for i, queue in enumerate(self.queues)
@@ -142,7 +146,7 @@ class RoomTraffic:
         arrived = (
             place is not None
             and len(way.route) > 0
-            and len(self.queues[index].resource.spots) > 0
+            and len(self.queues[index].spots) > 0
             and way.has_reached(way.route[-1], position, reach)
         )
         if arrived == waiting.arrived:
@@ -154,7 +158,7 @@ class RoomTraffic:
         queue, before = self.queues[index], mission.activity
         was_waiting = isinstance(before, Waiting)
         activity = Waiting(index, place, isinstance(before, Waiting) and before.arrived)
-        if len(queue.resource.spots):
+        if len(queue.spots):
             moves_up = was_waiting and _is_near_spot(queue, position)
             route = self._way_to_spot(mission, queue, place, position, moves_up=moves_up)
             return mission.depart(activity, route)
@@ -174,10 +178,11 @@ class RoomTraffic:
     ) -> Array:
         """Find the way to a place in the queue, to the last spot while the place is unknown."""
         lane = self._lanes.get((mission.room, mission.itinerary[0].room))
-        spots = queue.resource.spots
+        spots = queue.spots
         approach = spots if lane is None else np.asarray(lane.to_queue)
-        spot = queue.waiting_point(len(spots) - 1 if place is None else place, approach)
-        if lane is None or moves_up:
+        target = len(spots) - 1 if place is None else place
+        spot = queue.waiting_point(target, approach)
+        if lane is None or moves_up or queue.is_off_lane(target):
             return spot[None, :]
         way = self._waypoints.to_queue(lane, spot)
         return join(way, position, self._points[mission.room])
@@ -243,8 +248,34 @@ class RoomTraffic:
         return missions, events
 
 
+def _waiting_spots(resource: Resource, world: World, ways: ClearWays) -> WaitingSpots | None:
+    """Replace the waiting spots of a room that would close the only way out of it.
+
+    Returns:
+        The spots that leave the ways open, then places near by for all other robots. None if the
+        resource's own spots will do.
+    """
+    if resource.room is None or not len(resource.spots):
+        return None
+    stands: list[Array] = []
+    for spot in resource.spots:
+        if ways.leaves_open(np.array([*stands, spot])):
+            stands.append(np.asarray(spot))
+    own = len(stands)
+    if own == len(resource.spots):
+        return None
+    stands += ways.places_near(
+        np.asarray(world.rooms[resource.room].point),
+        beside=NO_POINTS,
+        off=NO_POINTS,
+        stands=stands,
+        count=max(len(resource.spots), len(world.robots) - 1) - own,
+    )
+    return WaitingSpots(np.array(stands).reshape(-1, 2), own)
+
+
 def _is_near_spot(queue: Queue, position: Array) -> bool:
-    return bool(is_within(queue.resource.spots, position, NEAR_SPOT))
+    return bool(is_within(queue.spots, position, NEAR_SPOT))
 
 
 def _heads_for(mission: Mission, queue: Queue) -> bool:

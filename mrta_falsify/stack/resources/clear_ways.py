@@ -1,0 +1,167 @@
+"""Where a robot may stand for long without closing the only way between two rooms.
+
+The map is that of time 0. It does not follow people, blockages that come later, or other robots.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.plane import inside
+from mrta_falsify.core.world import World
+
+APART = 0.6  # m between robots, centre to centre, as far as controllers keep them from each other
+OFF_WAY = 0.8  # m between a place to stand and a way, so that who drives there has room
+AT_ROOM = 1.0  # m from a room's point: a robot that comes so near can get there
+LATTICE = 0.5  # m between the places that are tried
+MOST_TRIED = 100  # places that are judged in one search; each takes about 2 ms
+SAME_PLACE = 0.1  # m; stands are rounded to this before they are judged
+
+
+class ClearWays:
+    """Judges places to stand; remembers only to save work.
+
+    Args:
+        world: rooms, lanes and resources.
+        costmap: of time 0, without robots.
+    """
+
+    def __init__(self, world: World, costmap: Costmap) -> None:
+        self._world = world
+        self._map = costmap
+        self._free: BoolArray = costmap.cost < INSCRIBED
+        self._areas = [resource.release_area for resource in world.resources]
+        self._points = np.array([room.point for room in world.rooms]).reshape(-1, 2)
+        self._near_rooms = [self._disc(point, AT_ROOM) for point in self._points]
+        self._joined = self._joined_pairs(self._free)
+        self._known: dict[bytes, bool] = {}
+
+    def leaves_open(self, stands: Array) -> bool:
+        """Whether all rooms stay joined as they are with robots at ``stands`` ``(K, 2)`` [m]."""
+        places = np.round(np.asarray(stands) / SAME_PLACE) * SAME_PLACE
+        key = places.tobytes()
+        if key not in self._known:
+            free = self._free.copy()
+            for place in places:
+                rows, cols = self._disc(place, APART)
+                free[rows, cols] = False
+            self._known[key] = self._joined <= self._joined_pairs(free)
+        return self._known[key]
+
+    def places_near(
+        self, start: Array, *, beside: Array, off: Array, stands: Sequence[Array] = (), count: int
+    ) -> list[Array]:
+        """Find places to stand, the nearest by way first; those off the lanes before others.
+
+        Args:
+            start: ``(2,)`` [m] from which ways are measured.
+            beside: ``(K, 2)`` robots, and where they drive to [m].
+            off: ``(L, 2)`` points to keep clear of, for example of a way [m].
+            stands: places ``(2,)`` [m] whose robots must leave the ways open together with the
+                new ones.
+            count: places at most.
+        """
+        candidates = self._lattice(start)
+        is_clear = _gaps(candidates, np.vstack([self._points, beside])) >= APART
+        is_clear &= _gaps(candidates, off) >= OFF_WAY
+        is_clear &= ~np.array([self._is_guarded(place) for place in candidates], dtype=np.bool_)
+        is_off = self._gaps_to_lanes(candidates) >= OFF_WAY
+        found: list[Array] = []
+        tried = (*candidates[is_clear & is_off], *candidates[is_clear & ~is_off])
+        for place in tried[:MOST_TRIED]:
+            if len(found) >= count:
+                break
+            together = np.array([*stands, *found, place])
+            if _gaps(place[None, :], together[:-1])[0] >= APART and self.leaves_open(together):
+                found.append(place)
+        return found
+
+    def _is_guarded(self, place: Array) -> bool:
+        return any(inside(area, place) for area in self._areas)
+
+    # --- the map ------------------------------------------------------------------------------
+
+    def _disc(self, point: Array, radius: float) -> tuple[IntArray, IntArray]:
+        """List the cells (rows, cols) whose centres are within ``radius`` [m] of ``point``."""
+        low = np.maximum(self._map.cells(point - radius), 0)
+        high = np.minimum(self._map.cells(point + radius) + 1, self._free.shape)
+        high = np.maximum(high, low)
+        cells = np.stack(
+            np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij"), -1
+        ).reshape(-1, 2)
+        gaps = self._map.centers(cells) - point
+        rows, cols = cells[np.hypot(gaps[:, 0], gaps[:, 1]) <= radius].T
+        return rows, cols
+
+    def _joined_pairs(self, free: BoolArray) -> set[tuple[int, int]]:
+        """Find the pairs of rooms between which there is a way over ``free`` cells."""
+        parts = ndimage.label(free)[0]
+        of_room = [set(parts[rows, cols].tolist()) - {0} for rows, cols in self._near_rooms]
+        return {
+            (i, k)
+            for i, own in enumerate(of_room)
+            for k in range(i)
+            if not own.isdisjoint(of_room[k])
+        }
+
+    def _lattice(self, start: Array) -> Array:
+        """List free points ``(C, 2)`` [m] that a way from ``start`` leads to, the nearest first."""
+        stride = max(1, round(LATTICE / self._map.resolution))
+        rows, cols = self._disc(start, AT_ROOM)
+        is_free = self._free[rows, cols]
+        if not is_free.any():
+            return np.zeros((0, 2))
+        cells = np.stack([rows, cols], axis=-1)[is_free]
+        gaps = np.hypot(*(self._map.centers(cells) - start).T)
+        row, col = cells[int(np.argmin(gaps))].tolist()
+        steps = _steps_from(self._free, row, col)[::stride, ::stride]
+        rows, cols = np.nonzero(steps >= 0)
+        order = np.argsort(steps[rows, cols], kind="stable")
+        return self._map.centers(np.stack([rows, cols], axis=-1)[order] * stride)
+
+    def _gaps_to_lanes(self, points: Array) -> Array:
+        """Measure the distances ``(C,)`` [m] of ``points`` from the nearest lane."""
+        gaps = np.full(len(points), np.inf)
+        for lane in self._world.lanes:
+            for corners in (lane.to_queue, lane.to_room):
+                for a, b in itertools.pairwise(corners):
+                    leg = b - a
+                    share = np.clip((points - a) @ leg / max(float(leg @ leg), 1e-12), 0.0, 1.0)
+                    gaps = np.minimum(gaps, np.hypot(*(a + share[:, None] * leg - points).T))
+        return gaps
+
+
+def _gaps(points: Array, others: Array) -> Array:
+    """Measure how far each of ``points`` ``(C, 2)`` is from the nearest other [m]; inf: none."""
+    if not len(others):
+        return np.full(len(points), np.inf)
+    return np.asarray(np.hypot(*(points[:, None] - others[None]).transpose(2, 0, 1)).min(axis=1))
+
+
+@njit(cache=True)
+def _steps_from(free: BoolArray, row: int, col: int) -> IntArray:
+    """Count the steps from a cell to every free one, over side neighbours; -1: out of reach."""
+    rows, cols = free.shape
+    steps = np.full((rows, cols), -1, dtype=np.int64)
+    queue = np.empty((rows * cols + 1, 2), dtype=np.int64)
+    queue[0, 0], queue[0, 1] = row, col
+    steps[row, col] = 0
+    first, last = 0, 1
+    while first < last:
+        r, c = queue[first]
+        first += 1
+        for k in range(4):
+            i = r + (k == 0) - (k == 1)
+            j = c + (k == 2) - (k == 3)
+            if 0 <= i < rows and 0 <= j < cols and free[i, j] and steps[i, j] < 0:
+                steps[i, j] = steps[r, c] + 1
+                queue[last, 0], queue[last, 1] = i, j
+                last += 1
+    return steps
