@@ -13,7 +13,6 @@ from mrta_falsify.core.protocols import ControlResult
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Activity, Parking, Waiting, queue_place
 from mrta_falsify.stack.mission import Mission
-from mrta_falsify.stack.resources.parking import ParkingTraffic
 from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.resources.rooms import RoomTraffic
 
@@ -24,16 +23,16 @@ NOT_A_POINT = frozen_array([np.nan, np.nan])
 class _Goals:
     """Where robots head that are about this."""
 
-    about: tuple[tuple[int, Activity, int | None], ...]  #: N: next room, activity, parking spot
+    #: N: next room, activity, parking spot [m]
+    about: tuple[tuple[int, Activity, tuple[float, float] | None], ...]
     points: Array  #: (N, 2) [m], nan: nowhere
 
 
 class Declaration:
     """Puts the missions of all robots into an :class:`Intent`; only remembers to save work."""
 
-    def __init__(self, world: World, rooms: RoomTraffic, parking: ParkingTraffic) -> None:
+    def __init__(self, world: World, rooms: RoomTraffic) -> None:
         self._rooms = rooms
-        self._parking = parking
         self._points = [np.asarray(room.point) for room in world.rooms]
         self._goals = _Goals((), np.full((len(world.robots), 2), np.nan))
 
@@ -85,10 +84,12 @@ class Declaration:
             self._goals = _Goals(about, points)
         return self._goals.points
 
-    def _goal_of(self, room: int, activity: Activity, parking_spot: int | None) -> Array:
+    def _goal_of(
+        self, room: int, activity: Activity, parking_spot: tuple[float, float] | None
+    ) -> Array:
         if room < 0:
             if isinstance(activity, Parking) and parking_spot is not None:
-                return self._parking.point(parking_spot)
+                return np.array(parking_spot)
             return NOT_A_POINT
         if isinstance(activity, Waiting) and activity.place is not None:
             queue = self._rooms.queues[activity.queue]

@@ -28,8 +28,8 @@ _DRIVING, _PLANNING = Phase.DRIVING, Phase.PLANNING
 class ParkingMemory:
     """What one robot remembers of parking."""
 
-    spot: int | None = None  #: reserved: it stands there or drives there
-    unreachable: tuple[int, ...] = ()  #: spots it found no path to
+    spot: tuple[float, float] | None = None  #: reserved [m]: it stands there or drives there
+    unreachable: tuple[tuple[float, float], ...] = ()  #: spots [m] it found no path to
     not_before: float = 0.0  #: not sent away before this [s]
 
     def given_up(self) -> ParkingMemory:

@@ -57,7 +57,7 @@ class Stack:
             world, self._rooms, self._dispatcher, stalls="same_room_twice_stalls" in defects
         )
         self._parking = ParkingTraffic(
-            world, self._rooms, is_careless="room_freed_while_parked" in defects
+            world, self._rooms, ways, is_careless="room_freed_while_parked" in defects
         )
         self._replanning = Replanning(world, config, costmaps)
         self._corridors = CorridorTraffic(self._rooms.queues)
@@ -71,7 +71,7 @@ class Stack:
         self._nowhere = np.full((len(robots), 2), np.nan)
         # What follows only saves work: it holds nothing that the memory does not say as well.
         self._outlook = Outlook(len(robots))
-        self._declaration = Declaration(world, self._rooms, self._parking)
+        self._declaration = Declaration(world, self._rooms)
 
     def forget_after(self, state: StackState, time: float) -> None:
         """Let no task arrive any more, and no outage begin, after ``time`` [s]."""

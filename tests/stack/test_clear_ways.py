@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from shapely import unary_union
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import robot, two_rooms
+from benchmarks.oracle.floors import floor, robot, two_rooms
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.geometry import rectangle
@@ -97,3 +98,32 @@ def test_a_waiting_spot_beside_the_way_is_granted():
     queue = dataclasses.replace(world.resources[0], spots=np.array([[2.0, 0.95]]))
     place, _ = waits_at(dataclasses.replace(world, resources=(queue,)), 19.0)
     np.testing.assert_allclose(place, [2.0, 0.95], atol=0.25)
+
+
+def crossing(width):
+    """Room 2 lies on the only way between rooms 0 and 1; no place is set aside for parking."""
+    ends = [box(-6.0, -1.5, -3.0, 1.5), box(3.0, -1.5, 6.0, 1.5)]
+    passage = box(-3.0, -width / 2, 3.0, width / 2)
+    points = np.array([[-4.5, 0.0], [4.5, 0.0], [0.0, 0.0]])
+    return dataclasses.replace(
+        floor(unary_union([*ends, passage]), points),
+        horizon=25.0,
+        robots=(robot(0, -4.5, 0.9),),
+        tasks=(
+            Task(arrival=0.5, start=0, end=2, deadline=900.0),
+            Task(arrival=500.0, start=0, end=1, deadline=900.0),
+        ),
+    )
+
+
+def test_a_robot_that_delivered_does_not_come_to_rest_in_a_crossing():
+    world = crossing(1.0)
+    outcome = simulate(world, KINEMATIC)
+    kinds = [event.kind for event in outcome.trace.events]
+    assert kinds.index("dropped-off") < kinds.index("makes-room")
+    assert ways_of(world).leaves_open(outcome.trace.columns["pose"][-1, :, :2])
+
+
+def test_a_robot_that_delivered_where_others_can_pass_stays():
+    outcome = simulate(crossing(3.0), KINEMATIC)
+    assert "makes-room" not in [event.kind for event in outcome.trace.events]

@@ -14,7 +14,8 @@ from mrta_falsify.core.polyline import cut_path, look_along
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Idle, Parking
 from mrta_falsify.stack.mission import Mission
-from mrta_falsify.stack.resources.parking_spots import APART, choose_spot, parking_spots_of
+from mrta_falsify.stack.resources.clear_ways import APART, ClearWays
+from mrta_falsify.stack.resources.parking_spots import choose_spot, parking_spots_of
 from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.resources.rooms import RoomTraffic
 from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED
@@ -28,7 +29,7 @@ CLEARED = 1.5  # m of a stuck robot's path that idle robots have to clear
 class _Reason:
     """Why an idle robot has to leave."""
 
-    other: int  #: robot that wants the resource, or the way
+    other: int  #: robot that wants the resource, or the way; -1: any that comes
     resource: str  #: name of the resource, "" if it is about the way
     avoid: Array  #: (L, 2) the way to be cleared [m], may be empty
 
@@ -36,22 +37,22 @@ class _Reason:
 class ParkingTraffic:
     """The rule by which idle robots are sent to parking spots; has no memory of its own."""
 
-    def __init__(self, world: World, rooms: RoomTraffic, *, is_careless: bool) -> None:
+    def __init__(
+        self, world: World, rooms: RoomTraffic, ways: ClearWays, *, is_careless: bool
+    ) -> None:
         """Serve a world.
 
         Args:
             world: parking, waiting spots and lanes.
             rooms: tells which queue guards a room.
+            ways: tells where a robot at rest closes the only way between two rooms.
             is_careless: robots ignore one that parks in a room it has freed, or on their way
                 (the planted defect `room_freed_while_parked`).
         """
         self._rooms = rooms
-        self._spots = parking_spots_of(world)
+        self._ways = ways
+        self._spots = parking_spots_of(world, ways)
         self._is_careless = is_careless
-
-    def point(self, spot: int) -> Array:
-        """Point ``(2,)`` [m] of a parking spot."""
-        return np.asarray(self._spots.points[spot])
 
     def step(
         self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
@@ -75,7 +76,9 @@ class ParkingTraffic:
         for robot in resting:
             reason = self._occupied(memories, wanted, robot, fleet.pose[robot, :2])
             if reason is None and (fleet.tick + robot) % LOOK_TICKS == 0:
-                reason = self._blocked(missions, robot, fleet)
+                reason = self._blocked(missions, robot, fleet) or self._in_crossing(
+                    fleet.pose[robot, :2]
+                )
             if reason is not None:
                 missions[robot], left = self._send_away(missions, robot, fleet, reason)
                 events += left
@@ -85,7 +88,7 @@ class ParkingTraffic:
         """End the way to a parking spot, if it is reached or has no path."""
         memory, spot = mission.parking, mission.parking.spot
         assert spot is not None
-        if mission.way.has_reached(self.point(spot), position, SPOT_REACHED):
+        if mission.way.has_reached(np.array(spot), position, SPOT_REACHED):
             memory = replace(memory, unreachable=())
         elif mission.way.failed:
             memory = replace(memory, spot=None, unreachable=(*memory.unreachable, spot))
@@ -146,6 +149,12 @@ class ParkingTraffic:
                 return _Reason(other, "", np.vstack([ahead, end[None, :]]))
         return None
 
+    def _in_crossing(self, position: Array) -> _Reason | None:
+        """Whether a robot at rest here would close the only way between two rooms."""
+        if self._is_careless or self._ways.leaves_open(position[None, :]):
+            return None
+        return _Reason(-1, "", NO_POINTS)
+
     # --- where it goes ----------------------------------------------------------------------------
 
     def _send_away(
@@ -164,7 +173,7 @@ class ParkingTraffic:
         leaving = replace(
             mission,
             activity=Parking(),
-            way=mission.way.head_for(self.point(spot)[None, :]),
+            way=mission.way.head_for(np.array([spot])),
             parking=replace(memory, spot=spot),
         )
         event = StackEvent(

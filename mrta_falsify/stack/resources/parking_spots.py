@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import World
+from mrta_falsify.stack.resources.clear_ways import APART, OFF_WAY, ClearWays
 
-APART = 0.6  # m between a spot and other robots, as far as robots keep from each other
-OFF_WAY = 0.8  # m between a spot and the way that is to be cleared
+Point: TypeAlias = tuple[float, float]  # x, y [m], map frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,13 +22,14 @@ class ParkingSpots:
 
     points: Array  #: (P, 2) [m]
     kind: Array  #: (P,) 0: parking of the world, 1: waiting spot, 2: corner of a lane
+    ways: ClearWays  #: finds more where all of these are taken
 
 
-def parking_spots_of(world: World) -> ParkingSpots:
+def parking_spots_of(world: World, ways: ClearWays) -> ParkingSpots:
     """List the parking of the world, then waiting spots and corners of lanes.
 
-    Spots and corners inside a release area are left out. Parking inside one counts as a waiting
-    spot.
+    Spots and corners inside a release area are left out, and those where a robot would close the
+    only way between two rooms. Parking inside a release area counts as a waiting spot.
     """
     found: list[tuple[int, Array]] = [(0, point) for point in world.parking]
     found += [(1, spot) for resource in world.resources for spot in resource.spots]
@@ -41,9 +43,11 @@ def parking_spots_of(world: World) -> ParkingSpots:
         gaps = point - points[: len(kinds)]
         if (np.hypot(gaps[:, 0], gaps[:, 1]) < APART).any():
             continue
+        if kind > 0 and not ways.leaves_open(point[None, :]):
+            continue
         points[len(kinds)] = point
         kinds.append(1.0 if guarded else float(kind))
-    return ParkingSpots(points[: len(kinds)], np.array(kinds))
+    return ParkingSpots(points[: len(kinds)], np.array(kinds), ways)
 
 
 def choose_spot(
@@ -51,27 +55,30 @@ def choose_spot(
     position: Array,
     others: Array,
     avoid: Array,
-    excluded: Collection[int],
-) -> int | None:
-    """Choose the nearest free spot of the best kind.
+    excluded: Collection[Point],
+) -> Point | None:
+    """Choose the nearest free spot of the best kind, else the nearest place that is in no way.
 
     Args:
         spots: to choose from.
         position: ``(2,)`` of the robot that is to go [m].
         others: ``(K, 2)`` robots, and places that robots drive to [m].
         avoid: ``(L, 2)`` points of a way to be cleared [m], may be empty.
-        excluded: numbers of spots that are taken, or that could not be reached.
+        excluded: spots that are taken, or that could not be reached.
 
     Returns:
-        Number of the spot, None if none is free.
+        The spot, None if there is none.
     """
     gaps = np.hypot(*(spots.points - position).T)
-    for spot in np.lexsort((gaps, spots.kind)).tolist():
-        point = spots.points[spot]
-        if spot in excluded or _near(point, others, APART) or _near(point, avoid, OFF_WAY):
+    for number in np.lexsort((gaps, spots.kind)).tolist():
+        point = spots.points[number]
+        x, y = point.tolist()
+        if (x, y) in excluded or _near(point, others, APART) or _near(point, avoid, OFF_WAY):
             continue
-        return int(spot)
-    return None
+        return x, y
+    known = np.array(list(excluded), dtype=np.float64).reshape(-1, 2)
+    free = spots.ways.places_near(position, beside=others, off=np.vstack([avoid, known]), count=1)
+    return (float(free[0][0]), float(free[0][1])) if free else None
 
 
 def _near(point: Array, points: Array, distance: float) -> bool:
