@@ -14,6 +14,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed
 from mrta_falsify.core.protocols import CostmapSource, Engine
 from mrta_falsify.core.world import Blockage, HumanSpec, World
+from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
@@ -74,6 +75,7 @@ class Episode:
         self.dt = 1.0 / config.control_rate
         self.state: StackState | None = None
         self.tick = 0  #: of the last frame
+        self.books = Books(world)  #: deliveries that motion confirms, the last frame included
         source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
         self._engine: Engine = registry.build("engine", config.engine)
         self._source: CostmapSource = source
@@ -149,9 +151,11 @@ class Episode:
                 fleet = self._localisation.fleet(seen)
                 self.state, command, intent, events = self.stack.step(self.state, fleet)
                 edges = self._tracker.update(seen, command, intent, events)
-                yield Frame(
+                frame = Frame(
                     sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
                 )
+                self.books.update(frame)
+                yield frame
                 command = self._without_removed(command)
                 human_velocity = self.crowd.velocities(measured)
                 stage = self.crowd.stage()
@@ -187,6 +191,7 @@ class Episode:
         """
         assert self.state is not None, "the episode has not begun"
         time = self.tick * self.dt
+        self.books.forget_after(time)
         self.stack.forget_after(self.state, time)
         self.crowd.forget_after(time)
         for part in (self._engine, self._source, self.crowd.source):
@@ -242,5 +247,5 @@ class Episode:
 
     @property
     def all_done(self) -> bool:
-        """Whether every task is delivered and no other can arrive."""
-        return self.state is not None and self.stack.all_done(self.state)
+        """Whether everything that can still arrive has been delivered, as the books say."""
+        return self.books.closed

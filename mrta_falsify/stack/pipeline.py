@@ -90,10 +90,6 @@ class Stack:
             ),
         )
 
-    def all_done(self, state: StackState) -> bool:
-        """Whether every task is delivered and none is to come."""
-        return self._dispatcher.all_done(state.dispatcher)
-
     def step(
         self, state: StackState, fleet: FleetState
     ) -> tuple[StackState, Command, Intent, tuple[StackEvent, ...]]:

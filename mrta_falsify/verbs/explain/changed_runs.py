@@ -47,7 +47,7 @@ def _counterfactual(
         if frame.sensed.tick % LOOK_STRIDE == 0 and any(s.verdict().violated for s in own):
             ended = f"violated again at {time:.1f} s"
             break
-        if running.episode.world.tasks and running.episode.all_done:
+        if running.episode.books.due and running.episode.books.closed:
             ended = f"all tasks done at {time:.1f} s"
             break
         if time >= min(until, running.episode.world.horizon):
