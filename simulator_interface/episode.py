@@ -19,6 +19,7 @@ from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.engines.sensing import fill_rest
+from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
@@ -81,7 +82,9 @@ class Episode:
         self._source: CostmapSource = source
         if needs_stage(world):
             self._check_stage()
-        self.stack = Stack(world, config, source)
+        self._meter = AllocatorMeter()
+        self._told = WhatIsTold(config.withheld, len(world.robots))
+        self.stack = Stack(world, config, source, metered=self._meter.around)
         self.crowd = self._new_crowd()
         self._resting: tuple[int, ...] | None = None
         self._removed: list[int] = []
@@ -150,9 +153,16 @@ class Episode:
                 seen = self._without_absent(sensed)
                 fleet = self._localisation.fleet(seen)
                 self.state, command, intent, events = self.stack.step(self.state, fleet)
+                intent, events = self._told.of(intent, events)
                 edges = self._tracker.update(seen, command, intent, events)
                 frame = Frame(
-                    sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
+                    sensed=sensed,
+                    command=command,
+                    intent=intent,
+                    events=events,
+                    blocked_by=edges,
+                    signals=self._meter.signals,
+                    tells=self._told.tells,
                 )
                 self.books.update(frame)
                 yield frame
@@ -178,7 +188,7 @@ class Episode:
         if changed:
             source = registry.build("costmap", config.costmap, defects=config.defects)
             source = source.bind(self.world)
-        self.stack = Stack(self.world, config, source)
+        self.stack = Stack(self.world, config, source, metered=self._meter.around)
         if config.controller != self.config.controller or config.defects != self.config.defects:
             self.state.controller = self.stack.start().controller
         self.config, self._source = config, source

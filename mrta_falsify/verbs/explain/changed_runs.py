@@ -7,7 +7,7 @@ from functools import partial
 
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job
+from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changes import Change
 from simulator_interface.continuation import Running, run_to
 
@@ -27,7 +27,7 @@ def continued_with(
         changes: to make.
     """
     until = (verdict.violated_at or job.world.horizon) + AFTER
-    with run_to(job.world, job.config, job.specifications, at) as running:
+    with run_to(job.world, job.config, judges_of(job), at) as running:
         for change in changes:
             changed = partial(_counterfactual, running, verdict, change, until)
             yield running.in_a_copy(changed, Counterfactual)
