@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.fleet import Frame
@@ -30,6 +31,7 @@ class TaskCount:
     total: int
     completed: int  #: claimed by the stack and confirmed by motion
     late: int  #: delivered after the deadline, or not at all
+    told: bool = later(True)  #: False: the stack does not tell its deliveries, so nothing is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,7 +200,7 @@ class EpisodeRun:
             trace=self._recorder.finish(self.ended),
             verdicts=tuple(specification.verdict() for specification in self._specifications),
             contacts=self._contacts.totals(),
-            tasks=_count_tasks(books),
+            tasks=_count_tasks(books, told=self.frame is None or self.frame.tells.deliveries),
             robots_finished=books.robots_finished(),
             ended=self.ended,
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
@@ -206,8 +208,9 @@ class EpisodeRun:
         )
 
 
-def _count_tasks(books: Books) -> TaskCount:
+def _count_tasks(books: Books, *, told: bool) -> TaskCount:
     tasks, delivered = books.world.tasks, books.delivered
     late = sum(time > tasks[number].deadline for number, time in delivered.items())
     missing = len(tasks) - len(delivered)
-    return TaskCount(total=len(tasks), completed=len(delivered), late=late + missing)
+    count = TaskCount(total=len(tasks), completed=len(delivered), late=late + missing)
+    return count if told else replace(count, told=False)

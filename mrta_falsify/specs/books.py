@@ -267,9 +267,11 @@ def confirmed(trace: Trace, world: World) -> Trace:
     """Leave the claims out of a trace that its own motion contradicts.
 
     Args:
-        trace: with its columns.
+        trace: without its columns nothing can be confirmed, and it stays as it is.
         world: of the run.
     """
+    if "pose" not in trace.columns:
+        return trace
     counted = set(map(id, _confirmed_stops(trace, world)))
     events = (e for e in trace.events if e.kind not in STOP_KINDS or id(e) in counted)
     return replace(trace, events=tuple(events))

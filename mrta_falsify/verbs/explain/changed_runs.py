@@ -53,10 +53,12 @@ def _counterfactual(
         if time >= min(until, running.episode.world.horizon):
             ended = f"nothing violated until {time:.1f} s"
             break
+    verdicts = [s.verdict() for s in own]
+    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
     return Counterfactual(
         layer=change.layer,
         change=change.text,
-        failure_gone=not any(s.verdict().violated for s in own),
-        detail=ended,
+        failure_gone=not unjudged and not any(v.violated for v in verdicts),
+        detail=f"not judged: {unjudged}" if unjudged else ended,
         restores=change.restores,
     )
