@@ -8,12 +8,10 @@ import numpy as np
 
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.verdict import Verdict, unjudged
-from mrta_falsify.core.world import Resource, World
+from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import MOST_REFUSALS, STOP_KINDS, Books, Refusals, unknown_in
-from mrta_falsify.specs.exclusive import signed_distances
 
 MISDATED = 1.0  # s between an event's own time and the tick that brings it; links take less
-DEEP_INSIDE = 0.5  # m inside a release area; what is nearer to its edge is on its way out
 ROUNDING = 1e-6  # s that float arithmetic may add to a time
 
 
@@ -25,8 +23,10 @@ class HonestEvents:
     - robots and tasks that do not exist, tasks assigned before they arrive;
     - robots that are said to have joined before they do;
     - a deadline said to be missed that is not over, or was kept;
-    - a room said to be released by a robot that stands in it;
     - an event dated over 1 s away from the tick that brings it.
+
+    Decisions are no claims. Who holds a room is for the stack to say, and ``exclusive_use`` judges
+    what comes of it.
 
     Robustness: minus the number of contradicted claims, repeated ones counted once; 1 without any.
     """
@@ -43,11 +43,6 @@ class HonestEvents:
         del dt
         self._world, self._missing = world, ""
         self._books, self._refused = Books(world), Refusals(world)
-        self._rooms = {
-            resource.name: resource
-            for resource in world.resources
-            if resource.kind == "room" and resource.hold == "until_left"
-        }
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -71,8 +66,6 @@ class HonestEvents:
         if event.kind == "joined" and event.robot >= 0:
             joins_at = self._world.robots[event.robot].joins_at
             return f"it joins at {joins_at:g} s" if time < joins_at - ROUNDING else ""
-        if event.kind == "released" and event.robot >= 0 and event.resource in self._rooms:
-            return _objection_of_release(self._rooms[event.resource], event.robot, frame)
         return self._objection_of_task(event, time) if event.task >= 0 else ""
 
     def _objection_of_task(self, event: StackEvent, time: float) -> str:
@@ -101,9 +94,3 @@ class HonestEvents:
             who=tuple(sorted({row["robot"] for row in rows if row["robot"]})),
             evidence={"claims": rows[:MOST_REFUSALS], "count": count},
         )
-
-
-def _objection_of_release(room: Resource, robot: int, frame: Frame) -> str:
-    position = np.ascontiguousarray(frame.sensed.pose[robot : robot + 1, :2])
-    inside = -float(signed_distances(np.asarray(room.release_area), position)[0])
-    return f"still inside: by {inside:.1f} m" if inside > DEEP_INSIDE else ""

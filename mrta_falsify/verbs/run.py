@@ -105,7 +105,7 @@ class VerdictSummary:
     """A verdict in one line."""
 
     spec: str
-    robustness: float | None  #: None where it is unbounded
+    robustness: float | None  #: None where it is unbounded, or was not judged
     violated: bool
     violated_at_s: float | None
     who: tuple[str, ...]
@@ -167,9 +167,10 @@ def summarise_run(
 
 
 def _summarise_verdict(verdict: Verdict) -> VerdictSummary:
+    is_known = math.isfinite(verdict.robustness) and not verdict.not_judged
     return VerdictSummary(
         spec=verdict.spec,
-        robustness=verdict.robustness if math.isfinite(verdict.robustness) else None,
+        robustness=verdict.robustness if is_known else None,
         violated=verdict.violated,
         violated_at_s=verdict.violated_at,
         who=verdict.who,

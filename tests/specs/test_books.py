@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from frames import Robot, Script, drive, room_resource
+from frames import Robot, Script, drive
 
 from mrta_falsify.core.codec import encode
 from mrta_falsify.core.config import Choice
@@ -238,19 +238,22 @@ def test_each_claim_is_in_the_evidence_with_time_robot_task_room_and_reason():
         (event(2.0, "assigned", robot=9), "there is no robot number 9"),
         (event(2.0, "allocated", task=9, robot=-1), "there is no task number 9"),
         (event(2.0, "deadline-missed", robot=-1), "the deadline is at 20 s"),
-        (event(2.0, "released", task=-1, resource="room0"), "still inside: by 5.0 m"),
     ],
 )
 def test_other_events_that_geometry_or_the_world_contradicts(lie, reason):
-    resource = room_resource(0, (0.0, 0.0), [])
-    verdict = judged("honest_events", errand(lie, resources=[resource]))
+    verdict = judged("honest_events", errand(lie))
     assert [claim["reason"] for claim in verdict.evidence["claims"]] == [reason]
 
 
-def test_a_room_is_released_by_a_robot_that_has_left_it():
-    left = event(12.0, "released", task=-1, resource="room0")
-    script = errand(left, resources=[room_resource(0, (0.0, 0.0), [])])
-    assert not judged("honest_events", script).violated
+def test_a_robot_cannot_have_joined_before_its_time():
+    script = errand(event(2.0, "joined", task=-1))
+    late = tuple(dataclasses.replace(r, joins_at=4.0) for r in script.world().robots)
+    world = dataclasses.replace(script.world(), robots=late)
+    specification = build("specification", Choice("honest_events"))
+    specification.start(world, 0.05)
+    for frame in script.frames(world):
+        specification.update(frame)
+    assert specification.verdict().evidence["claims"][0]["reason"] == "it joins at 4 s"
 
 
 def test_an_event_dated_to_another_moment_is_not_honest():
