@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.config import Choice, StackConfig, apply_setting
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Specification
-from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.protocols import Comparing, Costs, Specification
+from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.costly import CostMeter
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from mrta_falsify.specs.objectives import objectives
@@ -22,7 +24,13 @@ from simulator_interface.simulate import Outcome, simulate
 
 SETTLE = 3.0  # s of simulation kept after the violation that decides a run
 LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
+NO_COSTS = Costs(way=(), time=0.0, calls=0, undelivered=0)
+REFERENCES_KEPT = 8  # worlds; copies of one world follow each other
 UNBOUNDED = 1e9  # stands for an infinite robustness in records
+
+
+#: costs by the digests of world and reference; only saves runs
+_references: dict[tuple[str, str], Costs] = {}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,26 +66,97 @@ def run_job(
     on_progress: Callable[[float], None] | None = None,
 ) -> Outcome:
     """Simulate and judge one job (see :func:`simulator_interface.simulate.simulate`)."""
-    return _run_episode(
-        job,
-        build_specifications(job.specifications),
-        keep_trace=keep_trace,
-        on_progress=on_progress,
-    )
+    return _run_episode(job, judges_of(job), keep_trace=keep_trace, on_progress=on_progress)
 
 
 def run_first_tick(job: Job) -> None:
     """Simulate the first tick of a job, to find what only a frame can tell.
 
     Raises:
-        InputError: a formula names a signal or a robot that the job does not have.
+        InputError: a formula names a signal or a robot that the job does not have, or none of
+            the job's specifications can be judged.
     """
-    _run_episode(
-        job,
-        build_specifications(job.specifications),
-        keep_trace=False,
-        stop=lambda frame: "decided",
+    specifications = build_specifications(job.specifications)
+    for specification in specifications:
+        if isinstance(specification, Comparing):  # a tick needs no run of the reference
+            specification.compare_with(NO_COSTS)
+    outcome = _run_episode(job, specifications, keep_trace=False, stop=lambda frame: "decided")
+    refuse_unjudgeable(outcome.verdicts)
+
+
+def refuse_unjudgeable(verdicts: Sequence[Verdict]) -> None:
+    """Refuse a job of which nothing can be judged.
+
+    Args:
+        verdicts: of all its specifications.
+
+    Raises:
+        ConfigError: none was judged; the message says what was missing.
+    """
+    if not verdicts or any(not verdict.not_judged for verdict in verdicts):
+        return
+    reasons = dict.fromkeys(f"{verdict.spec}: {verdict.not_judged}" for verdict in verdicts)
+    raise ConfigError(f"none of the specifications can be judged; {'; '.join(reasons)}")
+
+
+# --- a reference to compare with -----------------------------------------------------------
+
+
+def judges_of(job: Job) -> tuple[Specification, ...]:
+    """Build a job's specifications; those that compare get the costs of their reference."""
+    specifications = build_specifications(job.specifications)
+    for specification in specifications:
+        if isinstance(specification, Comparing):
+            specification.compare_with(_reference_costs(job, specification.reference))
+    return specifications
+
+
+def _reference_costs(job: Job, changes: Sequence[str]) -> Costs:
+    """Run the reference stack in a job's world, once for each world.
+
+    The reference is the default stack with ``changes``, on the job's engine, with its people
+    and control rate.
+    """
+    config = StackConfig(
+        engine=_without_window(job.config.engine),
+        human_model=job.config.human_model,
+        control_rate=job.config.control_rate,
     )
+    for change in changes:
+        config = apply_setting(config, change)
+    key = (job.world.digest(), config.digest())
+    if key not in _references:
+        meter = _Metering()
+        _run_episode(dataclasses.replace(job, config=config), (meter,), keep_trace=False)
+        while len(_references) >= REFERENCES_KEPT:
+            _references.pop(next(iter(_references)))
+        _references[key] = meter.costs()
+    return _references[key]
+
+
+def _without_window(engine: Choice) -> Choice:
+    options = {name: value for name, value in engine.options.items() if name != "gui"}
+    return Choice(engine.name, options)
+
+
+class _Metering:
+    """A specification that only adds up costs."""
+
+    def start(self, world: World, dt: float) -> None:
+        del dt
+        self._meter = CostMeter(world)
+
+    def update(self, frame: Frame) -> None:
+        self._meter.update(frame)
+
+    def costs(self) -> Costs:
+        return self._meter.costs()
+
+    def verdict(self) -> Verdict:
+        return unjudged("costs", "they are only added up")
+
+
+# --- running ------------------------------------------------------------------------------
 
 
 def _run_episode(
@@ -106,16 +185,16 @@ def judge(job: Job, *, keep_trace: bool = True) -> Judged:
     """Simulate one job for a search: margins and descriptors too, ended once it is decided.
 
     With ``early_stop`` the episode goes on for 3 s after its first violation, for the evidence.
-    Verdicts that are violated by then are final, with their times; the others are not decided
-    by the executed part and are left out.
+    Verdicts that are violated by then are final, with their times. So is that something is not
+    judged. The others are not decided by the executed part and are left out.
     """
-    specifications = build_specifications(job.specifications)
+    specifications = judges_of(job)
     watch = _Watch(job, specifications)
     outcome = _run_episode(job, specifications, keep_trace=keep_trace, stop=watch.stop)
     verdicts = tuple(_bounded(verdict) for verdict in outcome.verdicts)
     margins = objectives(verdicts)
     if outcome.ended == "decided":
-        verdicts = tuple(verdict for verdict in verdicts if verdict.violated)
+        verdicts = tuple(v for v in verdicts if v.violated or v.not_judged)
     return Judged(
         outcome=outcome,
         verdicts=verdicts,

@@ -136,7 +136,10 @@ class TrialRunner:
         return Jittered(
             runs=len(runs),
             failed=sum(run.failed for run in runs),
-            objectives={name: float(np.mean([of[name] for of in margins])) for name in margins[0]},
+            objectives={
+                name: float(np.mean([of[name] for of in margins if name in of]))
+                for name in margins[0]
+            },
         )
 
     def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:

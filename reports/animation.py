@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -17,6 +17,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
+from mrta_falsify.specs.books import confirmed
 from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
 from reports.floor_plot import draw_floor
 from reports.floor_scene import Extent, Role, Shape, extent_of
@@ -115,6 +116,7 @@ def _palette(view: RunView) -> Image.Image:
 
 def _frames(view: RunView) -> Iterator[np.ndarray]:
     """Draw RGB frames ``(rows, cols, 3)`` uint8, rows and cols even."""
+    view = replace(view, trace=confirmed(view.trace, view.world))  # only these count as done
     trace = view.trace
     if "pose" not in trace.columns or len(trace) == 0:
         raise ConfigError("an animation needs the trace, but this run did not keep it")

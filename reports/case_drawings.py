@@ -14,6 +14,7 @@ from PIL import Image
 from mrta_falsify.core import task_history
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.books import confirmed
 from reports import floor_drawings, packing, time_charts
 from reports.colours import costmap_colours
 from reports.contents import CaseContents
@@ -96,13 +97,14 @@ def _draw_run(case: CaseContents) -> DrawnRun:
     edges, members = _cycle_of(violated)
     times = _Times.of(violated, trace.duration)
     tasks = task_history.tasks_of(violated[0]) if violated else []
+    told = confirmed(trace, world)
     who = list(members) or [name for v in violated[:1] for name in v.who if name in trace.robots]
     who = who or task_history.robots_of(tasks, trace)
     return DrawnRun(
         violated=violated,
         edges=edges,
         members=members,
-        tasks=tuple(task_history.stories(tasks, world, trace)),
+        tasks=tuple(task_history.stories(tasks, world, told)),
         replay=Markup(packing.pack(world, trace, case.verdicts)),
         begin=max(0.0, times.onset - LEAD) if violated else 0.0,
         jumps=times.jumps(deadlock=bool(members)),
@@ -112,7 +114,7 @@ def _draw_run(case: CaseContents) -> DrawnRun:
         if times.found is not None
         else None,
         graph=draw_wait_graph(edges, world) if edges else None,
-        timelines=draw_timelines(trace, times.marks),
+        timelines=draw_timelines(told, times.marks),
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
     )

@@ -120,6 +120,11 @@ class ReportContents:
     images: tuple[EmbeddedImage, ...] = ()  #: pictures and animations
 
     @property
+    def unjudged(self) -> bool:
+        """Whether the report is of a single run, and something of it was not judged."""
+        return self.run is not None and any(verdict.not_judged for verdict in self.run.verdicts)
+
+    @property
     def failed(self) -> bool:
         """Whether the report tells of a violation."""
         if self.run is not None:

@@ -1,4 +1,7 @@
-"""Trials as JUnit XML: a failure is a violation, an error is one of the toolkit."""
+"""Trials as JUnit XML: a failure is a violation, an error is one of the toolkit.
+
+A trial without a failure is skipped if something was not judged.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,7 @@ class TrialResult:
     time: float  #: [s] of computing
     failure: Complaint | None = None  #: a violation
     error: Complaint | None = None  #: of the toolkit
+    skipped: str = ""  #: what was not judged, and why; empty: a trial that passes did so
 
 
 def render_junit(name: str, results: Sequence[TrialResult]) -> str:
@@ -43,6 +47,7 @@ def render_junit(name: str, results: Sequence[TrialResult]) -> str:
         tests=str(len(results)),
         failures=str(sum(result.failure is not None for result in results)),
         errors=str(sum(result.error is not None for result in results)),
+        skipped=str(sum(bool(result.skipped) for result in results)),
         time=f"{sum(result.time for result in results):.3f}",
     )
     for result in results:
@@ -55,6 +60,8 @@ def render_junit(name: str, results: Sequence[TrialResult]) -> str:
         )
         _add_complaint(case, "failure", result.failure)
         _add_complaint(case, "error", result.error)
+        if result.skipped:
+            ET.SubElement(case, "skipped", message=_xml(result.skipped))
     ET.indent(suite)
     return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 

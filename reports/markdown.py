@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from mrta_falsify.core import task_history
+from mrta_falsify.specs.books import confirmed
 from reports.contents import CaseContents, FailureFamily, Mode, ReportContents, Table
 from reports.sentences import edge_sentence, violation_sentence
 
@@ -64,7 +65,9 @@ def _what_happened(case: CaseContents) -> Iterator[str]:
         yield from (_plain(violation_sentence(verdict)), "")
         yield from _bullets(edge_sentence(edge) for edge in verdict.evidence.get("cycle", []))
         tasks = task_history.tasks_of(verdict)
-        yield from _bullets(task_history.stories(tasks, case.world, case.trace))
+        yield from _bullets(
+            task_history.stories(tasks, case.world, confirmed(case.trace, case.world))
+        )
 
 
 def _what_was_checked(case: CaseContents) -> Iterator[str]:

@@ -22,6 +22,8 @@ MOST_ROBOTS = 24  # rows of the fleet
 MOST_NAMES = 4  # of a verdict
 GREY = "#444444"
 
+OUTCOME_COLOURS = {"violated": UNSAFE, "holds": SAFE, "not_judged": GREY}
+
 
 def draw_panel(axes: Axes, view: RunView, height: float) -> None:
     """Write the text column; ``height`` [inches] sets the line pitch, so no text overlaps."""
@@ -59,10 +61,11 @@ def _write_verdicts(axes: Axes, view: RunView, y: float) -> float:
     _write(axes, 0.0, y, "Verdicts", size=11.5, weight="bold")
     y -= 0.29
     for verdict in view.verdicts:
-        colour, word = (UNSAFE, "violated") if verdict.violated else (SAFE, "holds")
+        colour = OUTCOME_COLOURS[verdict.outcome]
         _write(axes, 0.0, y, verdict.spec)
-        _write(axes, 0.60, y, word, colour=colour, weight="bold")
-        _write(axes, 1.0, y, robustness_text(verdict.robustness))
+        _write(axes, 0.60, y, verdict.outcome.replace("_", " "), colour=colour, weight="bold")
+        if not verdict.not_judged:
+            _write(axes, 1.0, y, robustness_text(verdict.robustness))
         y -= 0.225
         blame = _blame(verdict)
         if blame:

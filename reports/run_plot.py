@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Phase, StackEvent
 from mrta_falsify.core.trace import Trace
+from mrta_falsify.specs.books import confirmed
 from reports.body_plot import BodyStyle, paint_robot
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
 from reports.floor_plot import draw_label, write_text
@@ -57,7 +58,7 @@ def draw_robot_tracks(axes: Axes, view: RunView) -> None:
         draw_label(axes, at, robot.name, size=8, colour=robot_colour(number), weight="bold")
     if poses is not None:
         _draw_waits(axes, view.trace, poses)
-        _draw_stops(axes, view.trace, poses)
+        _draw_stops(axes, confirmed(view.trace, view.world), poses)
 
 
 def _draw_way(axes: Axes, track: Array, colour: str) -> None:

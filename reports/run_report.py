@@ -10,6 +10,7 @@ from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import confirmed
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
 
@@ -70,8 +71,14 @@ def report_of_run(
 def run_headline(verdicts: Sequence[Verdict]) -> str:
     """State the result of a run in one line."""
     broken = [verdict.spec for verdict in verdicts if verdict.violated]
+    unjudged = [verdict.spec for verdict in verdicts if verdict.not_judged]
     if broken:
         return f"{len(broken)} of {len(verdicts)} specifications violated: {', '.join(broken)}"
+    if unjudged:
+        holding = len(verdicts) - len(unjudged)
+        return (
+            f"{holding} of {len(verdicts)} specifications hold; not judged: {', '.join(unjudged)}"
+        )
     return f"all {len(verdicts)} specifications hold"
 
 
@@ -84,7 +91,7 @@ def embed(path: Path, title: str, alt: str) -> EmbeddedImage:
 def task_table(world: World, trace: Trace) -> Table:
     """List the tasks of a run: who had each, when it was picked up and delivered."""
     first: dict[tuple[str, int], StackEvent] = {}
-    for event in trace.events:
+    for event in confirmed(trace, world).events:
         first.setdefault((event.kind, event.task), event)
     rows = []
     for number, task in enumerate(world.tasks):

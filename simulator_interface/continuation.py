@@ -12,7 +12,6 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.library import build_specifications
 from simulator_interface import forking
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
@@ -45,17 +44,17 @@ class Running:
 
 @contextmanager
 def run_to(
-    world: World, config: StackConfig, names: Sequence[str], time: float
+    world: World, config: StackConfig, specifications: Sequence[Specification], time: float
 ) -> Iterator[Running]:
     """Run an episode to its first tick not before ``time`` [s].
 
     Args:
         world: what to simulate.
         config: the stack under test.
-        names: of the specifications that see its frames.
+        specifications: that see its frames; they are started here.
         time: when to stop [s].
     """
-    specifications = build_specifications(names)
+    specifications = tuple(specifications)
     episode = Episode(world, config)
     for specification in specifications:
         specification.start(world, episode.dt)

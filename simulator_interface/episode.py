@@ -14,10 +14,12 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed
 from mrta_falsify.core.protocols import CostmapSource, Engine
 from mrta_falsify.core.world import Blockage, HumanSpec, World
+from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.engines.sensing import fill_rest
+from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
@@ -74,12 +76,15 @@ class Episode:
         self.dt = 1.0 / config.control_rate
         self.state: StackState | None = None
         self.tick = 0  #: of the last frame
+        self.books = Books(world)  #: deliveries that motion confirms, the last frame included
         source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
         self._engine: Engine = registry.build("engine", config.engine)
         self._source: CostmapSource = source
         if needs_stage(world):
             self._check_stage()
-        self.stack = Stack(world, config, source)
+        self._meter = AllocatorMeter()
+        self._told = WhatIsTold(config.withheld, len(world.robots))
+        self.stack = Stack(world, config, source, metered=self._meter.around)
         self.crowd = self._new_crowd()
         self._resting: tuple[int, ...] | None = None
         self._removed: list[int] = []
@@ -148,10 +153,19 @@ class Episode:
                 seen = self._without_absent(sensed)
                 fleet = self._localisation.fleet(seen)
                 self.state, command, intent, events = self.stack.step(self.state, fleet)
+                intent, events = self._told.of(intent, events)
                 edges = self._tracker.update(seen, command, intent, events)
-                yield Frame(
-                    sensed=sensed, command=command, intent=intent, events=events, blocked_by=edges
+                frame = Frame(
+                    sensed=sensed,
+                    command=command,
+                    intent=intent,
+                    events=events,
+                    blocked_by=edges,
+                    signals=self._meter.signals,
+                    tells=self._told.tells,
                 )
+                self.books.update(frame)
+                yield frame
                 command = self._without_removed(command)
                 human_velocity = self.crowd.velocities(measured)
                 stage = self.crowd.stage()
@@ -174,7 +188,7 @@ class Episode:
         if changed:
             source = registry.build("costmap", config.costmap, defects=config.defects)
             source = source.bind(self.world)
-        self.stack = Stack(self.world, config, source)
+        self.stack = Stack(self.world, config, source, metered=self._meter.around)
         if config.controller != self.config.controller or config.defects != self.config.defects:
             self.state.controller = self.stack.start().controller
         self.config, self._source = config, source
@@ -187,6 +201,7 @@ class Episode:
         """
         assert self.state is not None, "the episode has not begun"
         time = self.tick * self.dt
+        self.books.forget_after(time)
         self.stack.forget_after(self.state, time)
         self.crowd.forget_after(time)
         for part in (self._engine, self._source, self.crowd.source):
@@ -242,5 +257,5 @@ class Episode:
 
     @property
     def all_done(self) -> bool:
-        """Whether every task is delivered and no other can arrive."""
-        return self.state is not None and self.stack.all_done(self.state)
+        """Whether everything that can still arrive has been delivered, as the books say."""
+        return self.books.closed

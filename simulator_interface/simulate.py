@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.contacts import ContactCounter
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
@@ -24,11 +26,12 @@ from simulator_interface.forecast import offer_forecasts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskCount:
-    """Tasks by how they ended."""
+    """Tasks by how they ended, as the harness's own books say."""
 
     total: int
-    completed: int
-    late: int
+    completed: int  #: claimed by the stack and confirmed by motion
+    late: int  #: delivered after the deadline, or not at all
+    told: bool = later(True)  #: False: the stack does not tell its deliveries, so nothing is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,14 +42,14 @@ class Outcome:
     verdicts: tuple[Verdict, ...]
     contacts: dict[str, int]  #: robot_robot, robot_human, robot_static, robot_human_at_rest
     tasks: TaskCount
-    robots_finished: int  #: robots that served all their stops
+    robots_finished: int  #: robots with nothing aboard that no open task is left to
     ended: str  #: why the episode ended
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
 
 
 def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
-    """Run an episode until all tasks are done or the horizon is reached.
+    """Run an episode until its books hold the last delivery or the horizon is reached.
 
     Args:
         world: what to simulate.
@@ -75,7 +78,7 @@ def _check_unscripted(world: World) -> None:
 
 
 def _end_of(running: Episode, frame: Frame) -> str:
-    if running.world.tasks and running.all_done:
+    if running.books.due and running.books.closed:
         return "all-tasks-done"
     if frame.sensed.time >= running.world.horizon - 0.5 * running.dt:
         return "horizon"
@@ -167,7 +170,6 @@ class EpisodeRun:
         self._specifications = tuple(specifications)
         for specification in self._specifications:
             specification.start(world, self.episode.dt)
-        self._ledger = _TaskLedger(world)
         self._stop = stop
         self._frames = self.episode.frames()
         offer_forecasts(self._specifications, self.episode, self._frames)
@@ -177,7 +179,6 @@ class EpisodeRun:
         frame = next(self._frames)
         self._recorder.add(frame)
         self._contacts.update(frame)
-        self._ledger.update(frame.events)
         for specification in self._specifications:
             specification.update(frame)
         self.frame = frame
@@ -194,35 +195,22 @@ class EpisodeRun:
 
     def outcome(self) -> Outcome:
         """Sum up the run; call it once, at its end."""
-        finished = 0
-        if self.frame is not None and self.ended != "interrupted":
-            finished = int((self.frame.intent.tasks_left == 0).sum())
+        books = self.episode.books
         return Outcome(
             trace=self._recorder.finish(self.ended),
             verdicts=tuple(specification.verdict() for specification in self._specifications),
             contacts=self._contacts.totals(),
-            tasks=self._ledger.count(),
-            robots_finished=finished,
+            tasks=_count_tasks(books, told=self.frame is None or self.frame.tells.deliveries),
+            robots_finished=books.robots_finished(),
             ended=self.ended,
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
             wall_s=wall_clock.perf_counter() - self._began,
         )
 
 
-class _TaskLedger:
-    """Counts deliveries from the event table."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._delivered: dict[int, float] = {}
-
-    def update(self, events: Sequence[StackEvent]) -> None:
-        for event in events:
-            if event.kind == "dropped-off":
-                self._delivered.setdefault(event.task, event.time)
-
-    def count(self) -> TaskCount:
-        tasks = self._world.tasks
-        late = sum(time > tasks[number].deadline for number, time in self._delivered.items())
-        missing = len(tasks) - len(self._delivered)
-        return TaskCount(total=len(tasks), completed=len(self._delivered), late=late + missing)
+def _count_tasks(books: Books, *, told: bool) -> TaskCount:
+    tasks, delivered = books.world.tasks, books.delivered
+    late = sum(time > tasks[number].deadline for number, time in delivered.items())
+    missing = len(tasks) - len(delivered)
+    count = TaskCount(total=len(tasks), completed=len(delivered), late=late + missing)
+    return count if told else replace(count, told=False)

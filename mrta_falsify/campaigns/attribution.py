@@ -30,6 +30,7 @@ LAYER_OF_CONTACT = {
     "human_clearance": "controller",
     "no_robot_static_contact": "costmap",
     "exclusive_use": "queue_policy",
+    "kinematic_limits": "controller",
 }
 LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
 

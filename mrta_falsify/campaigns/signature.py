@@ -20,12 +20,17 @@ PRECEDENCE = (
     "no_robot_human_contact",
     "no_deadlock",
     "exclusive_use",
+    "kinematic_limits",
     "no_livelock",
     "no_starvation",
     "progress",
     "human_clearance",
     "deadlines",
     "all_tasks_done",
+    "honest_events",
+    "costly_way",
+    "costly_time",
+    "costly_calls",
 )
 PLACE_RADIUS = 3.0  # m from a named place that still count as there
 

@@ -112,7 +112,11 @@ def _count_text(counts: Progress) -> str:
 
 def print_campaign(result: CampaignResult) -> None:
     """Print what a campaign found, as text."""
-    from mrta_falsify.verbs.campaign_summary import NoProbability, summarise_campaign
+    from mrta_falsify.verbs.campaign_summary import (
+        NoProbability,
+        summarise_campaign,
+        unjudged_sentences,
+    )
 
     out = output.stdout()
     data = summarise_campaign(result)
@@ -130,6 +134,8 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(
             f"with small differences most copies fail too: {data.robust} of {data.failed} failures"
         )
+    for text in unjudged_sentences(result.campaign):
+        out.print(text)
     if data.modes:
         _print_modes(data.modes)
         place = shlex.quote(data.directory)

@@ -22,6 +22,7 @@ from mrta_falsify.cli.options import (
 if TYPE_CHECKING:
     from mrta_falsify.verbs.run import RunSummary
 
+STYLES = {"violated": "red", "not_judged": "yellow"}  # of a verdict's row, by its outcome
 WORLD_HELP = (
     "WORLD is a world file (.json), a Scenic program (.scenic), or a shipped name of either."
 )
@@ -63,6 +64,7 @@ def run_command(
     directory = options["output"]
     if (options["gif"] or options["mp4"]) and directory is None:
         raise click.UsageError("--gif and --mp4 need -o DIR")
+    from mrta_falsify.trial import refuse_unjudgeable
     from mrta_falsify.verbs import run as running
     from mrta_falsify.verbs.stacks import load_stack
     from mrta_falsify.verbs.worlds import find_world_and_scene
@@ -81,6 +83,7 @@ def run_command(
         output.print_files(directory)
     if outcome.ended == "interrupted":
         return ExitCode.INTERRUPTED
+    refuse_unjudgeable(outcome.verdicts)
     broken = any(verdict.violated for verdict in outcome.verdicts)
     return ExitCode.VIOLATED if broken else ExitCode.DONE
 
@@ -92,8 +95,12 @@ def print_run(summary: RunSummary) -> None:
     contacts = ", ".join(
         f"{count} {kind.replace('_', '-')}" for kind, count in summary.contacts.items() if count
     )
-    out.print(f"tasks      {tasks.completed} of {tasks.total} done, {tasks.late} late or missing")
-    out.print(f"robots     {summary.robots_finished} of {summary.robots} finished their work")
+    if tasks.told:
+        done = f"{tasks.completed} of {tasks.total} done"
+        out.print(f"tasks      {done}, {tasks.late} late or missing")
+        out.print(f"robots     {summary.robots_finished} of {summary.robots} finished their work")
+    else:
+        out.print(f"tasks      {tasks.total}; what became of them the stack does not tell")
     out.print(f"contacts   {contacts or 'none'}")
     out.print(
         f"time       {summary.sim_time_s:.1f} s simulated in {summary.wall_s:.1f} s "
@@ -108,11 +115,11 @@ def print_run(summary: RunSummary) -> None:
         rho, at = verdict.robustness, verdict.violated_at_s
         table.add_row(
             verdict.spec,
-            "violated" if verdict.violated else "holds",
-            "unbounded" if rho is None else f"{rho:+.3g}",
+            verdict.outcome.replace("_", " "),
+            "" if verdict.not_judged else "unbounded" if rho is None else f"{rho:+.3g}",
             "" if at is None else f"{at:.2f} s",
-            ", ".join(verdict.who),
-            style="red" if verdict.violated else None,
+            verdict.not_judged or ", ".join(verdict.who),
+            style=STYLES.get(verdict.outcome),
         )
     output.print_table(table)
 

@@ -42,7 +42,8 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
         writer = csv.DictWriter(sys.stdout, list(TrialRow.__dataclass_fields__))
         writer.writeheader()
         for row in rows:
-            writer.writerow({**codec.encode(row), "violated": " ".join(row.violated)})
+            lists = {"violated": " ".join(row.violated), "not_judged": " ".join(row.not_judged)}
+            writer.writerow({**codec.encode(row), **lists})
     else:
         _print_trials(rows)
     return ExitCode.DONE
@@ -78,7 +79,9 @@ def show_command(directory: Path, id: str, style: str) -> int:
     campaign = open_campaign(directory)
     record = campaign.record(id)
     if style == "json":
-        output.print_json({"id": record.id, "failed": record.failed, **codec.encode(record)})
+        verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
+        data = {"id": record.id, "failed": record.failed, **codec.encode(record)}
+        output.print_json({**data, "verdicts": verdicts})
         return ExitCode.DONE
     out = output.stdout()
     out.print(f"trial      {record.id}, {record.status}, engine {record.engine or 'none'}")
@@ -90,7 +93,10 @@ def show_command(directory: Path, id: str, style: str) -> int:
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
-        state = "violated" if verdict.violated else "holds"
+        if verdict.not_judged:
+            out.print(f"  {verdict.spec:24} not judged: {verdict.not_judged}")
+            continue
+        state = verdict.outcome
         at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
         who = f" by {', '.join(verdict.who)}" if verdict.who else ""
         out.print(f"  {verdict.spec:24} {state}{at}{who}, robustness {verdict.robustness:+.3g}")

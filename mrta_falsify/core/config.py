@@ -10,9 +10,10 @@ from typing import Any
 import yaml
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.core.fleet import Tells
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +39,12 @@ class StackConfig:
     engine: Choice = Choice("bullet")
     control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
     defects: tuple[str, ...] = ()  #: planted defects switched on, sorted
+    withheld: tuple[str, ...] = later(())  #: fields of ``Tells`` kept from all observers, sorted
 
     def __post_init__(self) -> None:
+        for name in self.withheld:
+            if name not in Tells._fields:
+                raise UnknownNameError("part", name, Tells._fields, where="withheld")
         for name in self.defects:
             if name not in DEFECTS:
                 raise UnknownNameError("defect", name, DEFECTS, where="defects")
@@ -56,6 +61,7 @@ class StackConfig:
 LAYERS: tuple[str, ...] = tuple(
     field.name for field in dataclasses.fields(StackConfig) if field.type == "Choice"
 )
+LISTS = ("defects", "withheld")  # fields that list names
 
 
 def decode_config(data: Any, *, where: str) -> StackConfig:
@@ -87,8 +93,9 @@ def decode_config(data: Any, *, where: str) -> StackConfig:
             shaped[key] = {"name": default.name, "options": value}
         else:
             raise ConfigError(f"{where}: {key} is {value!r}; it must be a name or an object")
-    if isinstance(shaped.get("defects"), list):
-        shaped["defects"] = sorted(set(map(str, shaped["defects"])))
+    for field in LISTS:
+        if isinstance(shaped.get(field), list):
+            shaped[field] = sorted(set(map(str, shaped[field])))
     return codec.decode(StackConfig, shaped, where=where)
 
 
@@ -99,6 +106,8 @@ def read_config(path: Path) -> StackConfig:
 
 def apply_setting(config: StackConfig, setting: str) -> StackConfig:
     """Apply one ``layer=name``, ``layer.option=value`` or ``defects=[a,b]`` to a copy.
+
+    ``withheld=[deliveries]`` is set like ``defects``.
 
     Raises:
         ConfigError: the text is not of that form.
@@ -113,7 +122,7 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
     except yaml.YAMLError:
         raise ConfigError(f"{where}: {text!r} is not a YAML value") from None
     layer, _, option = key.strip().partition(".")
-    known = (*LAYERS, "control_rate", "defects")
+    known = (*LAYERS, "control_rate", *LISTS)
     if layer not in known:
         raise UnknownNameError("layer", layer, known, where=where)
     data: dict[str, Any] = codec.encode(config)
@@ -123,7 +132,7 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
         raise ConfigError(f"{where}: {layer} has no options")
     elif layer in LAYERS:
         data[layer] = {"name": str(value), "options": {}}
-    elif layer == "defects":
+    elif layer in LISTS:
         data[layer] = [value] if isinstance(value, str) else value
     else:
         data[layer] = value

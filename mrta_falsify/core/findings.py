@@ -103,7 +103,7 @@ class ReplayCheck:
     first_difference: Difference | None = None  #: of the first other run from the stored trace
 
 
-RecheckFate: TypeAlias = Literal["fixed", "still failing", "flaky", "timeout"]
+RecheckFate: TypeAlias = Literal["fixed", "still failing", "flaky", "timeout", "not judged"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,8 @@ class Recheck:
 
     It is *still failing* if its world fails. It is *flaky* if only jittered copies fail: the
     change has moved the failure instead of removing it. It is a *timeout* if nothing failed, but
-    a run exceeded its time limit. Otherwise it is *fixed*.
+    a run exceeded its time limit. It is *not judged* if nothing failed, but what failed before
+    could not be judged, because the changed stack does not tell enough. Otherwise it is *fixed*.
     """
 
     id: str

@@ -111,6 +111,11 @@ class Tells(NamedTuple):
     goals: bool = True  #: ``Intent.goal`` and ``Intent.tasks_left``
     paths: bool = True  #: ``Intent.path``
 
+    def lacking(self, *needed: str) -> str:
+        """Say which of the fields ``needed`` the stack does not tell, empty: it tells all."""
+        missing = [name for name in needed if not getattr(self, name)]
+        return f"the stack does not tell its {' and '.join(missing)}" if missing else ""
+
 
 @dataclass(frozen=True, slots=True)
 class BlockedBy:

@@ -280,6 +280,28 @@ class Forecast(Protocol):
         """Answer by ``watch``, without robot ``without`` if not -1; None: the engine cannot."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Costs:
+    """What a run cost, to be compared with another run of the same world."""
+
+    way: tuple[float, ...]  #: (N,) driven by each robot [m]
+    time: float  #: of the last delivery, or to date [s]
+    calls: int | None  #: of the allocator, None: they were not counted
+    undelivered: int  #: tasks
+
+
+@runtime_checkable
+class Comparing(Protocol):
+    """A specification that compares the run with one of a reference stack in the same world."""
+
+    @property
+    def reference(self) -> tuple[str, ...]:
+        """Changes of the default stack that make the reference, as ``--set`` takes them."""
+
+    def compare_with(self, costs: Costs) -> None:
+        """Take the reference's costs; called before ``start``, and only if there are any."""
+
+
 @runtime_checkable
 class Foreseeing(Protocol):
     """A specification that may ask for forecasts of the run."""

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import yaml
+
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.protocols import Specification
 
 
@@ -20,6 +23,9 @@ def default_specifications() -> tuple[str, ...]:
         "no_robot_human_contact",
         "no_robot_static_contact",
         "human_clearance",
+        "exclusive_use",
+        "kinematic_limits",
+        "honest_events",
         "all_tasks_done",
         "deadlines",
         "no_deadlock",
@@ -30,10 +36,25 @@ def default_specifications() -> tuple[str, ...]:
 
 
 def specification_choice(text: str) -> Choice:
-    """Read ``--spec TEXT``: a registered name, ``module:Class`` or ``stl:FORMULA``."""
+    """Read ``--spec TEXT``: a registered name, ``module:Class`` or ``stl:FORMULA``.
+
+    Options follow a name in braces, as in ``costly_way{factor: 2}``.
+
+    Raises:
+        ConfigError: what stands in the braces is not YAML.
+    """
     if text.startswith("stl:"):
         return Choice("stl", {"formula": text.removeprefix("stl:").strip()})
-    return Choice(text)
+    name, brace, options = text.partition("{")
+    if not brace:
+        return Choice(text)
+    try:
+        data = yaml.safe_load(brace + options)
+    except yaml.YAMLError:
+        data = None
+    if not isinstance(data, dict):
+        raise ConfigError(f"--spec {text}: options must read NAME{{option: value, ...}}")
+    return Choice(name.strip(), data)
 
 
 def build_specifications(

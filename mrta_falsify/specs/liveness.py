@@ -13,12 +13,12 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.path_ahead import remaining_length
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER, Standstill
-from mrta_falsify.specs.deliveries import Deliveries
 from mrta_falsify.specs.running_min import RunningMin
 
 LIVENESS_EVERY = 0.5  # s between two looks
@@ -103,12 +103,14 @@ class _ApproachMargin:
         self._names = tuple(robot.name for robot in world.robots)
         self._stride = max(1, round(LIVENESS_EVERY / dt))
         self._approach = _Approach(self._step, len(world.robots))
+        self._missing = ""
         self._worst = RunningMin(self._spec, self._patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
-        if sensed.tick % self._stride:
+        self._missing = frame.tells.lacking("goals", "paths")
+        if sensed.tick % self._stride or self._missing:
             return
         self._approach.update(frame)
         margin = self._margins(sensed.time)
@@ -136,7 +138,7 @@ class _ApproachMargin:
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
-        return self._worst.verdict()
+        return unjudged(self._spec, self._missing) if self._missing else self._worst.verdict()
 
 
 class NoLivelock(_ApproachMargin):
@@ -223,15 +225,15 @@ class NoStarvation:
         self._standstill = Standstill(robots, radius=self._options.radius)
         self._waiting_since = np.zeros(robots)
         self._last_stop = np.full(robots, -np.inf)  # of each robot itself [s]
-        self._deliveries = Deliveries(world)
+        self._books, self._missing = Books(world), ""
         self._worst = RunningMin("no_starvation", self._options.robot_patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
-        if frame.events:
-            for stop in self._deliveries.update(frame):
-                self._last_stop[stop.robot] = sensed.time
+        self._missing = frame.tells.lacking("deliveries", "goals")
+        for stop in self._books.update(frame):
+            self._last_stop[stop.robot] = sensed.time
         if sensed.tick % self._stride or not len(self._names):
             return
         since = self._standstill.update(sensed.pose, sensed.time)
@@ -252,7 +254,7 @@ class NoStarvation:
             self._note(margin, self._names[i], since, time)
 
     def _judge_tasks(self, time: float) -> None:
-        tasks, picked = self._world.tasks, self._deliveries.picked
+        tasks, picked = self._world.tasks, self._books.picked
         if not picked:
             return
         last_served = max(tasks[i].arrival for i in picked)
@@ -271,4 +273,6 @@ class NoStarvation:
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
+        if self._missing:
+            return unjudged("no_starvation", self._missing)
         return self._worst.verdict()

@@ -19,19 +19,28 @@ SCALES: dict[str, float] = {
     "no_robot_human_contact": 0.5,
     "no_robot_static_contact": 0.3,
     "human_clearance": 0.5,
+    "exclusive_use": 1.0,
+    "kinematic_limits": 0.1,
+    "honest_events": 1.0,
     "all_tasks_done": 1.0,
     "deadlines": 120.0,
     "no_deadlock": 4.0,
     "no_livelock": 60.0,
     "no_starvation": 120.0,
     "progress": 60.0,
+    "costly_way": 0.5,
+    "costly_time": 0.5,
+    "costly_calls": 1.0,
 }
 MEAN_SHARE = 0.1  # of the mean margin in the score
 
 
 def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
-    """Normalise verdicts to margins in [-1, 1] by specification; below 0 is a violation."""
-    return {verdict.spec: _margin(verdict) for verdict in verdicts}
+    """Normalise verdicts to margins in [-1, 1] by specification; below 0 is a violation.
+
+    What was not judged has no margin: it is neither safe nor unsafe.
+    """
+    return {verdict.spec: _margin(verdict) for verdict in verdicts if not verdict.not_judged}
 
 
 def _margin(verdict: Verdict) -> float:
@@ -45,7 +54,8 @@ def search_score(margins: dict[str, float]) -> float:
     """Combine margins into one number to minimise; below 0 only if a specification is violated.
 
     Args:
-        margins: by specification, as of :func:`objectives`.
+        margins: by specification, as of :func:`objectives`. Without any, nothing was judged,
+            and the score is that of the safest run.
     """
     if not margins:
         return 1.0

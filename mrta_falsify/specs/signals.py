@@ -40,6 +40,11 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.contacts import DRIVING_SPEED, GAP_CAP
 from mrta_falsify.specs.deadlock.standstill import Standstill
 
+#: signals that say nothing without ``Intent.goal`` and ``Intent.tasks_left``
+NEED_GOALS = frozenset(
+    ("tasks_left", "longest_wait", "blocked", "goal_distance", "has_goal", "wait")
+)
+
 
 @dataclass(slots=True, eq=False)
 class Moment:

@@ -15,9 +15,9 @@ import sentil
 
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.signals import FLEET, ROBOT, SignalReader
+from mrta_falsify.specs.signals import FLEET, NEED_GOALS, ROBOT, SignalReader
 
 BOUND = 1e6  # robustness beyond this (an empty window gives infinity) is cut, to stay JSON
 FUNCTIONS = ("abs", "sqrt", "exp", "ln", "log", "sin", "cos", "tan", "floor", "ceil", "min", "max")
@@ -75,6 +75,9 @@ class StlSpecification:
             robot=tuple((signal, numbers[robot]) for signal, robot in pairs),
             extra=self._extra,
         )
+        named = {*of_fleet, *(signal for signal, _ in pairs)}
+        self._needed = ("goals",) if named & NEED_GOALS else ()
+        self._missing = ""
         self._columns = (*of_fleet, *of_robots, *self._extra)
         self._scaled = _in_ticks(self._formula, dt)
         # Lists, not arrays: the engine reads them five times as fast.
@@ -91,6 +94,7 @@ class StlSpecification:
         Raises:
             UnknownNameError: the formula names a signal that nobody provides.
         """
+        self._missing = frame.tells.lacking(*self._needed)
         try:
             row = dict(zip(self._columns, self._reader.read(frame), strict=True))
         except KeyError:
@@ -123,6 +127,8 @@ class StlSpecification:
         A formula that the rest of the episode could still satisfy is violated by what was seen
         if its robustness is below 0, but at no time yet.
         """
+        if self._missing:
+            return unjudged(self._name, self._missing)
         if not self._times:
             return Verdict(spec=self._name, robustness=0.0, violated=False)
         try:

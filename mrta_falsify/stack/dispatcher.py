@@ -99,10 +99,6 @@ class Dispatcher:
         self._times = np.ceil(closed_travel_times(world.travel_times) - ROUNDING)
         self._points = frozen_array([room.point for room in world.rooms]) if world.rooms else None
 
-    def all_done(self, state: DispatcherState) -> bool:
-        """Whether every task is delivered and none is to come."""
-        return state.delivered == len(self._order)
-
     def take_no_more(self, state: DispatcherState) -> None:
         """Let no further task arrive."""
         self._order = self._order[: state.known]

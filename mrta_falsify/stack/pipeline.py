@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,13 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.plane import NO_POINTS
-from mrta_falsify.core.protocols import ControlView, CostmapSource, PriorityRule, PriorityView
+from mrta_falsify.core.protocols import (
+    Allocator,
+    ControlView,
+    CostmapSource,
+    PriorityRule,
+    PriorityView,
+)
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Idle, Off, Serving, Waiting
 from mrta_falsify.stack.comms import Links, LinkTimetable
@@ -43,13 +49,28 @@ from mrta_falsify.stack.route import RETRY, SPOT_REACHED, Way
 class Stack:
     """The stack of a world under a configuration; has no memory of its own."""
 
-    def __init__(self, world: World, config: StackConfig, costmaps: CostmapSource) -> None:
+    def __init__(
+        self,
+        world: World,
+        config: StackConfig,
+        costmaps: CostmapSource,
+        *,
+        metered: Callable[[Allocator], Allocator] = lambda allocator: allocator,
+    ) -> None:
+        """Build the stack.
+
+        Args:
+            world: it works in.
+            config: its layers.
+            costmaps: that its planner uses.
+            metered: gives an allocator that is asked instead, and may count its calls.
+        """
         defects = config.defects
         self._world = world
         self._config = config
         self._dt = 1.0 / config.control_rate
         allocator = registry.build("allocator", config.allocator, defects=defects)
-        self._dispatcher = Dispatcher(world, allocator, defects)
+        self._dispatcher = Dispatcher(world, metered(allocator), defects)
         self._links = LinkTimetable(world)
         ways = ClearWays(world, costmaps.costmap(0.0, NO_POINTS))
         self._rooms = RoomTraffic(world, config, ways)
@@ -92,10 +113,6 @@ class Stack:
                 "controller", self._config.controller, defects=self._config.defects
             ),
         )
-
-    def all_done(self, state: StackState) -> bool:
-        """Whether every task is delivered and none is to come."""
-        return self._dispatcher.all_done(state.dispatcher)
 
     def step(
         self, state: StackState, fleet: FleetState

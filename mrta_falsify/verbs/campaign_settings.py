@@ -93,11 +93,14 @@ def new_settings(
 def _check_first_scene(program: Program, trials: TrialSettings) -> None:
     """Refuse what would fail in every trial: values that no world can have, unknown signals.
 
+    So is a campaign of which nothing can be judged, because the stack tells too little.
+
     A scene like that later in the campaign, where only some values are to blame, is a rejected
     trial with the same words; so is a candidate without a valid scene.
 
     Raises:
-        InputError: names the program, the field and the value, or the formula and the signal.
+        InputError: names the program, the field and the value, the formula and the signal, or
+            what cannot be judged and why.
     """
     from scenic_worlds.program import RejectedScene  # noqa: PLC0415 - Scenic loads slowly
 
@@ -106,8 +109,10 @@ def _check_first_scene(program: Program, trials: TrialSettings) -> None:
             first = program.realise(program.candidate(trials.seed), trials.mode)
     except RejectedScene:
         return
-    formulas = tuple(name for name in trials.specifications if name.startswith("stl:"))
-    if formulas:  # which signals there are, only a frame can tell
+    asked = tuple(name for name in trials.specifications if name.startswith("stl:"))
+    if trials.stack.withheld:
+        asked = trials.specifications
+    if asked:  # which signals there are, and what the stack tells, only a frame can show
         run_first_tick(
-            Job(world=first.world, config=trials.stack, specifications=formulas, scene=first.scene)
+            Job(world=first.world, config=trials.stack, specifications=asked, scene=first.scene)
         )

@@ -12,6 +12,7 @@ from mrta_falsify.campaigns.statistics import (
 )
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.record import TrialRecord
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
@@ -54,6 +55,7 @@ class CampaignSummary:
     first_failure_at: int | None
     modes: tuple[FailureMode, ...]
     by_specification: dict[str, int]
+    not_judged: dict[str, int]  #: trials in which a specification could not be judged
     best_score: float | None
     screening: ScreeningAgreement | None
     probability: Probability | NoProbability
@@ -77,6 +79,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         first_failure_at=progress.first_failure,
         modes=modes(campaign),
         by_specification=progress.by_specification,
+        not_judged=unjudged_counts(campaign),
         best_score=progress.best if progress.ran > progress.errors else None,
         screening=screening_agreement(campaign),
         probability=probability_of(campaign, stopped_early=stopped_early),
@@ -105,9 +108,40 @@ def probability_of(
     if estimating:
         return estimated_probability(campaign)
     judged = [record for record in campaign.records if record.status == "ok"]
-    errors = sum(record.status in ("crashed", "timeout") for record in campaign.records)
+    undecided = sum(record.status in ("crashed", "timeout") for record in campaign.records)
+    undecided += sum(not record.failed and has_unjudged(record) for record in judged)
+    judged = [record for record in judged if record.failed or not has_unjudged(record)]
     failed = sum(record.failed for record in judged)
-    return failure_probability(failed, len(judged), undecided=errors)
+    return failure_probability(failed, len(judged), undecided=undecided)
+
+
+def has_unjudged(record: TrialRecord) -> bool:
+    """Whether one of the specifications could not be judged in a trial."""
+    return any(verdict.not_judged for verdict in record.verdicts)
+
+
+def unjudged_counts(campaign: Campaign) -> dict[str, int]:
+    """Count the trials in which each specification could not be judged."""
+    counts: dict[str, int] = {}
+    for record in campaign.records:
+        for verdict in record.verdicts:
+            if verdict.not_judged:
+                counts[verdict.spec] = counts.get(verdict.spec, 0) + 1
+    return counts
+
+
+def unjudged_sentences(campaign: Campaign) -> tuple[str, ...]:
+    """Say which specifications could not be judged, in how many trials, and why."""
+    reasons = {
+        verdict.spec: verdict.not_judged
+        for record in campaign.records
+        for verdict in record.verdicts
+        if verdict.not_judged
+    }
+    return tuple(
+        f"{spec} was not judged in {count} trials: {reasons[spec]}"
+        for spec, count in unjudged_counts(campaign).items()
+    )
 
 
 def modes(campaign: Campaign) -> tuple[FailureMode, ...]:

@@ -1,4 +1,4 @@
-"""All stored failures on a changed stack: fixed, still failing, flaky, or out of time.
+"""All stored failures on a changed stack: fixed, still failing, flaky, timed out or not judged.
 
 Each run is a job of a worker process, as a trial of a campaign is, so that a run that exceeds
 its time limit can be killed.
@@ -155,6 +155,8 @@ def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
         fate = "flaky"
     elif any(run.fate == "timeout" for run in runs.values()):
         fate = "timeout"
+    elif {v.spec for v in record.verdicts if v.violated} & set(stored.not_judged):
+        fate = "not judged"
     return Recheck(
         id=record.id,
         fate=fate,
@@ -175,6 +177,7 @@ class RecheckRun:
 
     fate: RunFate
     violated: tuple[str, ...] = ()  #: specifications
+    not_judged: tuple[str, ...] = ()  #: specifications that the changed stack tells too little for
     signature: str = ""
     error: str = ""  #: why it was refused
 
@@ -235,5 +238,6 @@ def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> Rechec
     return RecheckRun(
         fate="ran",
         violated=tuple(verdict.spec for verdict in verdicts if verdict.violated),
+        not_judged=tuple(verdict.spec for verdict in verdicts if verdict.not_judged),
         signature=signature(verdicts),
     )

@@ -21,7 +21,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
-from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.verdict import Verdict, VerdictOutcome
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
@@ -34,6 +34,7 @@ from simulator_interface import starts
 if TYPE_CHECKING:
     from simulator_interface.simulate import Outcome, TaskCount
 
+UNTOLD = "the stack does not tell"
 SHOW_WINDOW = "engine.gui=true"  # the setting that ``--gui`` stands for
 
 
@@ -104,10 +105,12 @@ class VerdictSummary:
     """A verdict in one line."""
 
     spec: str
-    robustness: float | None  #: None where it is unbounded
+    robustness: float | None  #: None where it is unbounded, or was not judged
     violated: bool
     violated_at_s: float | None
     who: tuple[str, ...]
+    outcome: VerdictOutcome
+    not_judged: str  #: what was missing to judge it, empty: it was judged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,12 +167,15 @@ def summarise_run(
 
 
 def _summarise_verdict(verdict: Verdict) -> VerdictSummary:
+    is_known = math.isfinite(verdict.robustness) and not verdict.not_judged
     return VerdictSummary(
         spec=verdict.spec,
-        robustness=verdict.robustness if math.isfinite(verdict.robustness) else None,
+        robustness=verdict.robustness if is_known else None,
         violated=verdict.violated,
         violated_at_s=verdict.violated_at,
         who=verdict.who,
+        outcome=verdict.outcome,
+        not_judged=verdict.not_judged,
     )
 
 
@@ -266,10 +272,11 @@ def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:
     touched = [
         f"{count} {kind.replace('_', '-')}" for kind, count in outcome.contacts.items() if count
     ]
+    done = ("tasks done", f"{tasks.completed} of {tasks.total}, {tasks.late} late or missing")
+    finished = ("robots finished", f"{outcome.robots_finished} of {len(world.robots)}")
     facts = (
         ("simulated", f"{outcome.sim_time:.1f} s, ended: {outcome.ended}"),
-        ("tasks done", f"{tasks.completed} of {tasks.total}, {tasks.late} late or missing"),
-        ("robots finished", f"{outcome.robots_finished} of {len(world.robots)}"),
+        *((done, finished) if tasks.told else (("tasks done", UNTOLD),)),
         ("contacts", ", ".join(touched) or "none"),
         ("people", f"{len(world.humans)}"),
         ("seed", f"{world.seed}"),

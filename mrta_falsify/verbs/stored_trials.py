@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.record import Status, TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.trial import Job
@@ -33,6 +34,7 @@ class TrialRow:
     world_digest: str
     trace_digest: str
     error: str
+    not_judged: tuple[str, ...] = later(())  #: specifications
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -76,6 +78,7 @@ def _row(record: TrialRecord) -> TrialRow:
         world_digest=record.world_digest,
         trace_digest=record.trace_digest,
         error=record.error,
+        not_judged=tuple(verdict.spec for verdict in record.verdicts if verdict.not_judged),
     )
 
 

@@ -214,10 +214,12 @@ def seeded_globals(seed: int, purpose: str) -> Iterator[None]:
 
 def _in_words(outcome: Outcome) -> str:
     broken = [verdict.spec for verdict in outcome.verdicts if verdict.violated]
+    unjudged = [verdict.spec for verdict in outcome.verdicts if verdict.not_judged]
+    missing = f"; not judged: {', '.join(unjudged)}" if unjudged else ""
     return (
         f"{outcome.sim_time:.1f} s simulated, ended: {outcome.ended}; "
         f"{outcome.tasks.completed} of {outcome.tasks.total} tasks done; "
-        f"violated: {', '.join(broken) or 'nothing'}; trace {outcome.trace.digest[:12]}"
+        f"violated: {', '.join(broken) or 'nothing'}{missing}; trace {outcome.trace.digest[:12]}"
     )
 
 

@@ -70,7 +70,10 @@ def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file)
     assert set(data["tasks"]) == {"total", "completed", "late"}
     assert {"robot_robot", "robot_human", "robot_static"} <= set(data["contacts"])
     for verdict in data["verdicts"]:
-        assert set(verdict) == {"spec", "robustness", "violated", "violated_at_s", "who"}
+        assert set(verdict) == {
+            "spec", "robustness", "violated", "violated_at_s", "who", "outcome", "not_judged",
+        }  # fmt: skip
+        assert verdict["outcome"] == ("violated" if verdict["violated"] else "holds")
     violated = any(verdict["violated"] for verdict in data["verdicts"])
     assert result.exit_code == int(violated)
 
@@ -119,6 +122,26 @@ def test_run_as_text_shows_tasks_contacts_and_every_verdict(cli, ward_file):
     assert lines[4] == "digests    world <digest>  trace <digest>"
     assert lines[6].split() == ["specification", "verdict", "robustness", "at", "who"]
     assert len(lines) == 7 + len(default_specifications())
+
+
+def test_run_says_what_was_not_judged_and_why(cli, ward_file):
+    hidden = ("--set", "withheld=[deliveries]")
+    data = json.loads(cli("run", str(ward_file), *QUICK, *hidden, "--format", "json").stdout)
+    outcomes = {verdict["spec"]: verdict["outcome"] for verdict in data["verdicts"]}
+    assert outcomes["all_tasks_done"] == outcomes["deadlines"] == "not_judged"
+    assert outcomes["no_robot_robot_contact"] == "holds"
+    assert data["tasks"]["told"] is False
+    text = cli("run", str(ward_file), *QUICK, *hidden)
+    assert "what became of them the stack does not tell" in text.stdout
+    assert re.search(r"deadlines +not judged +the stack does not tell", text.stdout)
+
+
+def test_a_run_of_which_nothing_can_be_judged_is_no_success(cli, ward_file):
+    result = cli(
+        "run", str(ward_file), *QUICK, "--set", "withheld=[deliveries]", "--spec", "deadlines"
+    )
+    assert result.exit_code == 2
+    assert "none of the specifications can be judged; deadlines: the stack" in result.stderr
 
 
 def test_different_seeds_give_different_traces(cli, ward_file):

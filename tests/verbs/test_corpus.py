@@ -8,7 +8,7 @@ import pytest
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs import corpus
 from tests.reports.planted import stored
 
@@ -46,7 +46,19 @@ def test_a_failure_is_fixed_on_a_stack_without_its_defect_and_stays_on_its_own(c
         "still failing": 1,
         "flaky": 0,
         "timeout": 0,
+        "not judged": 0,
     }
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.slow
+def test_a_failure_that_cannot_be_judged_any_more_is_not_fixed(stalled, tmp_path):
+    world, _ = stalled
+    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("all_tasks_done",))
+    failed = stored(tmp_path / "late", job, judge(job))
+    silent = dataclasses.replace(BROKEN, withheld=("deliveries",))
+    (row,) = corpus.recheck(failed, config=silent, jittered=0)
+    assert (row.fate, row.violated) == ("not judged", ())
 
 
 @pytest.mark.usefixtures("in_process")

@@ -7,7 +7,7 @@ from functools import partial
 
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job
+from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changes import Change
 from simulator_interface.continuation import Running, run_to
 
@@ -27,7 +27,7 @@ def continued_with(
         changes: to make.
     """
     until = (verdict.violated_at or job.world.horizon) + AFTER
-    with run_to(job.world, job.config, job.specifications, at) as running:
+    with run_to(job.world, job.config, judges_of(job), at) as running:
         for change in changes:
             changed = partial(_counterfactual, running, verdict, change, until)
             yield running.in_a_copy(changed, Counterfactual)
@@ -47,16 +47,18 @@ def _counterfactual(
         if frame.sensed.tick % LOOK_STRIDE == 0 and any(s.verdict().violated for s in own):
             ended = f"violated again at {time:.1f} s"
             break
-        if running.episode.world.tasks and running.episode.all_done:
+        if running.episode.books.due and running.episode.books.closed:
             ended = f"all tasks done at {time:.1f} s"
             break
         if time >= min(until, running.episode.world.horizon):
             ended = f"nothing violated until {time:.1f} s"
             break
+    verdicts = [s.verdict() for s in own]
+    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
     return Counterfactual(
         layer=change.layer,
         change=change.text,
-        failure_gone=not any(s.verdict().violated for s in own),
-        detail=ended,
+        failure_gone=not unjudged and not any(v.violated for v in verdicts),
+        detail=f"not judged: {unjudged}" if unjudged else ended,
         restores=change.restores,
     )

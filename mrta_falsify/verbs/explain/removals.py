@@ -11,7 +11,7 @@ from mrta_falsify.campaigns.attribution import waited_for
 from mrta_falsify.core.findings import Removal
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job
+from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changed_runs import AFTER
 from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
@@ -34,7 +34,7 @@ def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iter
     onset = verdict.evidence.get("onset")
     if len(names) < 2 or not isinstance(onset, float):
         return
-    with run_to(job.world, job.config, job.specifications, onset) as running:
+    with run_to(job.world, job.config, judges_of(job), onset) as running:
         if not running.episode.can_remove:
             return
         for name in names[: max(0, max_runs - 1)]:

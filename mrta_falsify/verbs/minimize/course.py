@@ -11,6 +11,7 @@ from mrta_falsify.core.task_history import last_robots
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import confirmed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +45,7 @@ def course_of(verdict: Verdict, trace: Trace, world: World) -> Course:
         had[robot].append(task)
     delivered: dict[str, list[TimedPose]] = {name: [] for name in trace.robots}
     done: dict[int, float] = {}
-    for event in trace.events:
+    for event in confirmed(trace, world).events:
         if event.kind == "dropped-off" and event.robot >= 0:
             done[event.task] = event.time
             place = _pose_at(trace, event.robot, event.time)

@@ -16,7 +16,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.verbs.campaign_summary import modes
+from mrta_falsify.verbs.campaign_summary import modes, unjudged_sentences
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
@@ -77,7 +77,7 @@ def build_report(
         floor=floor,
         stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
         versions=tuple(sorted(versions.items())),
-        notes=(*notes_of(campaign), *lost),
+        notes=(*notes_of(campaign), *(f"{s}." for s in unjudged_sentences(campaign)), *lost),
         warnings=warnings_of(campaign, judged),
         tables=comparison_tables(campaign, against) if against is not None else (),
     )

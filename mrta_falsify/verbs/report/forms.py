@@ -28,7 +28,7 @@ def junit_report(campaign: Campaign) -> str:
 
 
 def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
-    failure = error = None
+    failure, error, skipped = None, None, ""
     verdict = leading(record.verdicts)
     if verdict is not None:
         commands = "\n".join(command for _, command in commands_of(campaign, record))
@@ -37,4 +37,12 @@ def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
         )
     elif record.status in ("crashed", "timeout"):
         error = Complaint(kind=record.status, message=last_line(record), text=record.error)
-    return TrialResult(name=f"trial {record.id}", time=record.wall_s, failure=failure, error=error)
+    else:
+        skipped = "; ".join(f"{v.spec}: {v.not_judged}" for v in record.verdicts if v.not_judged)
+    return TrialResult(
+        name=f"trial {record.id}",
+        time=record.wall_s,
+        failure=failure,
+        error=error,
+        skipped=skipped,
+    )

@@ -1,0 +1,291 @@
+"""The harness's own books: what was picked up and delivered, whatever the stack says.
+
+A pick-up or delivery counts when the stack claims it and motion confirms it. The robot stood
+within the room's reach for the whole service time, it had picked up what it delivers, and it
+never carried more than it can. Claims that motion contradicts are refused, with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from shapely.geometry import LineString, Point, Polygon
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.world import Task, World
+from mrta_falsify.specs.halts import Halts
+
+#: m from a room's point within which a stop can be served. Twice what a robot needs whose goal is
+#: covered: it stops within 0.15 m of a point up to 0.3 m away, and localises within centimetres.
+ROOM_REACH = 1.0
+STOPPED = 0.15  # m/s; stacks load from 0.1 m/s along each axis on, which is 0.14 m/s in all
+AT_POINT = 0.3  # m; a wall this near to a room's point may cover it, and robots stop beside it
+ROUNDING = 1e-6  # s that float arithmetic may take off a service time
+STOP_KINDS = ("picked-up", "dropped-off")
+MOST_REFUSALS = 100  # rows in the evidence of one verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """A claim that motion contradicts."""
+
+    time: float  #: when it was claimed [s]
+    kind: str  #: of the event
+    task: int  #: number, as claimed, -1: none
+    robot: str  #: name, empty: none, or there is no such robot
+    room: str  #: name of the room or resource, empty: none is concerned
+    reason: str  #: in words
+
+
+@dataclass(slots=True)
+class Refusals:
+    """Refused claims of one episode; what is repeated for the same reason is kept once."""
+
+    world: World
+    rows: list[Refusal] = field(default_factory=list)
+    _said: set[tuple[str, int, int, str, str]] = field(default_factory=set)
+
+    def add(self, event: StackEvent, time: float, reason: str) -> None:
+        """Note that ``event`` was claimed at ``time`` [s], and why it does not hold."""
+        said = (event.kind, event.robot, event.task, event.resource, reason.partition(":")[0])
+        if said in self._said:
+            return
+        self._said.add(said)
+        tasks, room = self.world.tasks, event.resource
+        if event.kind in STOP_KINDS and 0 <= event.task < len(tasks):
+            room = self.world.rooms[_room_of(tasks[event.task], event.kind)].name
+        known = 0 <= event.robot < len(self.world.robots)
+        row = Refusal(
+            time=time,
+            kind=event.kind,
+            task=event.task,
+            robot=self.world.robots[event.robot].name if known else "",
+            room=room,
+            reason=reason,
+        )
+        self.rows.append(row)
+
+    def encoded(self) -> list[dict[str, Any]]:
+        """Give the first claims, JSON-shaped."""
+        return [asdict(row) for row in self.rows[:MOST_REFUSALS]]
+
+
+def unknown_in(event: StackEvent, world: World, *, must_name: bool) -> str:
+    """Say which robot or task of a claim does not exist, empty: all do.
+
+    Args:
+        event: the claim.
+        world: of the run.
+        must_name: whether the claim must name both.
+    """
+    least = 0 if must_name else -1
+    if not least <= event.robot < len(world.robots):
+        return f"there is no robot number {event.robot}"
+    if not least <= event.task < len(world.tasks):
+        return f"there is no task number {event.task}"
+    return ""
+
+
+@dataclass(slots=True)
+class Books:
+    """What each robot picked up and delivered in one episode; update it once a tick."""
+
+    world: World
+    picked: dict[int, float] = field(default_factory=dict)  #: task -> [s]
+    delivered: dict[int, float] = field(default_factory=dict)  #: task -> [s]
+    by: dict[int, int] = field(default_factory=dict)  #: task -> robot that picked it up
+    given: dict[int, int] = field(default_factory=dict)  #: task -> robot, as the stack assigns
+    refused: Refusals = field(init=False)
+    due: frozenset[int] = field(init=False)  #: tasks that are to be delivered
+    _halts: Halts = field(init=False)
+    _served_until: list[float] = field(init=False)  #: by robot: end of its last service [s]
+    _walls: tuple[Polygon, ...] | None = None
+
+    def __post_init__(self) -> None:
+        tasks, horizon = self.world.tasks, self.world.horizon
+        self.refused = Refusals(self.world)
+        self.due = frozenset(i for i, task in enumerate(tasks) if task.arrival <= horizon)
+        self._halts = Halts(len(self.world.robots))
+        self._served_until = [robot.joins_at for robot in self.world.robots]
+
+    # --- what is in the books ---------------------------------------------------------------
+
+    @property
+    def open(self) -> tuple[int, ...]:
+        """Tasks that are to be delivered and are not, sorted."""
+        return tuple(sorted(self.due - self.delivered.keys()))
+
+    @property
+    def closed(self) -> bool:
+        """Whether everything that can still arrive has been delivered."""
+        return self.due <= self.delivered.keys()
+
+    def aboard(self, robot: int) -> tuple[int, ...]:
+        """List the tasks that ``robot`` carries, sorted."""
+        held = self.picked.keys() - self.delivered.keys()
+        return tuple(sorted(task for task in held if self.by[task] == robot))
+
+    def robots_finished(self) -> int:
+        """Count the robots without work: nothing aboard, and no open task is theirs.
+
+        An open task that no robot was given is left to all of them.
+        """
+        owners = {self.by.get(task, self.given.get(task, -1)) for task in self.open}
+        if -1 in owners:
+            return 0
+        return len(self.world.robots) - len(owners)
+
+    # --- time passes --------------------------------------------------------------------------
+
+    def update(self, frame: Frame) -> list[StackEvent]:
+        """Take in one tick; gives the stops that count."""
+        sensed = frame.sensed
+        speeds = sensed.velocity[:, :2]
+        return self.take(sensed.time, sensed.pose, speeds, sensed.contact, frame.events)
+
+    def take(
+        self,
+        time: float,
+        pose: Array,
+        velocity: Array,
+        contact: BoolArray,
+        events: Sequence[StackEvent],
+    ) -> list[StackEvent]:
+        """Take in one tick by its parts; gives the stops that count.
+
+        Args:
+            time: [s].
+            pose: ``(N, 3)`` [m, m, rad].
+            velocity: ``(N, 2)`` forward and left [m/s].
+            contact: ``(N, 3)`` touched a robot, a person, a solid.
+            events: of the tick.
+        """
+        self._halts.update(pose, contact, time)
+        counted = []
+        for event in events:
+            if event.kind == "assigned":
+                self.given[event.task] = event.robot
+            if event.kind not in STOP_KINDS:
+                continue
+            reason = self._objection(event, time, pose, velocity)
+            if reason:
+                self.refused.add(event, time, reason)
+            else:
+                self._enter(event, time)
+                counted.append(event)
+        return counted
+
+    def forget_after(self, time: float) -> None:
+        """Expect no task any more that arrives after ``time`` [s]."""
+        tasks = self.world.tasks
+        self.due = frozenset(task for task in self.due if tasks[task].arrival <= time)
+
+    def _enter(self, event: StackEvent, time: float) -> None:
+        if event.kind == "picked-up":
+            self.picked[event.task] = time
+            self.by[event.task] = event.robot
+        else:
+            self.delivered[event.task] = time
+        self._served_until[event.robot] = time
+
+    # --- what speaks against a claim ----------------------------------------------------------
+
+    def _objection(self, event: StackEvent, time: float, pose: Array, velocity: Array) -> str:
+        """Say what contradicts a claim, empty: nothing does."""
+        return (
+            unknown_in(event, self.world, must_name=True)
+            or self._objection_of_order(event, time)
+            or self._objection_of_place(event, pose[event.robot, :2])
+            or self._objection_of_rest(event, time, velocity[event.robot])
+        )
+
+    def _objection_of_order(self, event: StackEvent, time: float) -> str:
+        """Say what came before and does not allow the stop."""
+        robot, task = self.world.robots[event.robot], event.task
+        if self.world.tasks[task].arrival > time + ROUNDING:
+            return "the task has not arrived"
+        if robot.joins_at > time + ROUNDING:
+            return "the robot has not joined"
+        if task in self.delivered:
+            return "it has been delivered already"
+        if event.kind == "picked-up":
+            if task in self.picked:
+                return "it has been picked up already"
+            aboard = len(self.aboard(event.robot))
+            if aboard >= robot.capacity:
+                return f"over capacity: {aboard} aboard, room for {robot.capacity}"
+            return ""
+        return "" if self.by.get(task, -1) == event.robot else "the robot has not picked it up"
+
+    def _objection_of_place(self, event: StackEvent, position: Array) -> str:
+        """Say why the robot cannot reach the room's point."""
+        room = self.world.rooms[_room_of(self.world.tasks[event.task], event.kind)]
+        if event.resource not in ("", room.name):
+            return f"it names {event.resource}, the task's room is {room.name}"
+        away = float(np.hypot(*(position - room.point)))
+        if not away <= ROOM_REACH:
+            return f"elsewhere: {away:.1f} m from {room.name}"
+        if self._is_walled_off(room.point, position):
+            return f"a wall stands between the robot and {room.name}"
+        return ""
+
+    def _objection_of_rest(self, event: StackEvent, time: float, velocity: Array) -> str:
+        """Say why the robot was not at rest for long enough."""
+        task = self.world.tasks[event.task]
+        service = task.pickup_time if event.kind == "picked-up" else task.dropoff_time
+        speed = float(np.hypot(*velocity))
+        if not speed <= STOPPED:
+            return f"moving: at {speed:.2f} m/s"
+        # Loading begins when the robot stands there, the task is known, and the one before is done.
+        begun = max(self._halts.since(event.robot), self._served_until[event.robot], task.arrival)
+        if time - begun < service - ROUNDING:
+            return f"not long enough: {time - begun:.1f} s of {service:.1f} s"
+        return ""
+
+    def _is_walled_off(self, point: Array, position: Array) -> bool:
+        if self._walls is None:
+            self._walls = tuple(Polygon(wall.polygon) for wall in self.world.walls)
+        line, center = LineString([point, position]), Point(point)
+        return any(
+            wall.intersects(line) and wall.distance(center) > AT_POINT for wall in self._walls
+        )
+
+
+def _room_of(task: Task, kind: str) -> int:
+    return task.start if kind == "picked-up" else task.end
+
+
+# --- of a recorded run --------------------------------------------------------------------
+
+
+def confirmed(trace: Trace, world: World) -> Trace:
+    """Leave the claims out of a trace that its own motion contradicts.
+
+    Args:
+        trace: without its columns nothing can be confirmed, and it stays as it is.
+        world: of the run.
+    """
+    if "pose" not in trace.columns:
+        return trace
+    counted = set(map(id, _confirmed_stops(trace, world)))
+    events = (e for e in trace.events if e.kind not in STOP_KINDS or id(e) in counted)
+    return replace(trace, events=tuple(events))
+
+
+def _confirmed_stops(trace: Trace, world: World) -> Iterator[StackEvent]:
+    books, columns = Books(world), trace.columns
+    events = iter(trace.events)
+    event = next(events, None)
+    for k, time in enumerate(columns["time"].tolist()):
+        now = []
+        while event is not None and (event.time <= time + 0.5 * trace.dt):
+            now.append(event)
+            event = next(events, None)
+        yield from books.take(
+            time, columns["pose"][k], columns["velocity"][k, :, :2], columns["contact"][k], now
+        )
