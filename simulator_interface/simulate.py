@@ -102,11 +102,11 @@ def simulate(
         stop: ends the episode at the first frame for which it returns a reason.
 
     Returns:
-        Trace, verdicts and counts. Ctrl-C ends the episode as "interrupted" and returns
-        what was seen until then.
+        Trace, verdicts and counts.
 
     Raises:
         InputError: as in :func:`frames_of`.
+        KeyboardInterrupt: Ctrl-C; an unfinished episode has no outcome.
     """
     _check_unscripted(world)
     running = EpisodeRun(
@@ -118,8 +118,6 @@ def simulate(
             frame = running.advance()
             if on_progress is not None and frame.sensed.tick % per_second == 0:
                 on_progress(frame.sensed.time)
-    except KeyboardInterrupt:
-        running.end("interrupted")
     finally:
         running.close()
     return running.outcome()
@@ -195,7 +193,7 @@ class EpisodeRun:
     def outcome(self) -> Outcome:
         """Sum up the run; call it once, at its end."""
         finished = 0
-        if self.frame is not None and self.ended != "interrupted":
+        if self.frame is not None:
             finished = int((self.frame.intent.tasks_left == 0).sum())
         return Outcome(
             trace=self._recorder.finish(self.ended),

@@ -14,7 +14,9 @@ from typing import Any
 
 import click
 
+from mrta_falsify.cli import interruption
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.interruption import Interrupted
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
@@ -40,7 +42,7 @@ class ExitCode(enum.IntEnum):
     VIOLATED = 1  #: a specification is violated
     BAD_INPUT = 2  #: the user's input or usage is wrong
     HARNESS = 3  #: the toolkit itself failed
-    INTERRUPTED = 130  #: Ctrl-C
+    INTERRUPTED = interruption.EXIT_CODE  #: Ctrl-C or SIGTERM
 
 
 class Door(click.Group):
@@ -56,8 +58,15 @@ class Door(click.Group):
         **extra: Any,
     ) -> Any:
         """Run the command line and exit with its code."""
+        if args is None:  # this process is the command
+            interruption.listen()
         _keep_stdout_ours()
-        sys.exit(self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra))
+        try:
+            code = self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra)
+        except KeyboardInterrupt:  # while the end was told
+            code = ExitCode.INTERRUPTED
+        interruption.stop_listening()
+        sys.exit(code)
 
     def _exit_code(
         self,
@@ -79,8 +88,9 @@ class Door(click.Group):
         except InputError as error:
             _say(str(error))
             return ExitCode.BAD_INPUT
-        except (click.Abort, KeyboardInterrupt):
-            _say("interrupted")
+        except (click.Abort, KeyboardInterrupt) as error:
+            _abandon_stdout()
+            _say("interrupted" + (f": {error}" if isinstance(error, Interrupted) else ""))
             return ExitCode.INTERRUPTED
         except BrokenPipeError:
             _abandon_stdout()  # the reader of our output has gone
@@ -136,4 +146,4 @@ def save_traceback(error: BaseException) -> Path:
 
 def _say(text: str) -> None:
     one_line = " ".join(text.split())
-    click.echo(f"error: {one_line}" if one_line != "interrupted" else one_line, err=True)
+    click.echo(one_line if one_line.startswith("interrupted") else f"error: {one_line}", err=True)

@@ -1,0 +1,54 @@
+"""What a command says when it is stopped early: what is kept, and what is missing."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Callable, Iterator
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)  # that stop a command
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user has stopped a command, which therefore has no result.
+
+    It passes every ``except Exception``, as Ctrl-C does.
+
+    Args:
+        kept: what was finished and is kept, in words.
+        missing: what was not finished, and how to go on.
+    """
+
+    def __init__(self, *, kept: str, missing: str) -> None:
+        super().__init__(f"{missing}; kept: {kept}")
+        self.kept = kept
+        self.missing = missing
+
+
+@contextlib.contextmanager
+def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
+    """Let an interruption inside say what is kept and what is missing.
+
+    Args:
+        state: returns both, in words; it is asked when the interruption has come.
+
+    Raises:
+        Interrupted: in place of any KeyboardInterrupt that does not say it yet.
+    """
+    try:
+        yield
+    except Interrupted:
+        raise
+    except KeyboardInterrupt:
+        kept, missing = state()
+        raise Interrupted(kept=kept, missing=missing) from None
+
+
+@contextlib.contextmanager
+def signals_held() -> Iterator[None]:
+    """Hold the signals that stop a command back; processes started inside never hear them."""
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
