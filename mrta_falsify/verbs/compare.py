@@ -81,7 +81,7 @@ def compare(
     _check_samplers(samplers)
     if resume:
         check_is_comparison(directory)
-    elif any(make_directory(directory).iterdir()):
+    elif any(path.suffix != ".part" for path in make_directory(directory).iterdir()):
         raise StoreError(f"{directory}: is not empty; go on with it by --resume")
     plan = ComparisonPlan(
         settings=new_settings(
