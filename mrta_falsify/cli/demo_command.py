@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign
+from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import output_option, seed_option, stack_options
@@ -53,6 +53,7 @@ def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **opt
                 search, seed, config, folder, on_record=watch.on_record, on_told=watch.on_told
             )
         if result.ended == "interrupted":
+            say_interrupted(result)
             return ExitCode.INTERRUPTED
         print_campaign(result)
         results.append(result)
