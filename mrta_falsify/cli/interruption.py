@@ -42,8 +42,11 @@ def listen() -> None:
 def listen_while_loading() -> None:
     """End this process quietly on a signal that comes before there is anything to clean up.
 
-    Does nothing unless this process is the command line.
+    Does nothing unless this process is the command line; its pools' processes, which have its
+    arguments, are not.
     """
+    if "multiprocessing" in sys.modules:
+        return
     if Path(sys.argv[0]).name == "mrta-falsify" or "mrta_falsify.cli" in sys.orig_argv:
         _install()
 

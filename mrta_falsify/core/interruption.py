@@ -45,9 +45,13 @@ def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def signals_held() -> Iterator[None]:
-    """Hold the signals that stop a command back; processes started inside never hear them."""
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+def signals_held(*signals: signal.Signals) -> Iterator[None]:
+    """Hold signals back; processes and threads that are started inside never hear them.
+
+    Args:
+        signals: by default all that stop a command.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals or STOP_SIGNALS)
     try:
         yield
     finally:
