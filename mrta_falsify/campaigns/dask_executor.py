@@ -11,6 +11,7 @@ import queue
 import signal
 import threading
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, cast
 
 import dask
@@ -65,6 +66,7 @@ class DaskExecutor:
         address = self._options.scheduler or dask.config.get("scheduler-address", None)
         if not address:
             start: Any = distributed.LocalCluster
+            resource_tracker.ensure_running()  # its start would let signals in again
             with signals_held(signal.SIGINT):  # Ctrl-C is this process's business
                 self._cluster = start(
                     n_workers=self._options.workers,

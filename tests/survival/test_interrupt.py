@@ -63,17 +63,17 @@ CASES = {
         ("compare", "small.scenic", "-o", "new", "--budget", "3", "--repeats", "2", "--workers",
          "2", "--samplers", "random,auto", "--all-failures", *STACK, "--resume"),
     ),
-    "replay": Case(("replay", "c", "{id}", "--verify", "4"), ("c/trials/{id}/verify.json",)),
-    "explain": Case(("explain", "c", "{id}", "--max-runs", "8"), ("c/trials/{id}/explain.json",)),
+    "replay": Case(("replay", "c", "{id}", "--verify", "3"), ("c/trials/{id}/verify.json",)),
+    "explain": Case(("explain", "c", "{id}", "--max-runs", "6"), ("c/trials/{id}/explain.json",)),
     "minimize": Case(
-        ("minimize", "c", "{id}", "--max-runs", "8", "--workers", "2"),
+        ("minimize", "c", "{id}", "--max-runs", "5", "--workers", "2"),
         ("c/trials/{id}/minimize.json", "c/trials/{id}/world.min.json"),
     ),
     "family": Case(
-        ("family", "c", "{id}", "--max-runs", "12", "--fresh", "4"),
+        ("family", "c", "{id}", "--max-runs", "10", "--fresh", "3"),
         ("c/trials/{id}/family.json", "c/trials/{id}/family.scenic"),
     ),
-    "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "2")),
+    "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "1")),
 }  # fmt: skip
 
 
