@@ -56,6 +56,7 @@ class RunJournal(Generic[A]):
         """
         if self._path is not None:
             try:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
                 append_row(self._path, {**self._head, "run": key, "answer": codec.encode(answer)})
             except OSError:
                 self._path = None

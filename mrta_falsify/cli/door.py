@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from mrta_falsify.cli import interruption
+from mrta_falsify.cli import stopping
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.interruption import Interrupted
 
@@ -42,7 +42,7 @@ class ExitCode(enum.IntEnum):
     VIOLATED = 1  #: a specification is violated
     BAD_INPUT = 2  #: the user's input or usage is wrong
     HARNESS = 3  #: the toolkit itself failed
-    INTERRUPTED = interruption.EXIT_CODE  #: Ctrl-C or SIGTERM
+    INTERRUPTED = stopping.EXIT_CODE  #: Ctrl-C or SIGTERM
 
 
 class Door(click.Group):
@@ -59,13 +59,13 @@ class Door(click.Group):
     ) -> Any:
         """Run the command line and exit with its code."""
         if args is None:  # this process is the command
-            interruption.listen()
+            stopping.listen()
         _keep_stdout_ours()
         try:
             code = self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra)
         except KeyboardInterrupt:  # while the end was told
             code = ExitCode.INTERRUPTED
-        interruption.stop_listening()
+        stopping.stop_listening()
         sys.exit(code)
 
     def _exit_code(

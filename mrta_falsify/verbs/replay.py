@@ -80,10 +80,8 @@ def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
     campaign = open_campaign(directory)
     record = campaign.record(str(id))
     trials = campaign.settings.trials
-    folder = campaign.folder(record)
     code = code_digest(trials.stack, specifications_of(trials))
-    path = folder / JOURNAL_NAME if folder.is_dir() else None
-    journal = RunJournal(ReplayRun, path, code=code)
+    journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)
     with going_on(f"replay {record.id}", journal):
         result = replay_trial(campaign, record, times=verify, journal=journal)
         store_replay(campaign, result)

@@ -89,7 +89,8 @@ def test_answers_of_an_older_version_or_of_other_code_are_not_believed(tmp_path)
 
 
 def test_where_nothing_can_be_written_answers_last_as_long_as_the_process(tmp_path):
-    journal = RunJournal(_Answer, tmp_path / "missing" / "answers.jsonl")
+    (tmp_path / "file").touch()
+    journal = RunJournal(_Answer, tmp_path / "file" / "answers.jsonl")
     journal.keep("a", _Answer(True, None))
     assert journal.answers == {"a": _Answer(True, None)}
     assert not journal.is_kept

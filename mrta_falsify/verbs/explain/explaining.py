@@ -82,7 +82,6 @@ def explain(
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
     job, folder = job_of(campaign, record), campaign.folder(record)
-    folder.mkdir(parents=True, exist_ok=True)
     code = code_digest(job.config, job.specifications)
     journals = Journals(folder / JOURNAL_NAME, code)
     kept = (journals.changes, journals.removals, journals.copies)
