@@ -1,4 +1,4 @@
-"""Ctrl-C at random moments: every command stops, stores nothing false, and goes on.
+"""Ctrl-C, SIGTERM and kill -9 at random moments: commands stop, store nothing false, and go on.
 
 Each command runs in a process of its own on a small campaign, is interrupted again and again, and
 is then left to finish. What it prints and stores at last must be what a call in peace does.
@@ -13,7 +13,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ import pytest
 
 from mrta_falsify.core.seeding import stream
 
+SIGNALS, SHARES = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL), (0.6, 0.2, 0.2)
 LIMIT = 2.0  # s from the signal to the end of the process, asserted in the long tier only
 EARLIEST = 0.5  # s: the interpreter has begun to load our modules by then
 VOLATILE = {"wall_s", "real_time_factor", "seconds_to_failure", "scene_s"}
@@ -45,7 +45,7 @@ class Case:
     """A command, what it leaves behind, and how it goes on."""
 
     args: tuple[str, ...]
-    results: tuple[str, ...] = ()  #: files that are there only after a whole run
+    results: tuple[str, ...] = ()  #: files that only a whole run writes
     again: tuple[str, ...] = ()  #: the call that goes on; empty: the same
 
 
@@ -136,12 +136,19 @@ def _steady(data: Any) -> Any:
     return data
 
 
-def _check_interrupted(ended: Ended, case: Case, named: Callable[[str], str], folder: Path) -> None:
+def _results(folder: Path, files: list[str]) -> dict[str, Any]:
+    """Read those of ``files`` that are there, JSON as data; of others only that they are there."""
+    found = {name: folder / name for name in files if (folder / name).exists()}
+    return {
+        name: json.loads(path.read_text()) if path.suffix == ".json" else ""
+        for name, path in found.items()
+    }
+
+
+def _check_interrupted(ended: Ended) -> None:
     assert "Traceback" not in ended.stderr, ended.stderr
     assert ended.code == 130, ended.stderr
     assert "interrupted" in ended.stderr
-    for file in case.results:
-        assert not (folder / named(file)).exists(), file
     if ended.stdout:
         said = json.loads(ended.stdout)
         assert said.get("interrupted") is True or said.get("ended") == "interrupted"
@@ -177,12 +184,15 @@ def test_a_command_that_was_interrupted_comes_to_the_same_result(
     began = time.monotonic()
     peace = _call(begin(), tuple(args))
     whole = time.monotonic() - began
+    files = [*map(named, case.results)]
+    whole_results = _results(tmp_path / "work", files)
+    assert len(whole_results) == len(files)
     assert peace.code in (0, 1), peace.stderr
     random = stream(seed, f"interrupt/{command}")
     folder, took = begin(), []
     for _ in range(moments):
         call = again if any((folder / "new").glob("c*.json")) else args
-        by = signal.SIGTERM if random.random() < 0.25 else signal.SIGINT
+        by = SIGNALS[int(random.choice(len(SIGNALS), p=SHARES))]
         after = float(random.uniform(EARLIEST, whole))
         ended = _call(folder, tuple(call), after=after, by=by)
         if ended.stopped_in is None or ended.code == peace.code:
@@ -190,14 +200,16 @@ def test_a_command_that_was_interrupted_comes_to_the_same_result(
             assert _steady(json.loads(ended.stdout)) == _steady(json.loads(peace.stdout))
             folder = begin()
             continue
-        took.append(ended.stopped_in)
-        _check_interrupted(ended, case, named, folder)
+        for file, data in _results(folder, files).items():
+            assert data == whole_results[file]  # the signal came after the end of the work
+        if by != signal.SIGKILL:
+            took.append(ended.stopped_in)
+            _check_interrupted(ended)
     call = again if any((folder / "new").glob("c*.json")) else args
     last = _call(folder, tuple(call))
     assert last.code == peace.code, last.stderr
     assert _steady(json.loads(last.stdout)) == _steady(json.loads(peace.stdout))
-    for file in case.results:
-        assert (folder / named(file)).exists()
+    assert _results(folder, files) == whole_results
     record_property("stopped_in", [round(seconds, 2) for seconds in took])
     if moments > 2:
         assert max(took, default=0.0) <= LIMIT, took
