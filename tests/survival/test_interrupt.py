@@ -24,7 +24,7 @@ from mrta_falsify.core.seeding import stream
 SIGNALS, SHARES = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL), (0.6, 0.2, 0.2)
 LIMIT = 2.0  # s from the signal to the end of the process, asserted in the long tier only
 EARLIEST = 0.5  # s: the interpreter has begun to load our modules by then
-VOLATILE = {"wall_s", "real_time_factor", "seconds_to_failure", "scene_s"}
+VOLATILE = {"wall_s", "real_time_factor", "seconds_to_failure", "seconds_per_failure"}
 PROGRAM = """
 model scenic_worlds.model
 new Robot with name 'robot1', with start_room 0
