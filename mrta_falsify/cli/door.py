@@ -66,6 +66,8 @@ class Door(click.Group):
         except KeyboardInterrupt:  # while the end was told
             code = ExitCode.INTERRUPTED
         stopping.stop_listening()
+        if args is None and code == ExitCode.INTERRUPTED:
+            stopping.leave()
         sys.exit(code)
 
     def _exit_code(
@@ -90,7 +92,8 @@ class Door(click.Group):
             return ExitCode.BAD_INPUT
         except (click.Abort, KeyboardInterrupt) as error:
             _abandon_stdout()
-            _say("interrupted" + (f": {error}" if isinstance(error, Interrupted) else ""))
+            told = error.__cause__ if isinstance(error, click.Abort) else error
+            _say("interrupted" + (f": {told}" if isinstance(told, Interrupted) else ""))
             return ExitCode.INTERRUPTED
         except BrokenPipeError:
             _abandon_stdout()  # the reader of our output has gone

@@ -7,6 +7,7 @@ then ended at once, as by kill -9: what is finished is on disc by then, whatever
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -14,6 +15,7 @@ import threading
 import time
 from pathlib import Path
 from types import FrameType
+from typing import NoReturn
 
 from mrta_falsify.core.interruption import STOP_SIGNALS
 
@@ -57,6 +59,16 @@ def stop_listening() -> None:
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         signal.set_wakeup_fd(-1)
+
+
+def leave() -> NoReturn:
+    """End this process after an interruption; taking the interpreter down can last seconds."""
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        atexit._run_exitfuncs()  # of pools and temporary folders
+    finally:
+        os._exit(EXIT_CODE)
 
 
 def _install() -> None:
