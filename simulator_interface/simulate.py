@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
@@ -172,12 +173,13 @@ class EpisodeRun:
 
     def advance(self) -> Frame:
         """Run the next tick, recorded and judged; the run must not have ended."""
-        frame = next(self._frames)
-        self._recorder.add(frame)
-        self._contacts.update(frame)
-        self._ledger.update(frame.events)
-        for specification in self._specifications:
-            specification.update(frame)
+        with heard():
+            frame = next(self._frames)
+            self._recorder.add(frame)
+            self._contacts.update(frame)
+            self._ledger.update(frame.events)
+            for specification in self._specifications:
+                specification.update(frame)
         self.frame = frame
         self.ended = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
         return frame

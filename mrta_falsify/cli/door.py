@@ -16,7 +16,7 @@ import click
 
 from mrta_falsify.cli import stopping
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.interruption import Interrupted
+from mrta_falsify.core.interruption import Interrupted, heard
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
@@ -78,7 +78,8 @@ class Door(click.Group):
         extra: dict[str, Any],
     ) -> int:
         try:
-            result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            with heard():
+                result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx is not None else prog_name

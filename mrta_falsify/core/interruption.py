@@ -25,6 +25,29 @@ class Interrupted(KeyboardInterrupt):
         self.missing = missing
 
 
+def is_interruption(error: BaseException) -> bool:
+    """Say whether an exception is Ctrl-C, or what compiled code has made of it.
+
+    Ctrl-C that comes while a compiled function asks Python for the type of an argument becomes a
+    SystemError, "returned a result with an exception set", with Ctrl-C as its cause.
+    """
+    found: BaseException | None = error
+    while found is not None and not isinstance(found, KeyboardInterrupt):
+        found = found.__cause__ if isinstance(found, SystemError) else None
+    return found is not None
+
+
+@contextlib.contextmanager
+def heard() -> Iterator[None]:
+    """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
+    try:
+        yield
+    except SystemError as error:
+        if is_interruption(error):
+            raise KeyboardInterrupt from error
+        raise
+
+
 @contextlib.contextmanager
 def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
     """Let an interruption inside say what is kept and what is missing.
@@ -36,7 +59,8 @@ def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
         Interrupted: in place of any KeyboardInterrupt that does not say it yet.
     """
     try:
-        yield
+        with heard():
+            yield
     except Interrupted:
         raise
     except KeyboardInterrupt:

@@ -26,6 +26,7 @@ from mrta_falsify.campaigns.store import (
 )
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
@@ -200,7 +201,7 @@ def run_store(
     began = time.monotonic()
     ended: Ended | Literal["interrupted"]
     try:
-        with open_executor(store.settings, executor) as opened:
+        with heard(), open_executor(store.settings, executor) as opened:
             progress, ended = run_campaign(
                 store, limits, opened, on_record=on_record, on_told=on_told
             )
