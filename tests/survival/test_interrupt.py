@@ -57,10 +57,10 @@ CASES = {
         again=("campaign", "--resume", "new", "--workers", "2"),
     ),
     "compare": Case(
-        ("compare", "small.scenic", "-o", "new", "--budget", "3", "--repeats", "2", "--workers",
+        ("compare", "small.scenic", "-o", "new", "--budget", "2", "--repeats", "1", "--workers",
          "2", "--samplers", "random,auto", "--all-failures", *STACK),
         ("new/comparison.png",),
-        ("compare", "small.scenic", "-o", "new", "--budget", "3", "--repeats", "2", "--workers",
+        ("compare", "small.scenic", "-o", "new", "--budget", "2", "--repeats", "1", "--workers",
          "2", "--samplers", "random,auto", "--all-failures", *STACK, "--resume"),
     ),
     "replay": Case(("replay", "c", "{id}", "--verify", "3"), ("c/trials/{id}/verify.json",)),
