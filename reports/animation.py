@@ -91,7 +91,7 @@ def write_mp4(view: RunView, path: Path) -> None:
     """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ConfigError(
-            f"{path}: MP4 needs the extra `video`; use --gif, or run: "
+            f"{path.name}: MP4 needs the extra `video`; use --gif, or run: "
             "pip install 'mrta-falsify[video]'"
         )
     frames = np.stack(list(_frames(view)))

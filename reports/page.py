@@ -8,6 +8,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from reports import floor_drawings, time_charts
 from reports.case_drawings import DrawnCase, draw_case
@@ -35,7 +36,7 @@ def write_page(report: ReportContents, path: Path, *, most_bytes: int = MOST_BYT
         FormatError: the file cannot be written.
     """
     try:
-        path.write_text(render_page(report, most_bytes=most_bytes), encoding="utf-8")
+        write_atomically(path, render_page(report, most_bytes=most_bytes).encode())
     except OSError as error:
         raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
 

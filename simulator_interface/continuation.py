@@ -10,6 +10,7 @@ from typing import TypeVar
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
 from simulator_interface import forking
@@ -61,11 +62,12 @@ def run_to(
     frames = episode.frames()
     offer_forecasts(specifications, episode, frames)
     try:
-        for frame in frames:
-            for specification in specifications:
-                specification.update(frame)
-            if frame.sensed.time >= time:
-                break
+        with heard():
+            for frame in frames:
+                for specification in specifications:
+                    specification.update(frame)
+                if frame.sensed.time >= time:
+                    break
         yield Running(episode=episode, frames=frames, specifications=specifications, last=frame)
     finally:
         frames.close()

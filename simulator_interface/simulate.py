@@ -14,6 +14,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
@@ -105,11 +106,11 @@ def simulate(
         stop: ends the episode at the first frame for which it returns a reason.
 
     Returns:
-        Trace, verdicts and counts. Ctrl-C ends the episode as "interrupted" and returns
-        what was seen until then.
+        Trace, verdicts and counts.
 
     Raises:
         InputError: as in :func:`frames_of`.
+        KeyboardInterrupt: Ctrl-C; an unfinished episode has no outcome.
     """
     _check_unscripted(world)
     running = EpisodeRun(
@@ -121,8 +122,6 @@ def simulate(
             frame = running.advance()
             if on_progress is not None and frame.sensed.tick % per_second == 0:
                 on_progress(frame.sensed.time)
-    except KeyboardInterrupt:
-        running.end("interrupted")
     finally:
         running.close()
     return running.outcome()
@@ -176,11 +175,12 @@ class EpisodeRun:
 
     def advance(self) -> Frame:
         """Run the next tick, recorded and judged; the run must not have ended."""
-        frame = next(self._frames)
-        self._recorder.add(frame)
-        self._contacts.update(frame)
-        for specification in self._specifications:
-            specification.update(frame)
+        with heard():
+            frame = next(self._frames)
+            self._recorder.add(frame)
+            self._contacts.update(frame)
+            for specification in self._specifications:
+                specification.update(frame)
         self.frame = frame
         self.ended = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
         return frame

@@ -73,6 +73,8 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
         limits = Limits(budget=budget, stop_after=len(judged) + 1)
         with open_store(directory, settings) as store:
             result = run_store(store, limits, local_workers(workers))
+        if result.ended == "interrupted":
+            raise KeyboardInterrupt
         new = [r for r in result.campaign.records if r.failed and r.number not in judged]
         for record in new:
             judged.add(record.number)
@@ -84,8 +86,6 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
                 break
             row["own_failures"] += 1
         row["ran"] = result.progress.ran
-        if result.ended == "interrupted":
-            raise KeyboardInterrupt
         if result.ended != "stop-after":
             break
     row["wall_s"] = round(clock.monotonic() - began, 1)

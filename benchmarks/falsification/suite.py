@@ -156,8 +156,7 @@ def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = 
             minutes = (clock.monotonic() - began) / 60.0
             print(f"{minutes:5.1f} min  {name} {done}/{total}  {text}", flush=True)
 
-        if not run_searches(plan, folder, workers=options.workers, on_search=say):
-            raise KeyboardInterrupt
+        run_searches(plan, folder, workers=options.workers, on_search=say)
 
 
 def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:

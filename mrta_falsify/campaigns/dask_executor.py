@@ -8,8 +8,10 @@ once and killed when its time is up, and a crash costs one trial and not the wor
 from __future__ import annotations
 
 import queue
+import signal
 import threading
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, cast
 
 import dask
@@ -20,6 +22,7 @@ from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
+from mrta_falsify.core.interruption import signals_held
 
 LOOPBACK = "127.0.0.1"
 CHILD_TIMEOUT = 1.0  # s between two looks at the child process
@@ -63,13 +66,15 @@ class DaskExecutor:
         address = self._options.scheduler or dask.config.get("scheduler-address", None)
         if not address:
             start: Any = distributed.LocalCluster
-            self._cluster = start(
-                n_workers=self._options.workers,
-                threads_per_worker=1,
-                processes=True,
-                host=LOOPBACK,
-                dashboard_address=f"{LOOPBACK}:0",
-            )
+            resource_tracker.ensure_running()  # its start would let signals in again
+            with signals_held(signal.SIGINT):  # Ctrl-C is this process's business
+                self._cluster = start(
+                    n_workers=self._options.workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    host=LOOPBACK,
+                    dashboard_address=f"{LOOPBACK}:0",
+                )
             address = self._cluster.scheduler_address
         try:
             connect: Any = distributed.Client

@@ -25,6 +25,7 @@ from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.interruption import is_interruption
 
 Job = dict[str, Any]
 #: runs one job; raises only if the toolkit itself fails
@@ -90,7 +91,9 @@ class SerialExecutor:
             return (Finished(number=job["number"], fate="ok", record=self._trial(job)),)
         except InputError:
             raise
-        except Exception:
+        except Exception as error:
+            if is_interruption(error):
+                raise KeyboardInterrupt from error
             text = traceback.format_exc()
             return (Finished(number=job["number"], fate="crashed", error=text),)
 

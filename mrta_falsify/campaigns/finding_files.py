@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from mrta_falsify.campaigns.store import write_atomically
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.findings import (
     Explanation,

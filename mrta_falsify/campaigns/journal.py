@@ -1,4 +1,4 @@
-"""Files of JSON rows that outlive the process, and caches of answers kept in such files.
+"""Files of JSON rows that outlive the process, and journals of finished runs in such files.
 
 A row is on disc when :func:`append_row` returns. A crash during a write loses that row and no
 other: :func:`read_rows` leaves it out, and the next row begins on a line of its own.
@@ -15,32 +15,85 @@ from typing import Any, Generic, TypeVar
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.interruption import telling
 
 A = TypeVar("A")
 
+#: of the rows of a journal. Rows of version 1, which have no number, are not believed: they may
+#: hold answers of runs that were interrupted.
+JOURNAL_VERSION = 2
 
-class AnswerCache(Generic[A]):
-    """Answers of runs by key, each on disc before it is used, so that a second call goes on."""
 
-    def __init__(self, kind: type[A], path: Path | None) -> None:
+class RunJournal(Generic[A]):
+    """Answers of finished runs by key, each on disc before it is used.
+
+    A command that was stopped early goes on from its journal when it is called again, and comes
+    to the same result. Only complete answers are kept, and only those of the same code are read.
+    """
+
+    def __init__(self, kind: type[A], path: Path | None, *, code: str = "") -> None:
         """Read the answers of earlier calls.
 
         Args:
-            kind: of the answers, a dataclass; its fields are the columns of a row.
-            path: of the file; None keeps nothing. A damaged row costs one run.
+            kind: of the answers, a dataclass.
+            path: of the file, which journals of other kinds may share; None keeps nothing. A
+                damaged row costs one run.
+            code: digest of the code that the answers come from; rows of other code are left out.
         """
         self.answers: dict[str, A] = {}
         self._path = path
+        self._head = {"version": JOURNAL_VERSION, "kind": kind.__name__, "code": code}
         for row in read_rows(path) if path is not None else ():
+            if any(row.get(name) != value for name, value in self._head.items()):
+                continue
             with contextlib.suppress(InputError, KeyError):
-                key = str(row.pop("run"))
-                self.answers[key] = codec.decode(kind, row, where=str(path))
+                self.answers[row["run"]] = codec.decode(kind, row["answer"], where=str(path))
 
-    def keep(self, key: str, answer: A) -> None:
-        """Remember the answer of a run."""
+    def keep(self, key: str, answer: A) -> A:
+        """Keep the answer of a run, and return it.
+
+        Where the file cannot be written, it is kept for this process only.
+        """
         if self._path is not None:
-            append_row(self._path, {"run": key, **codec.encode(answer)})
+            try:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                append_row(self._path, {**self._head, "run": key, "answer": codec.encode(answer)})
+            except OSError:
+                self._path = None
         self.answers[key] = answer
+        return answer
+
+    def discard(self) -> None:
+        """Delete the file, once what it was kept for has its result."""
+        if self._path is not None:
+            with contextlib.suppress(OSError):
+                self._path.unlink(missing_ok=True)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether answers outlive this process."""
+        return self._path is not None
+
+
+@contextlib.contextmanager
+def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
+    """Let an interruption inside say which finished runs are kept.
+
+    Args:
+        what: has no result yet.
+        journals: that hold its runs.
+
+    Raises:
+        Interrupted: in place of KeyboardInterrupt.
+    """
+
+    def state() -> tuple[str, str]:
+        count = sum(len(journal.answers) for journal in journals if journal.is_kept)
+        kept = f"{count} finished run{'' if count == 1 else 's'}" if count else "nothing"
+        return kept, f"{what} has no result; the same command goes on"
+
+    with telling(state):
+        yield
 
 
 def read_rows(path: Path) -> Iterator[dict[str, Any]]:

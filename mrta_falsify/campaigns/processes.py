@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
-import signal
 import threading
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import connection
+from typing import Any
+
+from mrta_falsify.core.interruption import signals_held
 
 
-def spawned(workers: int, *, hear_interrupts: bool = False) -> ProcessPoolExecutor:
-    """Start a pool of fresh processes that end with this one, however it ends.
+class _Pool(ProcessPoolExecutor):
+    """A pool whose processes never hear what stops a command, not even while they start."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        with signals_held():  # processes start here, and what is held back stays so in them
+            return super().submit(fn, *args, **kwargs)
+
+
+@contextlib.contextmanager
+def spawned(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool of fresh processes that end with this one, however it ends.
+
+    They do not hear Ctrl-C. An exception inside, Ctrl-C too, kills them and what they run.
 
     Args:
         workers: at most; each starts when there is work for it.
-        hear_interrupts: Ctrl-C reaches the processes too. Otherwise what runs then is finished.
     """
-    return ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_begin,
-        initargs=(hear_interrupts,),
-    )
+    others = set(multiprocessing.active_children())
+    pool = _Pool(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - others:
+            process.kill()
+        pool.shutdown(cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
-def _begin(hear_interrupts: bool) -> None:
-    if not hear_interrupts:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _begin() -> None:
     parent = multiprocessing.parent_process()
 
     def wait() -> None:

@@ -30,7 +30,7 @@ from mrta_falsify.core.seeding import candidate_seed
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
-Ended = Literal["budget", "stop-after", "interrupted"]
+Ended = Literal["budget", "stop-after"]
 
 
 class Executor(Protocol):
@@ -169,17 +169,23 @@ def run_campaign(
         on_told: called when the sampler knows a record, in number order.
 
     Returns:
-        Counts over all told records and why it ended. Ctrl-C ends it as "interrupted".
+        Counts over all told records and why it ended.
 
     Raises:
         StoreError: what is stored does not belong to these settings; the disc is full.
         InputError: no proposal is accepted any more.
+        KeyboardInterrupt: Ctrl-C; all finished trials are in the store.
     """
     loop = _Loop(store, limits, executor, on_record, on_told)
-    try:
-        return loop.progress, loop.run()
-    except KeyboardInterrupt:
-        return loop.progress, "interrupted"
+    return loop.progress, loop.run()
+
+
+def stored_progress(store: Store, limits: Limits) -> Progress:
+    """Count all that is stored, whether or not the sampler has been told."""
+    progress = Progress(limits)
+    for number in sorted(store.finished):
+        progress.take(store.finished[number])
+    return progress
 
 
 class _Loop:

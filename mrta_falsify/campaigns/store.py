@@ -7,7 +7,8 @@
     lock                 held (flock) by the one owner; says who
     trials/0042/         world.json and trace.zip of trials worth keeping
 
-A record counts once its line is on disc (fsync). The next owner cuts off a torn last line, which
+A record counts once its line is on disc (fsync). A record of an older version whose run was
+interrupted does not count: its trial is run again. The next owner cuts off a torn last line, which
 only a crash during the write leaves behind. Any other damage is an error that names the line, and
 nothing is changed.
 """
@@ -28,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import sync_directory, write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.record import TrialRecord
 
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 SETTINGS, RECORDS, LOCK, TRIALS = "campaign.json", "records.jsonl", "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
 MOST_DIGITS = 18  # of a trial's id
+INTERRUPTED = "interrupted"  # why a run ended that older versions stored: it is no answer
 
 
 class StoreError(InputError):
@@ -101,26 +104,6 @@ def trial_folder(directory: Path, number: int) -> Path:
     return directory / TRIALS / f"{number:04d}"
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also after a power cut."""
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
-    sync_directory(path.parent)
-
-
-def sync_directory(directory: Path) -> None:
-    """Make renames and new files in ``directory`` durable."""
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 # --- lines -------------------------------------------------------------------------------
 
 
@@ -154,11 +137,13 @@ def _records(path: Path) -> tuple[list[TrialRecord], int]:
                 f"{_checksum(text)!r}); restore the file, or cut the line out to run its trial anew"
             )
         record = codec.decode(TrialRecord, json.loads(text), where=where)
+        sound += len(raw)
+        if record.ended == INTERRUPTED:
+            continue
         if record.number in seen:
             raise StoreError(f"{where}: trial {record.id} is in the log twice")
         seen.add(record.number)
         records.append(record)
-        sound += len(raw)
     return records, sound
 
 
@@ -323,6 +308,9 @@ class Store:
                 f"{self.directory / RECORDS}: cannot be written: {error.strerror}; trial "
                 f"{record.id} is not stored, all earlier ones are. Make room, then --resume"
             ) from None
+        except BaseException:
+            os.ftruncate(self._log, before)  # an interruption leaves no half line
+            raise
         self.finished[record.number] = record
 
     def keep_budget(self, budget: int) -> None:

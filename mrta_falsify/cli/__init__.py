@@ -5,6 +5,10 @@ the value. Options carry the names of that function's parameters, so a command h
 they are; a test compares the two.
 """
 
-from mrta_falsify.cli.group import main
+from mrta_falsify.cli import stopping
+
+stopping.listen_while_loading()
+
+from mrta_falsify.cli.group import main  # noqa: E402 - it takes a while, and may be interrupted
 
 __all__ = ["main"]

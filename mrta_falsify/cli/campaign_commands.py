@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign
+from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import (
@@ -78,6 +78,8 @@ def campaign_command(
                 on_told=watch.on_told,
                 on_note=output.say,
             )
+    if result.ended == "interrupted":
+        say_interrupted(result)
     if style == "json":
         from mrta_falsify.verbs.campaign_summary import summarise_campaign
 

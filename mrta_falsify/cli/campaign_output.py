@@ -110,6 +110,15 @@ def _count_text(counts: Progress) -> str:
     return ", ".join(parts)
 
 
+def say_interrupted(result: CampaignResult) -> None:
+    """Say on stderr what an interrupted campaign has stored, and how to go on."""
+    place = shlex.quote(str(result.campaign.directory))
+    output.say(
+        f"interrupted: {result.progress.ran} of {result.progress.limits.budget} trials are "
+        f"stored; go on with: mrta-falsify campaign --resume {place}"
+    )
+
+
 def print_campaign(result: CampaignResult) -> None:
     """Print what a campaign found, as text."""
     from mrta_falsify.verbs.campaign_summary import (

@@ -71,7 +71,7 @@ def compare_command(scenario: str, style: str, **options: Any) -> int:
     else:
         _print_samplers(found.samplers)
         output.say(f"picture    {found.picture}")
-    return ExitCode.DONE if found.finished else ExitCode.INTERRUPTED
+    return ExitCode.DONE
 
 
 def _print_samplers(rows: tuple[SamplerRow, ...]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign
+from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import output_option, seed_option, stack_options
@@ -38,8 +38,7 @@ def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **opt
     config = load_stack(stack, settings)
     folder = make_directory(options["output"])
     click.echo(f"1. One day in PyBullet ({demo.DEMO_WORLD}, seed {seed})")
-    if not _show_day(seed, config, folder / "day"):
-        return ExitCode.INTERRUPTED
+    _show_day(seed, config, folder / "day")
     titles = {
         demo.SAMPLED_DAYS: "2. A campaign on sampled days",
         demo.PLANTED: "3. An example with a planted fault",
@@ -54,6 +53,7 @@ def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **opt
                 search, seed, config, folder, on_record=watch.on_record, on_told=watch.on_told
             )
         if result.ended == "interrupted":
+            say_interrupted(result)
             return ExitCode.INTERRUPTED
         print_campaign(result)
         results.append(result)
@@ -65,8 +65,8 @@ def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **opt
     return ExitCode.DONE
 
 
-def _show_day(seed: int, config: StackConfig, directory: Path) -> bool:
-    """Run the day and print it; False after Ctrl-C."""
+def _show_day(seed: int, config: StackConfig, directory: Path) -> None:
+    """Run the day and print it."""
     from mrta_falsify.verbs import demo
     from mrta_falsify.verbs.run import summarise_run
     from mrta_falsify.verbs.worlds import find_world
@@ -83,4 +83,3 @@ def _show_day(seed: int, config: StackConfig, directory: Path) -> bool:
     click.echo(f"picture  {day.files.picture}")
     replay = ["mrta-falsify", "run", str(day.files.world), "--stack", str(day.files.stack)]
     click.echo(f"replay   {shlex.join(replay)}")
-    return day.outcome.ended != "interrupted"

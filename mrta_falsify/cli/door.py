@@ -14,7 +14,9 @@ from typing import Any
 
 import click
 
+from mrta_falsify.cli import stopping
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.interruption import Interrupted, heard
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
@@ -40,7 +42,7 @@ class ExitCode(enum.IntEnum):
     VIOLATED = 1  #: a specification is violated
     BAD_INPUT = 2  #: the user's input or usage is wrong
     HARNESS = 3  #: the toolkit itself failed
-    INTERRUPTED = 130  #: Ctrl-C
+    INTERRUPTED = stopping.EXIT_CODE  #: Ctrl-C or SIGTERM
 
 
 class Door(click.Group):
@@ -56,8 +58,17 @@ class Door(click.Group):
         **extra: Any,
     ) -> Any:
         """Run the command line and exit with its code."""
+        if args is None:  # this process is the command
+            stopping.listen()
         _keep_stdout_ours()
-        sys.exit(self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra))
+        try:
+            code = self._exit_code(args, prog_name or "mrta-falsify", complete_var, extra)
+        except KeyboardInterrupt:  # while the end was told
+            code = ExitCode.INTERRUPTED
+        stopping.stop_listening()
+        if args is None and code == ExitCode.INTERRUPTED:
+            stopping.leave()
+        sys.exit(code)
 
     def _exit_code(
         self,
@@ -67,7 +78,8 @@ class Door(click.Group):
         extra: dict[str, Any],
     ) -> int:
         try:
-            result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            with heard():
+                result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx is not None else prog_name
@@ -79,8 +91,10 @@ class Door(click.Group):
         except InputError as error:
             _say(str(error))
             return ExitCode.BAD_INPUT
-        except (click.Abort, KeyboardInterrupt):
-            _say("interrupted")
+        except (click.Abort, KeyboardInterrupt) as error:
+            _abandon_stdout()
+            told = error.__cause__ if isinstance(error, click.Abort) else error
+            _say("interrupted" + (f": {told}" if isinstance(told, Interrupted) else ""))
             return ExitCode.INTERRUPTED
         except BrokenPipeError:
             _abandon_stdout()  # the reader of our output has gone
@@ -136,4 +150,4 @@ def save_traceback(error: BaseException) -> Path:
 
 def _say(text: str) -> None:
     one_line = " ".join(text.split())
-    click.echo(f"error: {one_line}" if one_line != "interrupted" else one_line, err=True)
+    click.echo(one_line if one_line.startswith("interrupted") else f"error: {one_line}", err=True)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import typing
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 import click
 
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
+from mrta_falsify.cli import output
 from mrta_falsify.core.codec import Rule
 from mrta_falsify.core.config import Choice
 
@@ -134,7 +136,17 @@ def seed_option(text: str = "") -> Callable[[Command], Command]:
 
 
 def format_option(command: Command) -> Command:
-    """Add ``--format text|json``, as ``style``."""
+    """Add ``--format text|json``, as ``style``; an interruption is one JSON object, too."""
+
+    @functools.wraps(command)
+    def answering(*args: Any, **options: Any) -> Any:
+        try:
+            return command(*args, **options)
+        except KeyboardInterrupt as error:
+            if options["style"] == "json":
+                output.print_json(output.interruption_data(error))
+            raise
+
     return click.option(
         "--format",
         "style",
@@ -142,7 +154,7 @@ def format_option(command: Command) -> Command:
         default="text",
         show_default=True,
         help="json prints one JSON object on stdout and nothing else there.",
-    )(command)
+    )(cast("Command", answering))
 
 
 def output_option(

@@ -7,12 +7,14 @@ import json
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.interruption import Interrupted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +27,22 @@ NEXT_LINE = 30.0  # s between two such lines
 def print_json(value: Any) -> None:
     """Print a value as one JSON object; NaN and infinity, which JSON cannot say, become null."""
     click.echo(json.dumps(codec.finite(codec.encode(value)), allow_nan=False))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterruptionData:
+    """What ``--format json`` prints of a command that was interrupted."""
+
+    interrupted: bool
+    kept: str  #: in words
+    missing: str  #: in words, with how to go on
+
+
+def interruption_data(error: KeyboardInterrupt) -> InterruptionData:
+    """Describe an interruption."""
+    if isinstance(error, Interrupted):
+        return InterruptionData(interrupted=True, kept=error.kept, missing=error.missing)
+    return InterruptionData(interrupted=True, kept="", missing="")
 
 
 def stdout() -> Console:

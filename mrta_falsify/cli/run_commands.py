@@ -81,8 +81,6 @@ def run_command(
         print_run(summary)
     if directory is not None:
         output.print_files(directory)
-    if outcome.ended == "interrupted":
-        return ExitCode.INTERRUPTED
     refuse_unjudgeable(outcome.verdicts)
     broken = any(verdict.violated for verdict in outcome.verdicts)
     return ExitCode.VIOLATED if broken else ExitCode.DONE

@@ -86,7 +86,7 @@ class Trace:
     paths: tuple[PathChange, ...]
     events: tuple[StackEvent, ...]
     edges: tuple[EdgeSpan, ...]
-    ended: str  #: why the episode ended: "all-tasks-done", "horizon", "decided", "interrupted"
+    ended: str  #: why the episode ended: "all-tasks-done", "horizon", "decided"
     digest: str  #: sha256 over every frame and the reason of the end
 
     def __len__(self) -> int:

@@ -19,6 +19,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.directives import Directive
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError, WorldError
 from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.world_checks import check_world
@@ -253,7 +254,7 @@ def read_world(path: Path) -> World:
 
 def write_world(world: World, path: Path) -> None:
     """Write ``world`` as canonical JSON; two equal worlds give equal bytes."""
-    path.write_text(codec.canonical_json(world) + "\n", encoding="utf-8")
+    write_atomically(path, (codec.canonical_json(world) + "\n").encode())
 
 
 def without_actors(world: World) -> World:

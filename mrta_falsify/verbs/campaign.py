@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign
+from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_progress
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
     DEFAULTS,
@@ -25,6 +26,7 @@ from mrta_falsify.campaigns.store import (
 )
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
@@ -46,7 +48,7 @@ class CampaignResult:
 
     campaign: Campaign
     progress: Progress
-    ended: Ended
+    ended: Ended | Literal["interrupted"]
     wall_s: float
 
 
@@ -194,16 +196,17 @@ def run_store(
 ) -> CampaignResult:
     """Run an open campaign within limits, as :func:`~mrta_falsify.campaigns.runner.run_campaign`.
 
-    Ctrl-C ends it as ``interrupted``.
+    Ctrl-C ends it as ``interrupted``, with counts over all that is stored.
     """
     began = time.monotonic()
+    ended: Ended | Literal["interrupted"]
     try:
-        with open_executor(store.settings, executor) as opened:
+        with heard(), open_executor(store.settings, executor) as opened:
             progress, ended = run_campaign(
                 store, limits, opened, on_record=on_record, on_told=on_told
             )
     except KeyboardInterrupt:
-        progress, ended = Progress(limits), "interrupted"
+        progress, ended = stored_progress(store, limits), "interrupted"
     return CampaignResult(
         campaign=store.campaign(),
         progress=progress,

@@ -17,6 +17,8 @@ from mrta_falsify.core.record import TrialRecord
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
 
+INTERRUPTED = "the campaign was interrupted; its budget is not run out"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureMode:
@@ -68,7 +70,11 @@ class CampaignSummary:
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
     """Sum a campaign up."""
     campaign, progress = result.campaign, result.progress
-    stopped_early = bool(progress.limits.stop_after)
+    if result.ended == "interrupted":
+        probability: Probability | NoProbability = NoProbability(why_not=INTERRUPTED)
+    else:
+        stopped_early = bool(progress.limits.stop_after)
+        probability = probability_of(campaign, stopped_early=stopped_early)
     return CampaignSummary(
         budget=progress.limits.budget,
         ran=progress.ran,
@@ -82,7 +88,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         not_judged=unjudged_counts(campaign),
         best_score=progress.best if progress.ran > progress.errors else None,
         screening=screening_agreement(campaign),
-        probability=probability_of(campaign, stopped_early=stopped_early),
+        probability=probability,
         sim_hours=round(progress.sim_time / 3600.0, 4),
         wall_s=round(result.wall_s, 3),
         ended=result.ended,

@@ -27,9 +27,8 @@ from mrta_falsify.verbs.workers import count_cores
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What a comparison of samplers has found so far."""
+    """What a comparison of samplers has found."""
 
-    finished: bool  #: False after Ctrl-C
     budget: int
     samplers: tuple[SamplerRow, ...]
     picture: str  #: file with the survival curves
@@ -74,6 +73,7 @@ def compare(
 
     Raises:
         InputError: anything of it is wrong; a directory that holds something else.
+        Interrupted: Ctrl-C; finished trials are kept.
     """
     from reports.figure_searches import write_searches  # noqa: PLC0415 - matplotlib loads slowly
 
@@ -81,7 +81,7 @@ def compare(
     _check_samplers(samplers)
     if resume:
         check_is_comparison(directory)
-    elif any(make_directory(directory).iterdir()):
+    elif any(path.suffix != ".part" for path in make_directory(directory).iterdir()):
         raise StoreError(f"{directory}: is not empty; go on with it by --resume")
     plan = ComparisonPlan(
         settings=new_settings(
@@ -99,12 +99,11 @@ def compare(
         first_seed=seed,
         stop_after=0 if all_failures else 1,
     )
-    finished = run_searches(plan, directory, workers=count_cores(workers), on_search=on_search)
+    run_searches(plan, directory, workers=count_cores(workers), on_search=on_search)
     found = outcomes(plan, directory)
     picture = directory / "comparison.png"
     write_searches({Path(scenario).stem: survival_curves(found)}, budget, picture)
     return Comparison(
-        finished=finished,
         budget=budget,
         samplers=sampler_rows(found, budget),
         picture=str(picture),

@@ -6,13 +6,16 @@ its time limit can be killed.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
+from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
+from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
@@ -23,7 +26,7 @@ from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
-from mrta_falsify.worker import rerun
+from mrta_falsify.worker import rerun, specifications_of
 from scenic_worlds.variation import jitter_world
 
 #: no place: the copy has no place for its robots; refused: the world cannot be run
@@ -31,6 +34,7 @@ RunFate: TypeAlias = Literal["ran", "timeout", "no place", "refused"]
 
 WAIT = 1.0  # s between two looks at overdue workers
 STORED = -1  # number of the stored world among its jittered copies
+JOURNAL_NAME = "corpus.journal.jsonl"  # in the campaign, until all rows are finished
 
 
 # --- the changed stack ---------------------------------------------------------------------
@@ -81,26 +85,71 @@ def recheck(
     Raises:
         InputError: a stored world is missing or damaged.
         HarnessError: a run crashed.
+        Interrupted: Ctrl-C; finished runs are kept for the next call.
     """
     failures = [record for record in campaign.records if record.failed]
-    asked = [(record, copy) for record in failures for copy in (STORED, *range(jittered))]
-    runs: dict[str, dict[int, RecheckRun]] = {record.id: {} for record in failures}
-    rows: dict[str, Recheck] = {}
     settings = _settings(campaign, config, time_limit)
-    executor = local_workers(min(workers, max(1, len(asked))))
+    trials = settings.trials
+    code = code_digest(trials.stack, specifications_of(trials))
+    journal = RunJournal(RecheckRun, campaign.directory / JOURNAL_NAME, code=code)
+    found = _Collected(copies=1 + jittered, on_done=on_done)
+    asked = [_Asked(record, copy) for record in failures for copy in (STORED, *range(jittered))]
+    with going_on(f"corpus of {len(failures)} failures", journal):
+        digest = codec.digest(settings)
+        keys = [codec.digest([digest, one.record, one.copy]) for one in asked]
+        missing: dict[_Asked, str] = {}
+        for one, key in zip(asked, keys, strict=True):
+            if key in journal.answers:
+                found.take(one, journal.answers[key])
+            else:
+                missing[one] = key
+        with contextlib.closing(_runs(settings, tuple(missing), workers)) as runs:
+            for one, run in runs:
+                found.take(one, journal.keep(missing[one], run))
+    journal.discard()
+    return tuple(found.rows[record.id] for record in failures)
+
+
+class _Asked(NamedTuple):
+    """A run of a stored failure, or of a copy of it."""
+
+    record: TrialRecord
+    copy: int  #: seed of the copy; ``STORED`` for the world itself
+
+
+def _runs(
+    settings: CampaignSettings, asked: Sequence[_Asked], workers: int
+) -> Generator[tuple[_Asked, RecheckRun], None, None]:
+    """Run what is asked for in workers, and yield the runs in the order in which they end."""
     if not asked:
-        return ()
-    with open_executor(settings, executor) as opened:
+        return
+    with open_executor(settings, local_workers(min(workers, len(asked)))) as opened:
         for number, (record, copy) in enumerate(asked):
             opened.submit({"number": number, "record": codec.encode(record), "copy": copy})
-        while len(rows) < len(failures):
+        left = len(asked)
+        while left:
             for finished in opened.collect(WAIT):
-                record, copy = asked[finished.number]
-                runs[record.id][copy] = _run_of(finished, record)
-                if len(runs[record.id]) == 1 + jittered:
-                    rows[record.id] = _row(record, runs[record.id])
-                    on_done(rows[record.id])
-    return tuple(rows[record.id] for record in failures)
+                left -= 1
+                one = asked[finished.number]
+                yield one, _run_of(finished, one.record)
+
+
+@dataclass(frozen=True, slots=True)
+class _Collected:
+    """The runs of all failures, and the rows of those whose runs are complete."""
+
+    copies: int  #: runs of each failure
+    on_done: Callable[[Recheck], None]
+    rows: dict[str, Recheck] = field(default_factory=dict)  #: by trial
+    _runs: dict[str, dict[int, RecheckRun]] = field(default_factory=dict)
+
+    def take(self, one: _Asked, run: RecheckRun) -> None:
+        record = one.record
+        runs = self._runs.setdefault(record.id, {})
+        runs[one.copy] = run
+        if len(runs) == self.copies:
+            self.rows[record.id] = _row(record, runs)
+            self.on_done(self.rows[record.id])
 
 
 def counts_by_fate(rows: Sequence[Recheck]) -> dict[RecheckFate, int]:

@@ -91,9 +91,11 @@ def demo(
     world = find_world(DEMO_WORLD, seed=seed)
     load_compiled_code(world, config)
     day = run_day(world, config, folder / "day")
-    results = [run_search(search, seed, config, folder) for search in (SAMPLED_DAYS, PLANTED)]
-    if "interrupted" in (day.outcome.ended, *(result.ended for result in results)):
-        raise KeyboardInterrupt
+    results = []
+    for search in (SAMPLED_DAYS, PLANTED):
+        results.append(run_search(search, seed, config, folder))
+        if results[-1].ended == "interrupted":
+            raise KeyboardInterrupt
     return DemoResult(
         day=day,
         campaign=results[0],

@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
+from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
+from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.settings import FORMAT_VERSION
 from mrta_falsify.campaigns.store import Campaign, format_version
+from mrta_falsify.core import codec
 from mrta_falsify.core.difference import Difference, first_difference
 from mrta_falsify.core.findings import ReplayCheck
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import read_trace
-from mrta_falsify.trial import Judged
+from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
-from mrta_falsify.worker import rerun
+from mrta_falsify.worker import rerun, specifications_of
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
+JOURNAL_NAME = "verify.journal.jsonl"  # beside the trial, until all its runs are finished
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayRun:
+    """What one run of a stored trial gave."""
+
+    trace_digest: str
+    violations: dict[str, float | None]  #: time [s] by specification that is violated
+    difference: Difference | None = None  #: from the kept trace, if it is another one
+
+    @property
+    def failed(self) -> bool:
+        """Whether a specification is violated."""
+        return bool(self.violations)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,7 +43,7 @@ class Replay:
     """Runs of one stored trial, compared with its record."""
 
     record: TrialRecord
-    runs: tuple[Judged, ...]
+    runs: tuple[ReplayRun, ...]
     same_digest: int  #: runs with the recorded trace digest
     same_verdicts: int  #: runs that violate the same specifications at the same times
     same_version: bool  #: of the toolkit, and of the format of the campaign
@@ -56,35 +75,63 @@ def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
+        Interrupted: Ctrl-C; finished runs are kept for the next call, and nothing is stored.
     """
     campaign = open_campaign(directory)
-    result = replay_trial(campaign, campaign.record(str(id)), times=verify)
-    store_replay(campaign, result)
+    record = campaign.record(str(id))
+    trials = campaign.settings.trials
+    code = code_digest(trials.stack, specifications_of(trials))
+    journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)
+    with going_on(f"replay {record.id}", journal):
+        result = replay_trial(campaign, record, times=verify, journal=journal)
+        store_replay(campaign, result)
+    journal.discard()
     return result
 
 
-def replay_trial(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay:
-    """Run a stored trial again ``times`` times.
+def replay_trial(
+    campaign: Campaign,
+    record: TrialRecord,
+    *,
+    times: int = 1,
+    journal: RunJournal[ReplayRun] | None = None,
+) -> Replay:
+    """Run a stored trial again ``times`` times, but for the runs in ``journal``.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
     """
     world = stored_world(campaign, record)
-    runs = tuple(rerun(campaign.settings.trials, record, world) for _ in range(times))
-    others = [r.outcome.trace for r in runs if r.outcome.trace.digest != record.trace_digest]
-    stored = campaign.folder(record) / "trace.zip"
-    difference = None
-    if others and stored.is_file():
-        difference = first_difference(read_trace(stored), others[0])
+    journal = journal or RunJournal(ReplayRun, None)
+    runs = []
+    for number in range(times):
+        key = codec.digest([record, campaign.settings.trials, number])
+        known = journal.answers.get(key)
+        runs.append(known or journal.keep(key, _run(campaign, record, world)))
     wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
-    violations = [{v.spec: v.violated_at for v in r.verdicts if v.violated} for r in runs]
+    differences = [run.difference for run in runs if run.trace_digest != record.trace_digest]
     return Replay(
         record=record,
-        runs=runs,
-        same_digest=sum(r.outcome.trace.digest == record.trace_digest for r in runs),
-        same_verdicts=sum(found == wanted for found in violations),
+        runs=tuple(runs),
+        same_digest=sum(run.trace_digest == record.trace_digest for run in runs),
+        same_verdicts=sum(run.violations == wanted for run in runs),
         same_version=_is_same_version(campaign, record),
         same_machine=record.versions == versions(),
+        difference=differences[0] if differences else None,
+    )
+
+
+def _run(campaign: Campaign, record: TrialRecord, world: World) -> ReplayRun:
+    """Run a stored trial once and compare it with its trace, if that was kept."""
+    judged = rerun(campaign.settings.trials, record, world)
+    trace = judged.outcome.trace
+    stored: Path = campaign.folder(record) / "trace.zip"
+    difference = None
+    if trace.digest != record.trace_digest and stored.is_file():
+        difference = first_difference(read_trace(stored), trace)
+    return ReplayRun(
+        trace_digest=trace.digest,
+        violations={v.spec: v.violated_at for v in judged.verdicts if v.violated},
         difference=difference,
     )
 
@@ -136,7 +183,7 @@ def summarise_replay(result: Replay) -> ReplaySummary:
         same_machine=result.same_machine,
         first_difference=result.difference,
         trace_digest=result.record.trace_digest,
-        trace_digests=tuple(run.outcome.trace.digest for run in result.runs),
+        trace_digests=tuple(run.trace_digest for run in result.runs),
         failed=tuple(run.failed for run in result.runs),
         signature=result.record.signature,
     )

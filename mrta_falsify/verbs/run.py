@@ -18,7 +18,9 @@ from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict, VerdictOutcome
@@ -35,6 +37,17 @@ if TYPE_CHECKING:
     from simulator_interface.simulate import Outcome, TaskCount
 
 UNTOLD = "the stack does not tell"
+#: files of a run; it is there if its verdicts are
+VERDICTS = "verdicts.json"
+OTHER_FILES = (
+    "world.json",
+    "stack.yaml",
+    "trace.zip",
+    "picture.png",
+    "report.html",
+    "run.gif",
+    "run.mp4",
+)
 SHOW_WINDOW = "engine.gui=true"  # the setting that ``--gui`` stands for
 
 
@@ -76,6 +89,7 @@ def run(
 
     Raises:
         InputError: the world cannot be run, or a name is unknown.
+        Interrupted: Ctrl-C; there is no verdict, and nothing is written.
     """
     if (gif or mp4) and output is None:
         raise ConfigError("gif and mp4 need an output directory")
@@ -91,10 +105,31 @@ def run(
         specifications=tuple(specs) or default_specifications(),
         scene=world.scene,
     )
-    outcome = run_job(job, keep_trace=keep_trace, on_progress=on_progress)
-    if output is not None:
-        write_run(outcome, world.world, output, config=config, gif=gif, mp4=mp4)
+    clock = _Clock(world.world, on_progress)
+    with telling(clock.state):
+        outcome = run_job(job, keep_trace=keep_trace, on_progress=clock.show)
+        if output is not None:
+            write_run(outcome, world.world, output, config=config, gif=gif, mp4=mp4)
     return outcome
+
+
+class _Clock:
+    """Knows how far a run has come."""
+
+    def __init__(self, world: World, on_progress: Callable[[float], None] | None) -> None:
+        self._time = 0.0
+        self._world = world
+        self._on_progress = on_progress
+
+    def show(self, time: float) -> None:
+        self._time = time
+        if self._on_progress is not None:
+            self._on_progress(time)
+
+    def state(self) -> tuple[str, str]:
+        horizon = f"of at most {self._world.horizon:.0f} s"
+        came = f"{self._world.name} came to {self._time:.0f} s {horizon}"
+        return "nothing", f"{came} and has no verdict; the same command begins anew"
 
 
 # --- what is printed ---------------------------------------------------------------------
@@ -222,34 +257,50 @@ def write_run(
     Raises:
         InputError: the directory cannot be made.
     """
+    config = config or StackConfig()
+    folder = make_directory(Path(directory))
+    files = _files_in(folder, gif=gif, mp4=mp4)
+    with staged(folder, mark=VERDICTS, others=OTHER_FILES) as stage:
+        _write_files(outcome, world, config, written=_files_in(stage, gif=gif, mp4=mp4), kept=files)
+    return files
+
+
+def _files_in(folder: Path, *, gif: bool, mp4: bool) -> RunFiles:
+    world, stack, trace, picture, report, animation, video = (folder / name for name in OTHER_FILES)
+    return RunFiles(
+        directory=folder,
+        world=world,
+        stack=stack,
+        trace=trace,
+        verdicts=folder / VERDICTS,
+        picture=picture,
+        report=report,
+        gif=animation if gif else None,
+        mp4=video if mp4 else None,
+    )
+
+
+def _write_files(
+    outcome: Outcome, world: World, config: StackConfig, *, written: RunFiles, kept: RunFiles
+) -> None:
+    """Write the files of a run to ``written``; the report names them as ``kept``."""
     from reports import animation, page, run_picture  # noqa: PLC0415 - matplotlib loads slowly
     from reports.run_report import report_of_run  # noqa: PLC0415
 
-    config = config or StackConfig()
-    folder = make_directory(Path(directory))
-    files = RunFiles(
-        directory=folder,
-        world=folder / "world.json",
-        stack=folder / "stack.yaml",
-        trace=folder / "trace.zip",
-        verdicts=folder / "verdicts.json",
-        picture=folder / "picture.png",
-        report=folder / "report.html",
-        gif=folder / "run.gif" if gif else None,
-        mp4=folder / "run.mp4" if mp4 else None,
+    write_world(world, written.world)
+    written.stack.write_text(
+        yaml.safe_dump(codec.encode(config), sort_keys=False), encoding="utf-8"
     )
-    write_world(world, files.world)
-    files.stack.write_text(yaml.safe_dump(codec.encode(config), sort_keys=False), encoding="utf-8")
-    write_trace(outcome.trace, files.trace)
+    write_trace(outcome.trace, written.trace)
     text = json.dumps(finite(codec.encode(outcome.verdicts)), indent=1, allow_nan=False)
-    files.verdicts.write_text(text + "\n", encoding="utf-8")
+    written.verdicts.write_text(text + "\n", encoding="utf-8")
     view = view_of(outcome, world, config)
-    run_picture.write_picture(view, files.picture)
-    if files.gif is not None:
-        animation.write_gif(view, files.gif)
-    if files.mp4 is not None:
-        animation.write_mp4(view, files.mp4)
-    command = ["mrta-falsify", "run", str(files.world), "--stack", str(files.stack)]
+    run_picture.write_picture(view, written.picture)
+    if written.gif is not None:
+        animation.write_gif(view, written.gif)
+    if written.mp4 is not None:
+        animation.write_mp4(view, written.mp4)
+    command = ["mrta-falsify", "run", str(kept.world), "--stack", str(kept.stack)]
     speed = outcome.sim_time / max(outcome.wall_s, 1e-9)
     computed = ("computed in", f"{outcome.wall_s:.1f} s ({speed:.1f}x real time)")
     report = report_of_run(
@@ -257,13 +308,12 @@ def write_run(
         command=shlex.join(command),
         stack=yaml.safe_dump(codec.encode(config), sort_keys=False),
         versions=versions(),
-        picture=files.picture,
-        animation=files.gif,
+        picture=written.picture,
+        animation=written.gif,
         first=leading(outcome.verdicts),
         layer=suspected_layer(outcome.verdicts, outcome.trace),
     )
-    page.write_page(report, files.report)
-    return files
+    page.write_page(report, written.report)
 
 
 def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:

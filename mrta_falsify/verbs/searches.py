@@ -18,10 +18,12 @@ from typing import Any
 from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.runner import Progress
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
-from mrta_falsify.campaigns.store import SETTINGS, StoreError, write_atomically
+from mrta_falsify.campaigns.store import SETTINGS, StoreError
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.interruption import telling
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -72,7 +74,7 @@ def run_searches(
     *,
     workers: int = 1,
     on_search: OnSearch = lambda done, total, text: None,
-) -> bool:
+) -> None:
     """Run the searches that are missing; call again to go on.
 
     Args:
@@ -81,39 +83,35 @@ def run_searches(
         workers: searches at a time, each in a process of its own.
         on_search: called after each with the number done, the total and a line about it.
 
-    Returns:
-        Whether all have ended; False after Ctrl-C.
-
     Raises:
         StoreError: ``directory``, or a search in it, belongs to another plan.
         HarnessError: a process died; what it had finished is kept.
+        Interrupted: Ctrl-C; finished trials are kept, also those of unfinished searches.
     """
     _mark(plan, directory)
     searches = plan.searches(directory)
     missing = [search for search in searches if not _has_ended(plan, search[2])]
     done = len(searches) - len(missing)
-    pool = spawned(workers, hear_interrupts=True)  # a search takes minutes
+
+    def state() -> tuple[str, str]:
+        kept = f"{done} of {len(searches)} searches, and the finished trials of the others"
+        return kept, f"{directory} is not complete; go on with --resume"
+
     try:
-        asked = {
-            pool.submit(_search, _settings(plan, name, seed, folder), plan.limits): (name, seed)
-            for name, seed, folder in missing
-        }
-        for future in as_completed(asked):
-            name, seed = asked[future]
-            text = future.result()
-            if text is None:
-                return False
-            done += 1
-            on_search(done, len(searches), f"{name}, seed {seed}: {text}")
-    except KeyboardInterrupt:
-        return False
+        with telling(state), spawned(workers) as pool:
+            asked = {
+                pool.submit(_search, _settings(plan, name, seed, folder), plan.limits): (name, seed)
+                for name, seed, folder in missing
+            }
+            for future in as_completed(asked):
+                name, seed = asked[future]
+                text = future.result()
+                done += 1
+                on_search(done, len(searches), f"{name}, seed {seed}: {text}")
     except BrokenProcessPool:
         raise HarnessError(
             f"{directory}: a process that ran searches has died; go on with --resume"
         ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return True
 
 
 def outcomes(
@@ -130,12 +128,12 @@ def outcomes(
     return {name: rows for name, rows in found.items() if rows}
 
 
-def _search(settings: CampaignSettings, limits: Limits) -> str | None:
-    """Run one search, or what is missing of it, here; a line about it, None after Ctrl-C."""
+def _search(settings: CampaignSettings, limits: Limits) -> str:
+    """Run one search, or what is missing of it, here; return a line about it."""
     with open_store(Path(settings.trials.directory), settings) as store:
         result = run_store(store, limits, Choice("serial"))
     if result.ended == "interrupted":
-        return None
+        raise KeyboardInterrupt
     progress = result.progress
     found = f"failure at {progress.first_failure}" if progress.first_failure else "no failure"
     return f"{found} in {progress.ran} trials"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,10 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
@@ -128,6 +131,7 @@ def measure_travel_times(
 
     Raises:
         InputError: fewer than two rooms, or ``samples_file`` belongs to another measurement.
+        Interrupted: Ctrl-C; finished pairs are kept in ``samples_file``.
     """
     rooms = len(world.rooms)
     if rooms < 2:
@@ -136,19 +140,24 @@ def measure_travel_times(
     title = _title(world, config, seed, iterations)
     samples = _read_samples(samples_file, title) if samples_file is not None else {}
     if samples_file is not None and not samples:
-        samples_file.write_text(title + "\n", encoding="utf-8")
+        write_atomically(samples_file, (title + "\n").encode())
     pairs = [(start, end) for start in range(rooms) for end in range(rooms) if start != end]
-    for number, (start, end) in enumerate(pairs):
-        if (start, end) not in samples:
-            trips = [
-                _drive(world, config, start, end, candidate_seed(seed, number * iterations + i))
-                for i in range(iterations)
-            ]
-            samples[start, end] = tuple(time for time in trips if time is not None)
-            if samples_file is not None:
-                _append_samples(samples_file, start, end, samples[start, end])
-        if on_progress is not None:
-            on_progress(number + 1)
+
+    def state() -> tuple[str, str]:
+        kept = f"{len(samples) if samples_file is not None else 0} of {len(pairs)} pairs of rooms"
+        return kept, "the travel times are not complete; the same command goes on"
+
+    with telling(state):
+        for number, (start, end) in enumerate(pairs):
+            if (start, end) not in samples:
+                first = number * iterations
+                seeds = [candidate_seed(seed, first + i) for i in range(iterations)]
+                trips = [_drive(world, config, start, end, one) for one in seeds]
+                samples[start, end] = tuple(time for time in trips if time is not None)
+                if samples_file is not None:
+                    _append_samples(samples_file, start, end, samples[start, end])
+            if on_progress is not None:
+                on_progress(number + 1)
     return TravelTimes(rooms=tuple(room.name for room in world.rooms), samples=samples)
 
 
@@ -176,15 +185,13 @@ class _TripClock:
 def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -> float | None:
     """Drive one trip and return its time [s]; None if the robot did not arrive."""
     clock = _TripClock()
-    outcome = simulate(
+    simulate(
         vary_world(_trip_world(world, start, end), seed),
         config,
         specifications=[clock],
         keep_trace=False,
         stop=lambda frame: "decided" if _is_given_up(frame) else "",
     )
-    if outcome.ended == "interrupted":
-        raise KeyboardInterrupt
     if clock.picked_up is None or clock.dropped_off is None:
         return None
     return round(clock.dropped_off - clock.picked_up, 6)
@@ -230,7 +237,7 @@ def write_matrix(times: TravelTimes, path: Path, statistic: str) -> None:
         for row in times.matrix(statistic)
     ]
     data = {"units": "s", "rooms": times.rooms, "statistic": statistic, "travel_time": rows}
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
 
 
 def _title(world: World, config: StackConfig, seed: int, iterations: int) -> str:
@@ -253,7 +260,7 @@ def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, 
     # A line without its end was cut off by an interruption: measure that pair again.
     whole = [line for line in lines[1:] if line.endswith("\n")]
     if len(whole) < len(lines) - 1:
-        path.write_text("".join([lines[0], *whole]), encoding="utf-8")
+        write_atomically(path, "".join([lines[0], *whole]).encode())
     try:
         rows = [[float(cell) for cell in row] for row in csv.reader(whole)]
         return {(int(row[0]), int(row[1])): tuple(row[2:]) for row in rows}
@@ -265,3 +272,4 @@ def _append_samples(path: Path, start: int, end: int, samples: tuple[float, ...]
     with path.open("a", encoding="utf-8") as file:
         file.write(",".join(map(str, (start, end, *samples))) + "\n")
         file.flush()
+        os.fsync(file.fileno())

@@ -69,7 +69,8 @@ class PyBulletSimulation(Simulation):  # type: ignore[misc]
     def _reason(self) -> str:
         if self.rejected:
             return f"rejected: {self.rejected}"
-        return f"scenic: {self.result.terminationReason}" if self.result else "interrupted"
+        assert self.result is not None, "an unfinished run has no outcome"
+        return f"scenic: {self.result.terminationReason}"
 
     @property
     def world(self) -> World:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from mrta_falsify.campaigns.journal import AnswerCache, append_row, read_rows
+from mrta_falsify.campaigns.journal import RunJournal, append_row, going_on, read_rows
+from mrta_falsify.core.interruption import Interrupted
 
 
 def test_rows_come_back_in_order(tmp_path):
@@ -44,25 +45,65 @@ class _Answer:
     time: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Other:
+    ran: bool
+    time: float | None
+
+
 def test_answers_are_known_to_the_next_cache(tmp_path):
     path = tmp_path / "answers.jsonl"
-    first = AnswerCache(_Answer, path)
+    first = RunJournal(_Answer, path)
     first.keep("a", _Answer(True, 2.5))
     first.keep("b", _Answer(False, None))
-    assert AnswerCache(_Answer, path).answers == first.answers
+    assert RunJournal(_Answer, path).answers == first.answers
 
 
 def test_a_damaged_answer_costs_one_run(tmp_path):
     path = tmp_path / "answers.jsonl"
-    AnswerCache(_Answer, path).keep("a", _Answer(True, 2.5))
-    for row in ({"run": "b", "ran": "yes", "time": 1.0}, {"ran": True, "time": 1.0}):
-        append_row(path, row)
+    RunJournal(_Answer, path).keep("a", _Answer(True, 2.5))
+    (sound,) = read_rows(path)
+    for answer in ({"ran": "yes", "time": 1.0}, {"ran": True}, None):
+        append_row(path, sound | {"run": "b", "answer": answer})
+    append_row(path, {name: value for name, value in sound.items() if name != "run"})
     with path.open("a") as file:
         file.write('{"run": "torn')
-    assert AnswerCache(_Answer, path).answers == {"a": _Answer(True, 2.5)}
+    assert RunJournal(_Answer, path).answers == {"a": _Answer(True, 2.5)}
 
 
-def test_a_cache_without_a_file_keeps_answers_for_this_process():
-    cache = AnswerCache(_Answer, None)
-    cache.keep("a", _Answer(True, None))
-    assert cache.answers == {"a": _Answer(True, None)}
+def test_a_journal_without_a_file_keeps_answers_for_this_process():
+    journal = RunJournal(_Answer, None)
+    journal.keep("a", _Answer(True, None))
+    assert journal.answers == {"a": _Answer(True, None)}
+
+
+def test_answers_of_an_older_version_or_of_other_code_are_not_believed(tmp_path):
+    path = tmp_path / "answers.jsonl"
+    append_row(path, {"run": "a", "ran": True, "time": None})  # as version 1 wrote them
+    assert RunJournal(_Answer, path, code="new").answers == {}
+    RunJournal(_Answer, path, code="old").keep("a", _Answer(True, 1.0))
+    assert RunJournal(_Answer, path, code="new").answers == {}
+    RunJournal(_Answer, path, code="new").keep("a", _Answer(True, 2.0))
+    assert RunJournal(_Answer, path, code="new").answers == {"a": _Answer(True, 2.0)}
+    assert RunJournal(_Other, path, code="new").answers == {}
+
+
+def test_where_nothing_can_be_written_answers_last_as_long_as_the_process(tmp_path):
+    (tmp_path / "file").touch()
+    journal = RunJournal(_Answer, tmp_path / "file" / "answers.jsonl")
+    journal.keep("a", _Answer(True, None))
+    assert journal.answers == {"a": _Answer(True, None)}
+    assert not journal.is_kept
+
+
+def test_an_interruption_says_what_the_journal_holds(tmp_path):
+    path = tmp_path / "answers.jsonl"
+    journal = RunJournal(_Answer, path)
+    journal.keep("a", _Answer(True, 2.5))
+    with pytest.raises(Interrupted) as told, going_on("minimize 0003", journal):
+        raise KeyboardInterrupt
+    assert told.value.kept == "1 finished run"
+    assert told.value.missing.startswith("minimize 0003 has no result")
+    assert RunJournal(_Answer, path).answers == journal.answers
+    journal.discard()
+    assert not path.exists()

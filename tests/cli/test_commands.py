@@ -11,6 +11,7 @@ import yaml
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import read_world
 from mrta_falsify.specs.library import default_specifications
@@ -187,6 +188,17 @@ def test_an_interrupted_run_exits_with_130(cli, ward_file, monkeypatch):
     result = cli("run", str(ward_file), *QUICK)
     assert result.exit_code == 130
     assert result.stderr.strip() == "interrupted"
+
+
+def test_an_interrupted_command_says_what_is_kept_and_what_is_missing(cli, ward_file, monkeypatch):
+    def interrupt(*args, **kwargs):
+        raise Interrupted(kept="nothing", missing="small_ward has no verdict")
+
+    monkeypatch.setattr(running, "run", interrupt)
+    result = cli("run", str(ward_file), *QUICK, "--format", "json")
+    assert result.exit_code == 130
+    assert result.stderr.strip() == "interrupted: small_ward has no verdict; kept: nothing"
+    assert json.loads(result.stdout)["missing"] == "small_ward has no verdict"
 
 
 def test_a_failure_of_the_toolkit_exits_with_3_and_saves_the_traceback(

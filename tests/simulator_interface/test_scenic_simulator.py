@@ -210,6 +210,12 @@ def test_own_behaviors_give_the_same_trace_again(own_behaviors):
     from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     drawn, simulation = own_behaviors
+
+    def interrupt(frame):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):  # and Scenic begins the next run from scratch
+        simulate_scene(drawn.scene, drawn.world, KINEMATIC, stop=interrupt)
     again = simulate_scene(drawn.scene, drawn.world, KINEMATIC)
     assert again.trace.digest == simulation.outcome.trace.digest
 

@@ -41,9 +41,9 @@ def test_what_is_no_comparison_is_not_gone_on_with(tmp_path, there):
 
 
 def test_a_comparison_that_was_begun_is_known_again(tmp_path):
-    assert run_searches(plan(), tmp_path)
+    run_searches(plan(), tmp_path)
     check_is_comparison(tmp_path)
-    assert run_searches(plan(), tmp_path)
+    run_searches(plan(), tmp_path)
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_pa
     for workers in (1, 2):
         folder = tmp_path / f"{workers}"
         folder.mkdir()
-        assert run_searches(whole, folder, workers=workers)
+        run_searches(whole, folder, workers=workers)
         found = outcomes(whole, folder)
         assert [len(rows) for rows in found.values()] == [2, 2]
         rows = sampler_rows(found, whole.budget)
@@ -66,10 +66,10 @@ def test_searches_side_by_side_give_the_same_table_as_one_after_the_other(tmp_pa
 @pytest.mark.slow
 def test_only_searches_that_are_missing_or_cut_short_are_run(tmp_path):
     whole = dataclasses.replace(plan(), repeats=3, budget=6, stop_after=0)
-    assert run_searches(dataclasses.replace(whole, repeats=1), tmp_path)
-    assert run_searches(dataclasses.replace(whole, repeats=2, budget=4), tmp_path)
+    run_searches(dataclasses.replace(whole, repeats=1), tmp_path)
+    run_searches(dataclasses.replace(whole, repeats=2, budget=4), tmp_path)
     lines = []
-    assert run_searches(whole, tmp_path, on_search=lambda done, total, text: lines.append(text))
+    run_searches(whole, tmp_path, on_search=lambda done, total, text: lines.append(text))
     assert [line.split(":")[0] for line in lines] == ["random, seed 1", "random, seed 2"]
     ran = [rows.trials for rows in outcomes(whole, tmp_path)["random"]]
     assert ran == [6, 6, 6]

@@ -14,6 +14,7 @@ from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import quick_stack
@@ -128,10 +129,6 @@ def test_the_same_call_gives_the_same_family(case):
     assert first.learning_runs + first.precision.trials <= 60
 
 
-class _Stopped(Exception):
-    """Stands for Ctrl-C."""
-
-
 @pytest.mark.slow
 def test_a_second_call_goes_on_where_the_first_was_interrupted(case, monkeypatch):
     campaign, record, _ = case
@@ -145,18 +142,18 @@ def test_a_second_call_goes_on_where_the_first_was_interrupted(case, monkeypatch
 
     def stop(runs):
         if runs == 7:
-            raise _Stopped
+            raise KeyboardInterrupt
 
-    with pytest.raises(_Stopped):
+    with pytest.raises(Interrupted, match="kept: 7 finished runs"):
         find_family(campaign, record, max_runs=14, fresh=4, on_run=stop)
     assert len(simulated) == 7
-    with (campaign.folder(record) / family.CACHE_NAME).open("a") as file:
+    with (campaign.folder(record) / family.JOURNAL_NAME).open("a") as file:
         file.write('{"run": "torn')
     resumed = find_family(campaign, record, max_runs=14, fresh=4)
     runs = resumed.learning_runs + resumed.precision.trials
     assert len(simulated) == runs <= 14
 
-    (campaign.folder(record) / family.CACHE_NAME).unlink()
+    (campaign.folder(record) / family.JOURNAL_NAME).unlink()
     assert find_family(campaign, record, max_runs=14, fresh=4) == resumed
     assert simulated[runs:] == simulated[:runs]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.defects import worlds
+from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import StackConfig
@@ -14,6 +15,7 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
+from mrta_falsify.verbs.minimize.reruns import SmallerRun
 from scenic_worlds.program import compile_program
 
 
@@ -72,13 +74,16 @@ def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered, 
 
 @pytest.mark.slow
 def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
-    cache = tmp_path / "cache.jsonl"
-    few = minimize_job(cluttered, max_runs=2, cache=cache)
+    path = tmp_path / "runs.jsonl"
+    few = minimize_job(cluttered, max_runs=2, journal=RunJournal(SmallerRun, path))
     assert few.finding.runs == 2
     assert not few.finding.one_minimal
     seen = []
     more = minimize_job(
-        cluttered, max_runs=4, cache=cache, on_run=lambda runs, text: seen.append(runs)
+        cluttered,
+        max_runs=4,
+        journal=RunJournal(SmallerRun, path),
+        on_run=lambda runs, text: seen.append(runs),
     )
     assert seen == [3, 4]
     assert more.finding.runs == 4
@@ -95,11 +100,13 @@ def test_several_workers_come_to_the_same_world(cluttered, alone):
 
 @pytest.mark.slow
 def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
-    cache = tmp_path / "cache.jsonl"
-    few = minimize_job(cluttered, max_runs=3, workers=2, cache=cache)
+    path = tmp_path / "runs.jsonl"
+    few = minimize_job(cluttered, max_runs=3, workers=2, journal=RunJournal(SmallerRun, path))
     assert few.finding.runs == 3
     assert not few.finding.one_minimal
-    assert minimize_job(cluttered, max_runs=4, cache=cache).finding.runs == 4
+    assert (
+        minimize_job(cluttered, max_runs=4, journal=RunJournal(SmallerRun, path)).finding.runs == 4
+    )
 
 
 def test_a_run_that_holds_cannot_be_minimised(cluttered):

@@ -93,6 +93,7 @@ class _Query:
         self._problem = problem
         self._ctx = z3.Context()  # the default one remembers earlier queries
         self._solver = z3.SolverFor("QF_UFLIA", ctx=self._ctx)
+        self._solver.set("ctrl_c", False)  # else z3 takes Ctrl-C for the end of its search
         if resource_limit:
             self._solver.set("rlimit", resource_limit)
         self._m, self._n = len(problem.tasks), len(problem.robots)

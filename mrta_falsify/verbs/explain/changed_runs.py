@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+from mrta_falsify.campaigns.journal import RunJournal
+from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, judges_of
@@ -16,21 +18,35 @@ LOOK_STRIDE = 10  # ticks between two looks at whether the failure is back
 
 
 def continued_with(
-    job: Job, verdict: Verdict, at: float, changes: Sequence[Change]
+    job: Job,
+    verdict: Verdict,
+    at: float,
+    changes: Sequence[Change],
+    journal: RunJournal[Counterfactual],
 ) -> Iterator[Counterfactual]:
-    """Run to ``at`` [s] once, and from there once for each change.
+    """Run to ``at`` [s] once, and from there once for each change that is not in the journal.
 
     Args:
         job: that fails.
         verdict: the violated one that explains the failure.
         at: when to change something [s].
         changes: to make.
+        journal: of finished continuations.
     """
     until = (verdict.violated_at or job.world.horizon) + AFTER
+    asked = [job.world, job.config, job.specifications, verdict, at]
+    missing = {codec.digest([asked, change]): change for change in changes}
+    for key in list(missing):
+        if key not in journal.answers:
+            break
+        del missing[key]
+        yield journal.answers[key]
+    if not missing:
+        return
     with run_to(job.world, job.config, judges_of(job), at) as running:
-        for change in changes:
+        for key, change in missing.items():
             changed = partial(_counterfactual, running, verdict, change, until)
-            yield running.in_a_copy(changed, Counterfactual)
+            yield journal.keep(key, running.in_a_copy(changed, Counterfactual))
 
 
 def _counterfactual(

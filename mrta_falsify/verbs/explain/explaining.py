@@ -11,14 +11,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
+from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import CopyCount, Explanation
+from mrta_falsify.core.findings import CopyCount, Counterfactual, Explanation, Removal
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, judge
@@ -30,8 +34,30 @@ from scenic_worlds.variation import jittered_worlds
 
 LEAD = 10.0  # s before the onset at which things are changed
 JITTERED = 20  # copies with small differences, as far as the runs suffice
+JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CopyRun:
+    """What the run of a copy with small differences gave."""
+
+    failed: bool
+
+
+class Journals:
+    """The finished runs of an explanation, by kind, in one file.
+
+    Args:
+        path: of the file; None keeps nothing.
+        code: digest of the code that is run.
+    """
+
+    def __init__(self, path: Path | None = None, code: str = "") -> None:
+        self.changes = RunJournal(Counterfactual, path, code=code)
+        self.removals = RunJournal(Removal, path, code=code)
+        self.copies = RunJournal(CopyRun, path, code=code)
 
 
 def explain(
@@ -51,11 +77,18 @@ def explain(
 
     Raises:
         InputError: the trial did not fail, or its world is missing.
+        Interrupted: Ctrl-C; finished runs are kept for the next call, and nothing else is written.
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
-    found = explain_job(job_of(campaign, record), max_runs=max_runs, on_done=on_done)
-    write_finding(campaign.folder(record), found)
+    job, folder = job_of(campaign, record), campaign.folder(record)
+    code = code_digest(job.config, job.specifications)
+    journals = Journals(folder / JOURNAL_NAME, code)
+    kept = (journals.changes, journals.removals, journals.copies)
+    with going_on(f"explain {record.id}", *kept):
+        found = explain_job(job, max_runs=max_runs, journals=journals, on_done=on_done)
+        write_finding(folder, found)
+    journals.changes.discard()
     return found
 
 
@@ -63,9 +96,11 @@ def explain_job(
     job: Job,
     *,
     max_runs: int = 40,
+    journals: Journals | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
     """Explain the failure of a job (see :func:`explain`)."""
+    journals = journals or Journals()
     judged = judge(job)
     verdict = leading(judged.verdicts)
     if verdict is None:
@@ -76,15 +111,15 @@ def explain_job(
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
     count = _Count(max_runs, min(max_runs, 1 + len(changes) + JITTERED), on_done)
     count.add()
-    found = tuple(count.each(continued_with(job, verdict, at, changes)))
+    found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
     if at > 0.0 and not any(one.failure_gone for one in found):
         # What was lost long before the onset is not mended by mending the layer that lost it.
         at = 0.0
-        found = tuple(count.each(continued_with(job, verdict, at, changes)))
-    removals = tuple(count.each(removals_of(job, verdict, trace, count.left)))
+        found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
+    removals = tuple(count.each(removals_of(job, verdict, trace, count.left, journals.removals)))
     if removals:
         count.add()  # the run up to the onset
-    jittered = _jittered(job, count)
+    jittered = _jittered(job, count, journals.copies)
     layer, reason = suspicion_from(found, guess)
     return Explanation(
         layer=layer,
@@ -109,11 +144,17 @@ def moment_of_change(verdict: Verdict) -> float:
     return max(0.0, (verdict.violated_at or 0.0) - LEAD)
 
 
-def _jittered(job: Job, count: _Count) -> CopyCount:
+def _jittered(job: Job, count: _Count, journal: RunJournal[CopyRun]) -> CopyCount:
     worlds = jittered_worlds(job.world, max(0, min(JITTERED, count.left)))
-    jobs = (dataclasses.replace(job, world=world) for world in worlds)
-    failed = [run.failed for run in count.each(judge(one, keep_trace=False) for one in jobs)]
+    copies = (_copy_run(dataclasses.replace(job, world=world), journal) for world in worlds)
+    failed = [run.failed for run in count.each(copies)]
     return CopyCount(runs=len(failed), failed=sum(failed))
+
+
+def _copy_run(job: Job, journal: RunJournal[CopyRun]) -> CopyRun:
+    key = codec.digest([job.world, job.config, job.specifications, job.early_stop])
+    known = journal.answers.get(key)
+    return known or journal.keep(key, CopyRun(failed=judge(job, keep_trace=False).failed))
 
 
 @dataclass(slots=True)

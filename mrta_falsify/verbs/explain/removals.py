@@ -8,6 +8,8 @@ from functools import partial
 import numpy as np
 
 from mrta_falsify.campaigns.attribution import waited_for
+from mrta_falsify.campaigns.journal import RunJournal
+from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Removal
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -19,7 +21,13 @@ from simulator_interface.continuation import Running, run_to
 GOES_ON = 1.0  # m from where it stood: a robot goes on
 
 
-def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iterator[Removal]:
+def removals_of(
+    job: Job,
+    verdict: Verdict,
+    trace: Trace,
+    max_runs: int,
+    journal: RunJournal[Removal] | None = None,
+) -> Iterator[Removal]:
     """Take away each robot of a deadlock at its onset, and each that one of them waits for.
 
     Args:
@@ -27,21 +35,31 @@ def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iter
         verdict: the violated one that explains the failure.
         trace: of the run.
         max_runs: runs at most; the run up to the onset counts as one.
+        journal: of finished continuations; those in it are not run again.
     """
+    journal = journal or RunJournal(Removal, None)
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     held = waited_for(verdict, trace)
     names = [name for name in numbers if name in held]
     onset = verdict.evidence.get("onset")
     if len(names) < 2 or not isinstance(onset, float):
         return
+    asked = [job.world, job.config, job.specifications, verdict, onset]
+    missing = {codec.digest([asked, names, n]): n for n in names[: max(0, max_runs - 1)]}
+    for key in list(missing):
+        if key not in journal.answers:
+            break
+        del missing[key]
+        yield journal.answers[key]
+    if not missing:
+        return
     with run_to(job.world, job.config, judges_of(job), onset) as running:
         if not running.episode.can_remove:
             return
-        for name in names[: max(0, max_runs - 1)]:
+        for key, name in missing.items():
             others = {other: numbers[other] for other in names if other != name}
-            yield running.in_a_copy(
-                partial(_removal, running, name, numbers[name], others), Removal
-            )
+            removed = partial(_removal, running, name, numbers[name], others)
+            yield journal.keep(key, running.in_a_copy(removed, Removal))
 
 
 def _removal(running: Running, name: str, robot: int, others: dict[str, int]) -> Removal:

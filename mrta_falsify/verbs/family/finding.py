@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import AnswerCache
+from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.statistics import failure_probability
-from mrta_falsify.campaigns.store import Campaign, write_atomically
+from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Family
 from mrta_falsify.core.record import TrialRecord
@@ -34,7 +36,8 @@ from mrta_falsify.worker import open_program, specifications_of
 if TYPE_CHECKING:
     from scenic_worlds.program import Program
 
-CACHE_NAME = "family.cache.jsonl"  # beside the trial; a second call goes on from it
+JOURNAL_NAME = "family.cache.jsonl"  # beside the trial; a second call goes on from it
+UNMEASURED = ".unmeasured.scenic"  # ending of a family's program before it is measured
 PROGRAM_NAME = "family.scenic"  # beside the trial, unless the user gives another file
 
 
@@ -63,6 +66,7 @@ def find_family(
     Raises:
         InputError: the trial did not fail, nothing of its program is random, or the program
             cannot be moved to where the family is to be written.
+        Interrupted: Ctrl-C; finished runs are kept, and nothing else is written.
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; it has no failure family")
@@ -74,19 +78,22 @@ def find_family(
     folder.mkdir(parents=True, exist_ok=True)
     path = path or folder / PROGRAM_NAME
     _check_can_move(program.path, path)
-    config = _reference_stack(campaign, record)
-    cache = AnswerCache(PointRun, folder / CACHE_NAME)
-    runs = SampleRuns(settings, program, config, record.signature, cache, on_run)
-    fresh = max(1, min(fresh, max_runs // 2))
-    search = BoxSearch(runs, _in_whole_ranges(program, record.candidate), budget=max_runs - fresh)
-    search.learn()
-    found = _learned_family(search, campaign, record, path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, program_text(found, program, record, campaign).encode())
-    found = _measured(found, runs, record.candidate.seed, fresh)
-    # once more, since the program's comment says what was measured
-    write_atomically(path, program_text(found, program, record, campaign).encode())
-    write_finding(folder, found)
+    code = code_digest(settings.stack, specifications_of(settings))
+    journal = RunJournal(PointRun, folder / JOURNAL_NAME, code=code)
+    with going_on(f"family {record.id}", journal):
+        config = _reference_stack(campaign, record)
+        runs = SampleRuns(settings, program, config, record.signature, journal, on_run)
+        fresh = max(1, min(fresh, max_runs // 2))
+        case = _in_whole_ranges(program, record.candidate)
+        search = BoxSearch(runs, case, budget=max_runs - fresh)
+        search.learn()
+        found = _learned_family(search, campaign, record, path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = program_text(found, program, record, campaign)
+        found = _measured(found, text, runs, record.candidate.seed, fresh)
+        # the comment of the program that is kept says what was measured
+        write_atomically(path, program_text(found, program, record, campaign).encode())
+        write_finding(folder, found)
     return found
 
 
@@ -158,17 +165,21 @@ def _reference_stack(campaign: Campaign, record: TrialRecord) -> StackConfig:
     return settings.stack
 
 
-def _measured(found: Family, runs: SampleRuns, seed: int, fresh: int) -> Family:
-    """Measure how often the written program fails, on ``fresh`` samples of it."""
+def _measured(found: Family, text: str, runs: SampleRuns, seed: int, fresh: int) -> Family:
+    """Measure how often the program ``text`` fails, on ``fresh`` samples of it."""
     from scenic_worlds.program import compile_program  # noqa: PLC0415 - Scenic takes seconds
 
-    program = compile_program(Path(found.program), runs.settings.params)
-    numbers = {d.name: i for i, d in enumerate(program.space.dimensions)}
-    box = {numbers[c.dimension]: (c.low, c.high) for c in found.conditions}
-    samples = [
-        runs.of(program, program.candidate(seed % SEEDS, number), box, noise_seed=found.noise_seed)
-        for number in range(fresh)
-    ]
+    path = Path(found.program)
+    unmeasured = path.with_name(f"{path.stem}{UNMEASURED}")  # beside the files that it uses
+    try:
+        unmeasured.write_text(text, encoding="utf-8")
+        program = compile_program(unmeasured, runs.settings.params)
+        numbers = {d.name: i for i, d in enumerate(program.space.dimensions)}
+        box = {numbers[c.dimension]: (c.low, c.high) for c in found.conditions}
+        candidates = [program.candidate(seed % SEEDS, number) for number in range(fresh)]
+        samples = [runs.of(program, c, box, noise_seed=found.noise_seed) for c in candidates]
+    finally:
+        unmeasured.unlink(missing_ok=True)
     decided = [sample.failed for sample in samples if sample.u is not None]
     precision = failure_probability(sum(decided), len(decided))
     return dataclasses.replace(found, precision=precision, no_scene=fresh - len(decided))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.journal import AnswerCache
+from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
@@ -44,7 +44,7 @@ class SampleRuns:
     program: Program
     config: StackConfig
     wanted: str  #: signature
-    cache: AnswerCache[PointRun]
+    journal: RunJournal[PointRun]
     on_run: Callable[[int], None]
     count: int = 0  #: samples that took a run, now or earlier
 
@@ -73,9 +73,9 @@ class SampleRuns:
             noise_seed: that ``program`` fixes.
         """
         key = self._key(candidate, box, noise_seed)
-        if key not in self.cache.answers:
-            self.cache.keep(key, self._run(program, candidate))
-        sample = self.cache.answers[key]
+        sample = self.journal.answers.get(key)
+        if sample is None:
+            sample = self.journal.keep(key, self._run(program, candidate))
         if sample.u is not None:
             self.count += 1
             self.on_run(self.count)

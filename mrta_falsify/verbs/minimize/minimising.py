@@ -14,11 +14,13 @@ from pathlib import Path
 
 import yaml
 
-from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import AnswerCache
+from mrta_falsify.campaigns.code_digest import code_digest
+from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
+from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.signature import leading, signature
-from mrta_falsify.campaigns.store import Campaign, write_atomically
+from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
@@ -32,7 +34,9 @@ from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRu
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of
 
-CACHE_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
+JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
+WORLD, TRACE, STACK = "world.min.json", "trace.min.zip", "stack.yaml"  # files of the result
+PROGRAM, LAYOUT = "world.min.scenic", "world.min.layout.json"  # the latter if none is shipped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,22 +71,33 @@ def minimize(
 
     Raises:
         InputError: the trial did not fail, or its world is missing.
+        Interrupted: Ctrl-C; finished runs are kept, and nothing else is written.
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to minimise")
     job = job_of(campaign, record)
     folder = campaign.folder(record)
     folder.mkdir(parents=True, exist_ok=True)
-    found = minimize_job(
-        job, max_runs=max_runs, workers=workers, cache=folder / CACHE_NAME, on_run=on_run
-    )
-    write_world(found.world, folder / "world.min.json")
-    write_trace(found.judged.outcome.trace, folder / "trace.min.zip")
-    stack = yaml.safe_dump(codec.encode(job.config), sort_keys=False)
-    write_atomically(folder / "stack.yaml", stack.encode())
-    program = write_as_program(found, job, folder)
-    finding = dataclasses.replace(found.finding, program=program)
-    write_finding(folder, finding)
+    code = code_digest(job.config, job.specifications)
+    journal = RunJournal(SmallerRun, folder / JOURNAL_NAME, code=code)
+    with going_on(f"minimize {record.id}", journal):
+        found = minimize_job(
+            job, max_runs=max_runs, workers=workers, journal=journal, on_run=on_run
+        )
+        return _write(found, job, folder)
+
+
+def _write(found: Smallest, job: Job, folder: Path) -> Minimisation:
+    """Write the result beside the trial, in place of an earlier one."""
+    mark = FILE_NAMES[Minimisation]
+    with staged(folder, mark=mark, others=(WORLD, TRACE, STACK, PROGRAM, LAYOUT)) as stage:
+        write_world(found.world, stage / WORLD)
+        write_trace(found.judged.outcome.trace, stage / TRACE)
+        stack = yaml.safe_dump(codec.encode(job.config), sort_keys=False)
+        (stage / STACK).write_text(stack, encoding="utf-8")
+        program = write_as_program(found, job, stage)
+        finding = dataclasses.replace(found.finding, program=program)
+        write_finding(stage, finding)
     return finding
 
 
@@ -101,7 +116,7 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
     from scenic_worlds.program import compile_program  # noqa: PLC0415 - Scenic takes seconds
     from scenic_worlds.writing import write_program  # noqa: PLC0415
 
-    path = folder / "world.min.scenic"
+    path = folder / PROGRAM
     wanted = found.finding.signature
     try:
         write_program(found.world, path, comment=f"The smallest world that fails with {wanted}.")
@@ -113,8 +128,8 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
         reason = f"the program's world gives {signature(judged.verdicts) or 'no failure'}"
     except InputError as error:
         reason = str(error)
-    for file in (path, path.with_suffix(".layout.json")):
-        file.unlink(missing_ok=True)
+    for name in (PROGRAM, LAYOUT):
+        (folder / name).unlink(missing_ok=True)
     return reason
 
 
@@ -123,7 +138,7 @@ def minimize_job(
     *,
     max_runs: int = 100,
     workers: int = 1,
-    cache: Path | None = None,
+    journal: RunJournal[SmallerRun] | None = None,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Smallest:
     """Minimise the failure of a job (see :func:`minimize`)."""
@@ -133,7 +148,8 @@ def minimize_job(
         raise InputError("the run violates nothing; there is nothing to minimise")
     trace = first.outcome.trace
     wanted = signature(first.verdicts)
-    reruns = Reruns(job, wanted, max_runs, AnswerCache(SmallerRun, cache), on_run, workers)
+    journal = journal or RunJournal(SmallerRun, None)
+    reruns = Reruns(job, wanted, max_runs, journal, on_run, workers)
     search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)
     complete = True
     with reruns:

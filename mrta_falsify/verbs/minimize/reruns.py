@@ -7,11 +7,11 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from mrta_falsify.campaigns.journal import AnswerCache
+from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.signature import leading, signature
 from mrta_falsify.core import codec
@@ -47,27 +47,29 @@ class Reruns(AbstractContextManager["Reruns"]):
     """Runs worlds and says which is the first that still fails in the wanted way.
 
     With several workers the next few worlds run side by side. The first in their order that
-    fails counts, so the answer is the same as with one worker. All answers are cached, including
-    those that were not needed.
+    fails counts, so the answer is the same as with one worker. All answers are kept, including
+    those that were not needed. An answer of an earlier call is taken when this call would run its
+    world, and counts as that run, so a second call takes the steps of the first again.
     """
 
     job: Job
     wanted: str  #: signature
     max_runs: int
-    cache: AnswerCache[SmallerRun]
+    journal: RunJournal[SmallerRun]
     on_run: Callable[[int, str], None]
     workers: int = 1
-    count: int = field(init=False)  #: simulated, including earlier calls
+    count: int = field(init=False, default=0)  #: simulated, including earlier calls
+    _known: dict[str, SmallerRun] = field(init=False, default_factory=dict)  #: so far
     _pool: ProcessPoolExecutor | None = field(init=False, default=None)
+    _opened: ExitStack = field(init=False, default_factory=ExitStack)
 
-    def __post_init__(self) -> None:
-        self.count = sum(answer.ran for answer in self.cache.answers.values())
+    def __enter__(self) -> Reruns:
         if self.workers > 1:
-            self._pool = spawned(self.workers)
+            self._pool = self._opened.enter_context(spawned(self.workers))
+        return self
 
-    def __exit__(self, *_: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+    def __exit__(self, *error: Any) -> None:
+        self._opened.__exit__(*error)
 
     def first_failing(self, worlds: Iterable[Smaller]) -> tuple[Smaller, Course] | None:
         """Find the first of ``worlds`` that fails with the wanted signature.
@@ -82,7 +84,7 @@ class Reruns(AbstractContextManager["Reruns"]):
             OutOfRunsError: an answer that is needed is not known, and the runs are used up.
             HarnessError: a process died.
         """
-        rest, known = iter(worlds), self.cache.answers
+        rest, known = iter(worlds), self._known
         while batch := list(self._next_batch(rest)):
             self._run({key: smaller for key, smaller in batch if key not in known})
             for key, smaller in batch:
@@ -101,7 +103,7 @@ class Reruns(AbstractContextManager["Reruns"]):
                 [smaller.world, self.job.config, self.job.specifications, self.wanted]
             )
             yield key, smaller
-            answer = self.cache.answers.get(key)
+            answer = self._known.get(key)
             if answer is None:
                 unknown.add(key)
             elif answer.course is not None:
@@ -111,7 +113,11 @@ class Reruns(AbstractContextManager["Reruns"]):
 
     def _run(self, asked: dict[str, Smaller]) -> None:
         chosen = dict(itertools.islice(asked.items(), max(0, self.max_runs - self.count)))
-        jobs = {key: dataclasses.replace(self.job, world=s.world) for key, s in chosen.items()}
+        for key in chosen:
+            if key in self.journal.answers:
+                self._take(key, self.journal.answers[key])
+        missing = {key: smaller for key, smaller in chosen.items() if key not in self._known}
+        jobs = {key: dataclasses.replace(self.job, world=s.world) for key, s in missing.items()}
         if self._pool is None or len(jobs) < 2:
             for key, job in jobs.items():
                 self._keep(key, chosen[key], run_smaller(job, self.wanted))
@@ -125,9 +131,12 @@ class Reruns(AbstractContextManager["Reruns"]):
         except BrokenProcessPool:
             raise HarnessError("a process that ran smaller worlds has died; call again") from None
 
-    def _keep(self, key: str, smaller: Smaller, answer: SmallerRun) -> None:
-        self.cache.keep(key, answer)
+    def _take(self, key: str, answer: SmallerRun) -> None:
+        self._known[key] = answer
         self.count += answer.ran
+
+    def _keep(self, key: str, smaller: Smaller, answer: SmallerRun) -> None:
+        self._take(key, self.journal.keep(key, answer))
         outcome = "fails" if answer.course is not None else "passes"
         self.on_run(self.count, f"{outcome} without {smaller.what}")
 

@@ -1,0 +1,66 @@
+"""A digest of the code that an answer comes from: this toolkit's, and that of named components."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.record import versions
+
+PACKAGES = ("mrta_falsify", "simulator_interface", "scenic_worlds", "samplers")  #: that runs use
+OURS = tuple(Path(__file__).resolve().parents[2] / package for package in PACKAGES)
+SUFFIXES = (".py", ".scenic", ".json", ".yaml")
+
+
+def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
+    """Hash the code of a stack, of specifications and of the toolkit, with all versions.
+
+    A component of the user's own counts with all Python files of its package, or of the folder
+    that its module lies in.
+
+    Args:
+        config: the stack.
+        specifications: names, as of ``--spec``.
+    """
+    theirs = [_digest_of(*place) for place in sorted({*_places(config, specifications)})]
+    return codec.digest([versions(), [_digest_of(place, "**/*") for place in OURS], theirs])
+
+
+def _places(config: StackConfig, specifications: Iterable[str]) -> Iterator[tuple[Path, str]]:
+    """Yield the folders of components that are not ours, each with the pattern of its files."""
+    named = [("specification", name) for name in specifications]
+    for field in dataclasses.fields(config):
+        choice = getattr(config, field.name)
+        if isinstance(choice, Choice):
+            named.append((field.name, choice.name))
+    for point, name in named:
+        try:
+            component = registry.load(point, name)
+        except InputError:
+            continue  # a formula, or what is not installed
+        module = sys.modules.get(component.__module__)
+        file = getattr(module, "__file__", None)
+        if file is None or any(Path(file).resolve().is_relative_to(place) for place in OURS):
+            continue
+        levels = component.__module__.count(".")
+        folder = Path(file).resolve().parent
+        if levels:
+            yield (folder.parents[levels - 2] if levels > 1 else folder), "**/*"
+        else:  # a module of its own may lie in a folder that holds anything
+            yield folder, "*"
+
+
+@functools.cache
+def _digest_of(folder: Path, pattern: str) -> str:
+    seen = hashlib.sha256()
+    for path in sorted(folder.glob(pattern)):
+        if path.suffix in SUFFIXES and path.is_file():
+            seen.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return seen.hexdigest()

@@ -1,0 +1,82 @@
+"""What a command says when it is stopped early: what is kept, and what is missing."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Callable, Iterator
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)  # that stop a command
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user has stopped a command, which therefore has no result.
+
+    It passes every ``except Exception``, as Ctrl-C does.
+
+    Args:
+        kept: what was finished and is kept, in words.
+        missing: what was not finished, and how to go on.
+    """
+
+    def __init__(self, *, kept: str, missing: str) -> None:
+        super().__init__(f"{missing}; kept: {kept}")
+        self.kept = kept
+        self.missing = missing
+
+
+def is_interruption(error: BaseException) -> bool:
+    """Say whether an exception is Ctrl-C, or what compiled code has made of it.
+
+    Ctrl-C that comes while a compiled function asks Python for the type of an argument becomes a
+    SystemError, "returned a result with an exception set", with Ctrl-C as its cause.
+    """
+    found: BaseException | None = error
+    while found is not None and not isinstance(found, KeyboardInterrupt):
+        found = found.__cause__ if isinstance(found, SystemError) else None
+    return found is not None
+
+
+@contextlib.contextmanager
+def heard() -> Iterator[None]:
+    """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
+    try:
+        yield
+    except SystemError as error:
+        if is_interruption(error):
+            raise KeyboardInterrupt from error
+        raise
+
+
+@contextlib.contextmanager
+def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
+    """Let an interruption inside say what is kept and what is missing.
+
+    Args:
+        state: returns both, in words; it is asked when the interruption has come.
+
+    Raises:
+        Interrupted: in place of any KeyboardInterrupt that does not say it yet.
+    """
+    try:
+        with heard():
+            yield
+    except Interrupted:
+        raise
+    except KeyboardInterrupt:
+        kept, missing = state()
+        raise Interrupted(kept=kept, missing=missing) from None
+
+
+@contextlib.contextmanager
+def signals_held(*signals: signal.Signals) -> Iterator[None]:
+    """Hold signals back; processes and threads that are started inside never hear them.
+
+    Args:
+        signals: by default all that stop a command.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals or STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
