@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import yaml
 
 from mrta_falsify.campaigns.attribution import suspected_layer
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
@@ -23,6 +22,7 @@ from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.folders import Place, make_directory

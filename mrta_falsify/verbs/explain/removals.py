@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from mrta_falsify.campaigns.attribution import waited_for
 from mrta_falsify.core.findings import Removal
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.changed_runs import AFTER
 from reports.sentences import listed
@@ -20,7 +20,7 @@ GOES_ON = 1.0  # m from where it stood: a robot goes on
 
 
 def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iterator[Removal]:
-    """Take away each robot of a deadlock at its onset, and each that one of them waits for.
+    """Take away each robot of a deadlock at its onset, the root first, then those in the chain.
 
     Args:
         job: that fails.
@@ -29,10 +29,10 @@ def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iter
         max_runs: runs at most; the run up to the onset counts as one.
     """
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
-    held = waited_for(verdict, trace)
-    names = [name for name in numbers if name in held]
-    onset = verdict.evidence.get("onset")
-    if len(names) < 2 or not isinstance(onset, float):
+    account = wait_account(verdict, trace)
+    names = [name for name in account.robots if name in numbers] if account.members else []
+    onset = account.onset
+    if len(names) < 2 or onset is None:
         return
     with run_to(job.world, job.config, job.specifications, onset) as running:
         if not running.episode.can_remove:
