@@ -145,12 +145,12 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
             return campaign
     settings = new_settings(
         case.scenario,
-        directory=directory,
-        config=case.config(),
+        output=directory,
+        stack=case.config(),
         params=case.params,
         sampler=Choice(case.sampler),
         seed=case.seed,
-        specifications=case.specifications,
+        specs=case.specifications,
         time_limit=PATIENCE,
     )
     with open_store(directory, settings) as store:

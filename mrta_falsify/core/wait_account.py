@@ -134,8 +134,9 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
             concerned |= set(robots_of(tasks_of(verdict), trace))
         return WaitAccount(waits=tuple(_followed(concerned, (), verdict, trace)))
     found = first_deadlock(verdict.evidence)
-    waiting = dict.fromkeys(row["robot"] for row in found.get("cycle", ()))
-    members = members_by_onset(found) or tuple(waiting) or verdict.who
+    waiting = tuple(dict.fromkeys(row["robot"] for row in found.get("cycle", ())))
+    named = verdict.who if set(verdict.who) & set(waiting) else waiting
+    members = members_by_onset(found) or named or verdict.who
     victims = tuple(found.get("victims", ()))
     waits = [_wait(row) for row in found.get("cycle", ())]
     if "chain" in found:
