@@ -43,8 +43,11 @@ MEANINGS = {
     "exclusive_use": "more robots were in a resource than it has room for",
     "stack_runs": "the stack failed",
     "repeatable": "the stack answered the same question differently",
-    "honest_events": "the stack claimed what the motion contradicts",
-    "kinematic_limits": "a robot went beyond its speed or acceleration",
+    "kinematic_limits": "a robot moved faster than it can",
+    "honest_events": "the stack said what its robots did not do",
+    "costly_way": "robots drove farther than the reference stack lets them",
+    "costly_time": "the work took longer than with the reference stack",
+    "costly_calls": "the allocator was called more often than by the reference stack",
     "no_livelock": "a robot kept driving without getting closer to its goal",
     "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
@@ -54,6 +57,7 @@ STACK_FAULTS = {
     "crash": "the stack crashed",
     "hang": "the stack did not answer",
     "memory": "the stack used more memory than it may",
+    "answer": "the stack gave an answer that cannot be carried out",
 }
 
 

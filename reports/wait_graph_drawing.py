@@ -71,6 +71,6 @@ def _draw_arrow(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> Non
 
 
 def _arrow_text(arrow: Arrow) -> str:
-    if arrow.text == PUSHED:
+    if arrow.cause == PUSHED:
         return f"{arrow.start} is pushed by {arrow.end}"
     return f"{arrow.start} waits for {arrow.end} ({arrow.text})"

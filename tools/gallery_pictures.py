@@ -275,7 +275,7 @@ def _draw_graph(axes: Axes, account: WaitAccount, colours: dict[str, str], wide:
         way = end - start
         side = np.array([way[1], -way[0]]) / np.hypot(*way)
         at = (start + end) / 2.0 + (0.5 * 0.18 * np.hypot(*way) + 0.13) * side
-        draw_label(axes, (at[0], at[1]), arrow.text, size=8.5, colour=UNSAFE)
+        draw_label(axes, (at[0], at[1]), arrow.cause, size=8.5, colour=UNSAFE)
     for name, (x, y) in place.items():
         box = {
             "boxstyle": "round,pad=0.35",

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -42,27 +41,17 @@ LAYER_OF_SPECIFICATION = {
     "kinematic_limits": "controller",
     "exclusive_use": "queue_policy",
     "honest_events": DISPATCHER,
+    "costly_calls": DISPATCHER,
 }
-#: layer of the modules of the shipped stack, for what a traceback names
-LAYER_OF_MODULE = {
-    "allocation": "allocator",
-    "resources": "queue_policy",
-    "control": "controller",
-    "priority": "priority_rule",
-    "planning": "planner",
-    "planning_service": "planner",
-    "replanning": "planner",
-    "waypoints": "waypoint_generator",
-    "itinerary": "waypoint_generator",
-    "route": "waypoint_generator",
-    "costmap_layers": "costmap",
-    "inflation": "costmap",
-    "lethal_cells": "costmap",
-    "dispatcher": DISPATCHER,
-    "mission": DISPATCHER,
-    "pipeline": DISPATCHER,
+#: layer that gives a part of the stack's answer, for one that is not repeatable
+LAYER_OF_ANSWER = {
+    "command": "controller",
+    "intent.path": "planner",
+    "intent.goal": "planner",
+    "intent.waypoint": "waypoint_generator",
+    "intent.tasks_left": "allocator",
+    "intent.queue": "queue_policy",
 }
-_MODULE = re.compile(r"(?:mrta_falsify[./]stack|simulator_interface)[./](\w+)")
 LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
 TOO_NEAR = 0.2  # m between a path and a solid: less than the radius 0.22 m of the shipped robots
 WAY_LEFT = 0.5  # m of path ahead; a robot with less has nowhere to drive
@@ -91,8 +80,10 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
         return LAYER_OF_SPECIFICATION[verdict.spec]
     if verdict.spec == "no_robot_static_contact":
         return _of_solid(verdict, next(iter(verdict.who), ""), trace)
-    if verdict.spec in ("stack_runs", "repeatable"):
-        return _of_traceback(verdict.evidence)
+    if verdict.spec == "stack_runs":
+        return str(verdict.evidence.get("layer", ""))  # whose code failed
+    if verdict.spec == "repeatable":
+        return LAYER_OF_ANSWER.get(str(verdict.evidence.get("field", "")), "")
     return _of_lost_time(verdict, trace)
 
 
@@ -175,7 +166,7 @@ def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
     return dense[nearest : nearest + round(PATH_AHEAD / PATH_STEP)]
 
 
-# --- lost time, and a stack that fails -----------------------------------------------------
+# --- lost time ---------------------------------------------------------------------
 
 
 def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
@@ -205,12 +196,6 @@ def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
     named = {int(number) for note in notes for number in re.findall(r"\d+", note)}
     refused = any(event.kind == "allocation-refused" for event in trace.events)
     return refused or bool(named & set(tasks))
-
-
-def _of_traceback(evidence: Mapping[str, Any]) -> str:
-    """Name the layer of the innermost module of the stack that the evidence names."""
-    named = _MODULE.findall(" ".join(str(value) for value in evidence.values()))
-    return next((LAYER_OF_MODULE[m] for m in reversed(named) if m in LAYER_OF_MODULE), "")
 
 
 def _until(verdict: Verdict) -> float:

@@ -10,13 +10,14 @@ in which two robots meet beside a bed fail in the same mode, in whatever corrido
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
 from mrta_falsify.specs.causes import DEADLOCK, leading
 from mrta_falsify.specs.deadlock.place_kind import place_kind
 
+#: evidence that tells modes of one specification apart
+TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
 #: whether a robot ahead stands in the way or merely goes first may hang on a centimetre
 SAME_IN_A_CYCLE = {"cluster": "barrier"}
 
@@ -34,7 +35,8 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     if verdict is None:
         return ""
     if verdict.spec != DEADLOCK:
-        return "/".join(part for part in (verdict.spec, _kind_of(verdict.evidence)) if part)
+        told = [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+        return "/".join(part for part in (verdict.spec, *told) if part)
     account = wait_account(verdict)
     place = verdict.evidence.get("place")
     where = place_kind(place) if isinstance(place, Mapping) else ""
@@ -97,9 +99,3 @@ def _object_kinds(objects: Sequence[PresentObject]) -> str:
     if all(item.name in pushing for item in objects if item.kind == "person"):
         kinds.discard("person")
     return " and ".join(sorted(kinds))
-
-
-def _kind_of(evidence: Mapping[str, Any]) -> str:
-    """Read what kind of failure the evidence names, as a crash or a hang of the stack."""
-    kind = evidence.get("kind")
-    return kind if isinstance(kind, str) else ""

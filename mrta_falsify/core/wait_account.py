@@ -41,7 +41,13 @@ class Arrow(NamedTuple):
 
     start: str
     end: str
-    text: str  #: why
+    cause: str  #: why
+    resource: str = ""  #: that is waited for, where another robot has it
+
+    @property
+    def text(self) -> str:
+        """Say why, and for what."""
+        return f"{self.cause} ({self.resource})" if self.resource else self.cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,10 +104,9 @@ class WaitAccount:
         things = [item.name for item in self.objects if item.kind != "wall"]
         for wait in self.waits:
             resource = wait.resource if wait.blocked_by else ""  # else it is the node
-            text = wait.cause + (f" ({resource})" if resource else "")
             cut_off = wait.cause in ("no-path", "wall") and not (wait.blocked_by or wait.resource)
             for end in things if cut_off and things else [awaited_node(wait)]:
-                yield Arrow(wait.robot, end, text)
+                yield Arrow(wait.robot, end, wait.cause, resource)
 
     def _pushing(self) -> Iterator[Arrow]:
         for item in self.objects:

@@ -33,7 +33,7 @@ def test_every_arrow_of_a_cycle_is_drawn_and_its_root_has_a_rim(world):
     waits = tuple(Wait(a, "barrier", b) for a, b in zip(names, names[1:] + names[:1], strict=True))
     drawn = draw_wait_graph(WaitAccount(waits=waits, members=names), world)
     assert drawn.count("<polygon") == 3  # heads of arrows
-    assert drawn.count("stroke=\"var(--bad)\" stroke-width=\"3\"") == 1
+    assert drawn.count('stroke="var(--bad)" stroke-width="3"') == 1
 
 
 def test_things_and_those_who_push_them_are_nodes(world):
