@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrta_falsify.core import codec
@@ -76,9 +76,36 @@ def violation_sentence(verdict: Verdict) -> str:
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
     meaning = _meaning(verdict)
-    who, where = listed(verdict.who), _place(verdict.evidence.get("place"))
+    who, where = listed(verdict.who), _place(_place_of(verdict.evidence))
     concerned = f": {who}" if who else ""
-    return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}."
+    return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}{_detail(verdict)}."
+
+
+def _place_of(evidence: Mapping[str, Any]) -> Any:
+    """Find where something happened: the place, else the nearest pass of a contact."""
+    nearest = evidence.get("nearest")
+    at_pass = {**nearest, "near": ""} if isinstance(nearest, dict) and "x" in nearest else None
+    return evidence.get("place") or at_pass
+
+
+def _detail(verdict: Verdict) -> str:
+    """Say what the evidence adds to what a violated specification means; may be empty."""
+    evidence = verdict.evidence
+    if verdict.spec == "stack_runs":
+        layer, exception = evidence.get("layer", ""), evidence.get("exception", "")
+        where = f" in the {layer.replace('_', ' ')}" if layer else ""
+        what = ": ".join(text for text in (exception, evidence.get("message", "")) if text)
+        return f"{where}; {what.rstrip('.')}" if what else where
+    if verdict.spec == "repeatable" and evidence.get("field"):
+        return f"; {evidence['field']} was {evidence.get('first')}, then {evidence.get('again')}"
+    if verdict.spec == "exclusive_use" and evidence.get("resource"):
+        return f"; {evidence['resource']} has room for {evidence.get('capacity', 1)}"
+    if verdict.spec == "honest_events" and evidence.get("claims"):
+        claim = evidence["claims"][0]
+        room = f" at {claim['room']}" if claim.get("room") else ""
+        task = f" of task{claim['task']}" if claim.get("task", -1) >= 0 else ""
+        return f"; it claimed {claim['kind']}{task}{room}: {claim['reason']}"
+    return ""
 
 
 def _deadlock_sentence(verdict: Verdict, when: str) -> str:

@@ -18,7 +18,7 @@ from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import Wait, WaitAccount, first_deadlock, tick_of, wait_account
-from mrta_falsify.specs.causes import DEADLOCK, is_outcome, leading
+from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, leading
 from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
 #: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
@@ -52,6 +52,8 @@ LAYER_OF_ANSWER = {
     "intent.tasks_left": "allocator",
     "intent.queue": "queue_policy",
 }
+#: claims that the queues make, where ``honest_events`` refuses one; the others are the dispatcher's
+CLAIMS_OF_QUEUES = frozenset(("released", "granted", "waits-for"))
 LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
 TOO_NEAR = 0.2  # m between a path and a solid: less than the radius 0.22 m of the shipped robots
 WAY_LEFT = 0.5  # m of path ahead; a robot with less has nowhere to drive
@@ -76,6 +78,8 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
         return ""
     if verdict.spec == DEADLOCK:
         return _of_deadlock(verdict, trace)
+    if first_claim(verdict.evidence) in CLAIMS_OF_QUEUES:
+        return "queue_policy"
     if verdict.spec in LAYER_OF_SPECIFICATION:
         return LAYER_OF_SPECIFICATION[verdict.spec]
     if verdict.spec == "no_robot_static_contact":

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
-from mrta_falsify.specs.causes import DEADLOCK, leading
+from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
 from mrta_falsify.specs.deadlock.place_kind import place_kind
 
 #: evidence that tells modes of one specification apart
@@ -35,7 +35,8 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     if verdict is None:
         return ""
     if verdict.spec != DEADLOCK:
-        told = [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+        told = [first_claim(verdict.evidence)]
+        told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
         return "/".join(part for part in (verdict.spec, *told) if part)
     account = wait_account(verdict)
     place = verdict.evidence.get("place")

@@ -15,7 +15,8 @@ A run may violate many specifications for one reason. These rules choose the one
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import first_deadlock, wait_account
@@ -80,6 +81,12 @@ def root_onsets(verdict: Verdict) -> tuple[float, ...]:
     """List when each member of a deadlock stopped [s], as far as that is known."""
     onsets = first_deadlock(verdict.evidence).get("onsets", {})
     return tuple(float(time) for time in onsets.values())
+
+
+def first_claim(evidence: Mapping[str, Any]) -> str:
+    """Name the kind of the first claim that motion contradicts; empty if there is none."""
+    claims = evidence.get("claims", ())
+    return str(claims[0].get("kind", "")) if claims else ""
 
 
 def is_outcome(verdict: Verdict) -> bool:
