@@ -17,7 +17,14 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import Wait, WaitAccount, first_deadlock, tick_of, wait_account
+from mrta_falsify.core.wait_account import (
+    Wait,
+    WaitAccount,
+    first_deadlock,
+    is_kept,
+    tick_of,
+    wait_account,
+)
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, leading
 from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
@@ -140,7 +147,7 @@ def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> str:
     A path that leaves it no room comes from a costmap that does not know the solid, or how wide
     the robot is. Otherwise the controller left the path, or does not get away from where it is.
     """
-    if robot not in trace.robots or not len(trace):
+    if robot not in trace.robots or not is_kept(trace):
         return LAYER_OF_CAUSE["wall"]
     tick = tick_of(verdict, trace)
     ahead = _path_ahead(trace, robot, tick)
@@ -154,7 +161,9 @@ def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> str:
 
 def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
     """Points ``(K, 2)`` [m], 5 cm apart, of what a robot has still to drive of its path."""
-    number = trace.robots.index(robot) if robot in trace.robots else -1
+    if robot not in trace.robots or not is_kept(trace):
+        return np.empty((0, 2))
+    number = trace.robots.index(robot)
     known = [change.points for change in trace.paths if change.robot == number]
     since = [change.tick for change in trace.paths if change.robot == number]
     place = int(np.searchsorted(since, tick, side="right")) - 1

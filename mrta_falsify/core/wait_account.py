@@ -194,7 +194,7 @@ def _followed(
         verdict: violated.
         trace: of the run, if there is one.
     """
-    if trace is None or not len(trace):
+    if trace is None or not is_kept(trace):
         return []
     now = tuple(_waits_at(trace, tick_of(verdict, trace)))
     found: list[Wait] = []
@@ -207,9 +207,14 @@ def _followed(
     return found
 
 
+def is_kept(trace: Trace) -> bool:
+    """Whether a trace has its frames; of some runs only the digest is kept."""
+    return "time" in trace.columns and len(trace) > 0
+
+
 def tick_of(verdict: Verdict, trace: Trace) -> int:
     """Find the tick of a violation; the last one if it has no certain time."""
-    last = max(len(trace) - 1, 0)
+    last = len(trace) - 1 if is_kept(trace) else 0
     return last if verdict.violated_at is None else min(round(verdict.violated_at / trace.dt), last)
 
 
