@@ -44,6 +44,8 @@ def draw_wait_graph(account: WaitAccount, world: World) -> Markup:
         below = 4 if fits else NODE + 12
         kind = "node" if fits else "label"
         drawing.add("text", name, x=x, y=y + below, text_anchor="middle", class_=kind)
+    for arrow in account.arrows:
+        _write_label(drawing, arrow, places[arrow.start], places[arrow.end])
     return drawing.markup()
 
 
@@ -57,16 +59,20 @@ def _places(names: Sequence[str], middle: Array) -> dict[str, Array]:
 
 
 def _draw_arrow(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> None:
+    along, side = _directions(start, end)
+    begin, tip = start + RIM * along + side, end - RIM * along + side
+    drawing.arrow(begin, tip, stroke="var(--bad)", stroke_width=2)
+
+
+def _directions(start: Array, end: Array) -> tuple[Array, Array]:
+    """Unit vector along an arrow, and the way [px] to its side; zero for one onto itself."""
     way = end - start
-    length = float(np.hypot(*way))
-    if length < 1.0:  # a robot that blocks itself
-        return
-    unit = way / length
-    side = APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
-    drawing.arrow(
-        start + RIM * unit + side, end - RIM * unit + side, stroke="var(--bad)", stroke_width=2
-    )
-    x, y = (start + end) / 2.0 + 2.2 * side
+    unit = way / max(float(np.hypot(*way)), 1.0)
+    return unit, APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
+
+
+def _write_label(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> None:
+    x, y = (start + end) / 2.0 + 2.2 * _directions(start, end)[1]
     drawing.add("text", arrow.text, x=x, y=y + 4, class_="label", text_anchor="middle")
 
 

@@ -194,8 +194,7 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
     forgotten = [task for task in tasks if task not in given]
     if forgotten:
         return "allocator" if _was_asked(forgotten, trace) else DISPATCHER
-    robots = [name for name in verdict.who if name in trace.robots] or robots_of(tasks, trace)
-    spent = blocked_time(trace, _until(verdict), robots)
+    spent = blocked_time(trace, _until(verdict), robots_concerned(verdict, trace))
     if sum(spent.values()) < LITTLE_BLOCKING:  # who holds up others may cost them the time, too
         spent = blocked_time(trace, _until(verdict), trace.robots)
     if sum(spent.values()) < LITTLE_BLOCKING:
@@ -209,6 +208,15 @@ def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
     named = {int(number) for note in notes for number in re.findall(r"\d+", note)}
     refused = any(event.kind == "allocation-refused" for event in trace.events)
     return refused or bool(named & set(tasks))
+
+
+def robots_concerned(verdict: Verdict, trace: Trace) -> list[str]:
+    """Name the robots whose waits count: the root of a deadlock, those with the late tasks."""
+    root = wait_account(verdict).root if verdict.spec == DEADLOCK else ""
+    if root in trace.robots:
+        return [root]
+    named = [name for name in verdict.who if name in trace.robots]
+    return named or robots_of(tasks_of(verdict), trace)
 
 
 def _until(verdict: Verdict) -> float:

@@ -115,10 +115,15 @@ class WaitAccount:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """List the nodes of the wait-for graph: those of the arrows, then what else took part."""
+        """List the nodes of the wait-for graph: those of the arrows, then what else took part.
+
+        Who pushes something comes after it.
+        """
+        carriers = {item.name: item.carried_by for item in self.objects if item.carried_by}
         ends = [name for arrow in self.arrows for name in (arrow.start, arrow.end)]
         beside = [item.name for item in self.objects if item.kind != "wall"]
-        return tuple(dict.fromkeys([*ends, *beside]))
+        names = dict.fromkeys(name for end in (*ends, *beside) for name in (end, carriers.get(end)))
+        return tuple(name for name in names if name)
 
 
 def awaited_node(wait: Wait) -> str:

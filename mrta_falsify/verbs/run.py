@@ -22,7 +22,6 @@ from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.folders import Place, make_directory
@@ -253,7 +252,6 @@ def write_run(
         versions=versions(),
         picture=files.picture,
         animation=files.gif,
-        first=leading(outcome.verdicts),
         layer=suspected_layer(outcome.verdicts, outcome.trace),
     )
     page.write_page(report, files.report)

@@ -49,7 +49,7 @@ def test_the_root_of_a_chain_is_told_first_and_all_arrows_are_there():
         Arrow("robot3", "robot1", "queue", "ward"),
         Arrow("bed2", "porter1", PUSHED),
     )
-    assert account.nodes == ("robot2", "bed2", "robot1", "robot3", "porter1")
+    assert account.nodes == ("robot2", "bed2", "porter1", "robot1", "robot3")
 
 
 def test_members_are_told_in_the_order_in_which_they_stopped():

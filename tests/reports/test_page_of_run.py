@@ -112,7 +112,7 @@ def test_the_page_begins_with_the_verdict_that_explains_the_others(view, tmp_pat
     write_picture(view, picture)
     report = report_of_run(
         dataclasses.replace(view, verdicts=(safe, late, deadlock)), command="", stack="",
-        versions={}, picture=picture, first=deadlock,
+        versions={}, picture=picture,
     )  # fmt: skip
     assert [v.spec for v in report.run.verdicts] == ["no_deadlock", "deadlines", "progress"]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.attribution import blocked_time
+from mrta_falsify.campaigns.attribution import blocked_time, robots_concerned
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import FormatError, InputError
@@ -129,9 +129,9 @@ def _read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:
 def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     """Say what the trace shows of the layer that the rules point to."""
     until = verdict.violated_at if verdict.violated_at is not None else trace.duration
-    members = [name for name in verdict.who if name in trace.robots] or list(trace.robots)
-    spent = blocked_time(trace, until, members)
-    who = listed(members) if len(members) <= MOST_NAMED else f"the {len(members)} robots"
+    robots = robots_concerned(verdict, trace) or list(trace.robots)
+    spent = blocked_time(trace, until, robots)
+    who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
     if spent:
         causes = sorted(spent.items(), key=lambda item: (-item[1], item[0]))
         times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in causes)
