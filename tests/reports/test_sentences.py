@@ -99,8 +99,8 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
     ("verdict", "expected"),
     [
         (
-            violated("stack_runs", kind="crash", layer="planner", exception="KeyError", message="3"),
-            "The stack crashed at 42.0 s in the planner; KeyError: 3.",
+            violated("stack_runs", kind="crash", layer="planner", exception="KeyError"),
+            "The stack crashed at 42.0 s in the planner; KeyError.",
         ),
         (violated("stack_runs", kind="hang"), "The stack did not answer at 42.0 s."),
         (
@@ -116,10 +116,10 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
         (
             violated(
                 "honest_events", "robot1",
-                claims=[{"kind": "dropped-off", "task": 3, "room": "ward_1", "reason": "12 m away"}],
+                claims=[{"kind": "dropped-off", "task": 3, "room": "ward_1", "reason": "12 m"}],
             ),
             "The stack said what its robots did not do at 42.0 s: robot1; it claimed dropped-off "
-            "of task3 at ward_1: 12 m away.",
+            "of task3 at ward_1: 12 m.",
         ),
         (
             violated("no_robot_static_contact", "robot1", nearest={"x": 1.0, "y": -2.0}),

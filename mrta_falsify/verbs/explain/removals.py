@@ -20,7 +20,7 @@ GOES_ON = 1.0  # m from where it stood: a robot goes on
 
 
 def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iterator[Removal]:
-    """Take away each robot of a deadlock at its onset, the root first, then those in the chain.
+    """Take away each robot of a deadlock at its onset: members, victims, and whom they wait for.
 
     Args:
         job: that fails.
@@ -30,7 +30,7 @@ def removals_of(job: Job, verdict: Verdict, trace: Trace, max_runs: int) -> Iter
     """
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     account = wait_account(verdict, trace)
-    names = [name for name in account.robots if name in numbers] if account.members else []
+    names = [name for name in numbers if name in account.robots] if account.members else []
     onset = account.onset
     if len(names) < 2 or onset is None:
         return
