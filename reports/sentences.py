@@ -11,7 +11,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     PresentObject,
-    Wait,
+    WaitsFor,
     WaitAccount,
     first_deadlock,
     wait_account,
@@ -190,7 +190,7 @@ def _place(place: Any) -> str:
     return f" {at} ({point})"
 
 
-def wait_sentence(wait: Wait, objects: Sequence[PresentObject] = ()) -> str:
+def wait_sentence(wait: WaitsFor, objects: Sequence[PresentObject] = ()) -> str:
     """Say why one robot does not move on.
 
     Args:
@@ -211,7 +211,7 @@ def wait_sentence(wait: Wait, objects: Sequence[PresentObject] = ()) -> str:
     return f"{wait.robot} {text}."
 
 
-def _what_cuts_off(wait: Wait, resource: str, solids: Sequence[str]) -> str:
+def _what_cuts_off(wait: WaitsFor, resource: str, solids: Sequence[str]) -> str:
     """Say what cuts a robot off its goal, empty if that is not known."""
     if wait.blocked_by:
         return f"; {wait.blocked_by} cuts it off"

@@ -18,7 +18,7 @@ from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
-    Wait,
+    WaitsFor,
     WaitAccount,
     first_deadlock,
     is_kept,
@@ -124,7 +124,7 @@ def _of_deadlock(verdict: Verdict, trace: Trace) -> str:
     return LAYER_OF_CAUSE.get(cause, "")
 
 
-def _is_body(wait: Wait) -> bool:
+def _is_body(wait: WaitsFor) -> bool:
     return wait.cause in ("barrier", "no-path")
 
 

@@ -19,7 +19,7 @@ NOTHING_KNOWN = {"stalled": "nothing", "no-path": "no way", "queue": "the queue"
 PUSHED = "pushed by"  #: text of the arrow from a thing to the person who has it
 
 
-class Wait(NamedTuple):
+class WaitsFor(NamedTuple):
     """One robot cannot go on because of another robot, a person or a thing."""
 
     robot: str
@@ -54,7 +54,7 @@ class Arrow(NamedTuple):
 class WaitAccount:
     """Who waits for whom when a failure was found."""
 
-    waits: tuple[Wait, ...]  #: of the members from the root on, then of those who wait for them
+    waits: tuple[WaitsFor, ...]  #: of the members from the root on, then of those who wait for them
     members: tuple[str, ...] = ()  #: of a deadlock, the root first; empty: it is none
     victims: tuple[str, ...] = ()  #: robots that are held up by the members
     blockers: tuple[str, ...] = ()  #: idle robots that stand in the way
@@ -91,7 +91,7 @@ class WaitAccount:
             found += [name for name in dict.fromkeys(ahead) if name not in found]
         return tuple(found)
 
-    def of(self, robot: str) -> tuple[Wait, ...]:
+    def of(self, robot: str) -> tuple[WaitsFor, ...]:
         """List what one robot waits for."""
         return tuple(wait for wait in self.waits if wait.robot == robot)
 
@@ -126,7 +126,7 @@ class WaitAccount:
         return tuple(name for name in names if name)
 
 
-def awaited_node(wait: Wait) -> str:
+def awaited_node(wait: WaitsFor) -> str:
     """Name the node of the wait-for graph that ``wait`` leads to."""
     return wait.blocked_by or wait.resource or NOTHING_KNOWN.get(wait.cause, "solid")
 
@@ -180,8 +180,8 @@ def members_by_onset(deadlock: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(members)
 
 
-def _wait(row: Mapping[str, str]) -> Wait:
-    return Wait(row["robot"], row["cause"], row.get("blocked_by", ""), row.get("resource", ""))
+def _wait(row: Mapping[str, str]) -> WaitsFor:
+    return WaitsFor(row["robot"], row["cause"], row.get("blocked_by", ""), row.get("resource", ""))
 
 
 def _object(row: Mapping[str, str]) -> PresentObject:
@@ -190,7 +190,7 @@ def _object(row: Mapping[str, str]) -> PresentObject:
 
 def _followed(
     waiting: Collection[str], known: Collection[str], verdict: Verdict, trace: Trace | None
-) -> list[Wait]:
+) -> list[WaitsFor]:
     """Follow the edges of ``waiting`` at the time of the violation, and of all they wait for.
 
     Args:
@@ -202,7 +202,7 @@ def _followed(
     if trace is None or not is_kept(trace):
         return []
     now = tuple(_waits_at(trace, tick_of(verdict, trace)))
-    found: list[Wait] = []
+    found: list[WaitsFor] = []
     done, border = set(known), set(waiting) - set(known)
     while border:
         more = [wait for wait in now if wait.robot in border]
@@ -223,9 +223,9 @@ def tick_of(verdict: Verdict, trace: Trace) -> int:
     return last if verdict.violated_at is None else min(round(verdict.violated_at / trace.dt), last)
 
 
-def _waits_at(trace: Trace, tick: int) -> Iterable[Wait]:
+def _waits_at(trace: Trace, tick: int) -> Iterable[WaitsFor]:
     for edge in trace.edges_at(tick):
         if edge.cause != "task":
             others = trace.humans if edge.cause == "human" else trace.robots
             other = others[edge.other] if edge.other >= 0 else ""
-            yield Wait(trace.robots[edge.robot], edge.cause, other, edge.resource)
+            yield WaitsFor(trace.robots[edge.robot], edge.cause, other, edge.resource)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import PUSHED, Arrow, Wait, tick_of, wait_account
+from mrta_falsify.core.wait_account import PUSHED, Arrow, WaitsFor, tick_of, wait_account
 from tests.conftest import scripted_trace
 
 
@@ -88,7 +88,7 @@ def test_evidence_of_earlier_versions_is_completed_from_the_trace(hall):
     old = stuck("robot2", members=["robot2"], cycle=[row("robot2", "barrier", "robot1")])
     assert [wait.robot for wait in wait_account(old).waits] == ["robot2"]
     completed = wait_account(old, trace)
-    assert completed.waits[1] == Wait("robot1", "queue", "robot2", "store")
+    assert completed.waits[1] == WaitsFor("robot1", "queue", "robot2", "store")
     assert completed.holding == ("robot2", "robot1")
 
 
@@ -106,7 +106,7 @@ def test_a_late_task_has_the_waits_of_the_robot_that_had_it(hall):
     )
     account = wait_account(late, trace)
     assert account.members == ()
-    assert account.waits == (Wait("robot1", "queue", "robot2", "store"),)
+    assert account.waits == (WaitsFor("robot1", "queue", "robot2", "store"),)
 
 
 @pytest.mark.parametrize(("at", "tick"), [(2.0, 40), (99.0, 200), (None, 200)])

@@ -10,7 +10,7 @@ import pytest
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import Wait
+from mrta_falsify.core.wait_account import WaitsFor
 from mrta_falsify.core.world import Furniture
 from reports.contents import (
     CaseContents,
@@ -131,7 +131,7 @@ def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
     ],
 )
 def test_edges_are_told_in_words(cause, expected):
-    wait = Wait("robot1", cause, blocked_by="robot2", resource="ward_2")
+    wait = WaitsFor("robot1", cause, blocked_by="robot2", resource="ward_2")
     assert wait_sentence(wait) == expected
 
 

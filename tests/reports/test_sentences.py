@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import PresentObject, Wait, wait_account
+from mrta_falsify.core.wait_account import PresentObject, WaitsFor, wait_account
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
@@ -63,16 +63,16 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
 def test_no_path_says_whose_bed_fills_the_door():
     bed = PresentObject("bed2", "furniture", "porter1")
     told = "robot3 has a goal but no path to it; bed2 (pushed by porter1) cuts it off."
-    assert wait_sentence(Wait("robot3", "no-path"), [bed]) == told
-    assert wait_sentence(Wait("robot3", "no-path", resource="bed2"), [bed]) == told
-    assert wait_sentence(Wait("robot3", "no-path", resource="unreachable"), [bed]) == told
-    assert wait_sentence(Wait("robot3", "no-path", resource="unreachable")) == (
+    assert wait_sentence(WaitsFor("robot3", "no-path"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="bed2"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable")) == (
         "robot3 has a goal but no path to it; walls and furniture cut it off for good."
     )
 
 
 def test_a_free_room_that_is_not_granted_is_told_as_such():
-    told = wait_sentence(Wait("robot1", "queue", resource="ward_1"))
+    told = wait_sentence(WaitsFor("robot1", "queue", resource="ward_1"))
     assert told == "robot1 waits for ward_1, which is free."
 
 

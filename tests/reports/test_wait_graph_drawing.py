@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.wait_account import PresentObject, Wait, WaitAccount
+from mrta_falsify.core.wait_account import PresentObject, WaitsFor, WaitAccount
 from mrta_falsify.core.world import RobotSpec, World
 from reports.wait_graph_drawing import draw_wait_graph
 
@@ -24,13 +24,15 @@ def world():
     [("stalled", "nothing"), ("no-path", "no way"), ("wall", "solid"), ("queue", "the queue")],
 )
 def test_the_node_fits_the_cause(cause, node, world):
-    account = WaitAccount(waits=(Wait("robot1", cause),), members=("robot1",))
+    account = WaitAccount(waits=(WaitsFor("robot1", cause),), members=("robot1",))
     assert f"robot1 waits for {node} ({cause})" in draw_wait_graph(account, world)
 
 
 def test_every_arrow_of_a_cycle_is_drawn_and_its_root_has_a_rim(world):
     names = ("robot1", "robot2", "robot3")
-    waits = tuple(Wait(a, "barrier", b) for a, b in zip(names, names[1:] + names[:1], strict=True))
+    waits = tuple(
+        WaitsFor(a, "barrier", b) for a, b in zip(names, names[1:] + names[:1], strict=True)
+    )
     drawn = draw_wait_graph(WaitAccount(waits=waits, members=names), world)
     assert drawn.count("<polygon") == 3  # heads of arrows
     assert drawn.count('stroke="var(--bad)" stroke-width="3"') == 1
@@ -38,7 +40,7 @@ def test_every_arrow_of_a_cycle_is_drawn_and_its_root_has_a_rim(world):
 
 def test_things_and_those_who_push_them_are_nodes(world):
     account = WaitAccount(
-        waits=(Wait("robot1", "no-path"),),
+        waits=(WaitsFor("robot1", "no-path"),),
         members=("robot1",),
         objects=(PresentObject("bed2", "furniture", carried_by="porter1"),),
     )
