@@ -11,8 +11,8 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     PresentObject,
-    WaitsFor,
     WaitAccount,
+    WaitsFor,
     first_deadlock,
     wait_account,
 )

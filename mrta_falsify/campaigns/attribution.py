@@ -18,8 +18,8 @@ from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
-    WaitsFor,
     WaitAccount,
+    WaitsFor,
     first_deadlock,
     is_kept,
     tick_of,

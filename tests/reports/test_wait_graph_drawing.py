@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.wait_account import PresentObject, WaitsFor, WaitAccount
+from mrta_falsify.core.wait_account import PresentObject, WaitAccount, WaitsFor
 from mrta_falsify.core.world import RobotSpec, World
 from reports.wait_graph_drawing import draw_wait_graph
 
