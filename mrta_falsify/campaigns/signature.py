@@ -12,7 +12,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
+from mrta_falsify.core.wait_account import (
+    PresentObject,
+    WaitAccount,
+    first_deadlock,
+    wait_account,
+)
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
 from mrta_falsify.specs.deadlock.place_kind import place_kind
 
@@ -39,7 +44,7 @@ def signature(verdicts: Sequence[Verdict]) -> str:
         told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
         return "/".join(part for part in (verdict.spec, *told) if part)
     account = wait_account(verdict)
-    place = verdict.evidence.get("place")
+    place = first_deadlock(verdict.evidence).get("place")
     where = place_kind(place) if isinstance(place, Mapping) else ""
     took_part = _object_kinds(account.objects)
     where = f"{where} with {took_part}".strip() if took_part else where
