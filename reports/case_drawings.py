@@ -14,7 +14,9 @@ from PIL import Image
 from mrta_falsify.core import task_history
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import WaitAccount, first_deadlock, tick_of, wait_account
 from mrta_falsify.specs.books import confirmed
+from mrta_falsify.specs.causes import cause_begins
 from reports import floor_drawings, packing, time_charts
 from reports.colours import costmap_colours
 from reports.contents import CaseContents
@@ -48,8 +50,7 @@ class DrawnRun:
     """Drawings and data of one run."""
 
     violated: tuple[Verdict, ...]
-    edges: tuple[dict[str, str], ...]  #: of the wait-for cycle
-    members: tuple[str, ...]  #: of the deadlock
+    account: WaitAccount  #: who waits for whom; empty if nothing is violated
     tasks: tuple[str, ...]  #: what became of the tasks that the verdict names
     replay: Markup  #: packed data of the replay
     begin: float  #: where the replay begins [s]
@@ -94,26 +95,28 @@ def draw_case(case: CaseContents) -> DrawnCase:
 def _draw_run(case: CaseContents) -> DrawnRun:
     world, trace = case.world, case.trace
     violated = tuple(verdict for verdict in case.verdicts if verdict.violated)
-    edges, members = _cycle_of(violated)
+    account = wait_account(violated[0], trace) if violated else WaitAccount(waits=())
     times = _Times.of(violated, trace.duration)
     tasks = task_history.tasks_of(violated[0]) if violated else []
     told = confirmed(trace, world)
-    who = list(members) or [name for v in violated[:1] for name in v.who if name in trace.robots]
-    who = who or task_history.robots_of(tasks, trace)
+    named = [name for v in violated[:1] for name in v.who if name in trace.robots]
+    in_picture = account.robots if account.members else ()
+    who = list(account.members) or named or task_history.robots_of(tasks, trace)
     return DrawnRun(
         violated=violated,
-        edges=edges,
-        members=members,
+        account=account,
         tasks=tuple(task_history.stories(tasks, world, told)),
         replay=Markup(packing.pack(world, trace, case.verdicts)),
         begin=max(0.0, times.onset - LEAD) if violated else 0.0,
-        jumps=times.jumps(deadlock=bool(members)),
+        jumps=times.jumps(deadlock=bool(account.members)),
         place=_close_up_place(case, violated, who),
         close=any("place" in verdict.evidence for verdict in violated[:1]),
-        moment=floor_drawings.draw_moment(world, trace, times.found, edges, members=who)
+        moment=floor_drawings.draw_moment(
+            world, trace, times.found, account.arrows, members=in_picture or who
+        )
         if times.found is not None
         else None,
-        graph=draw_wait_graph(edges, world) if edges else None,
+        graph=draw_wait_graph(account, world) if account.arrows else None,
         timelines=draw_timelines(told, times.marks),
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
@@ -132,10 +135,9 @@ class _Times:
     def of(cls, violated: Sequence[Verdict], end: float) -> _Times:
         if not violated:
             return cls(0.0, None, end)
-        found = min((v.violated_at for v in violated if v.violated_at is not None), default=0.0)
-        onsets = (verdict.evidence.get("onset") for verdict in violated)
-        onset = next((time for time in onsets if isinstance(time, float)), found)
-        return cls(onset, found, end)
+        found = violated[0].violated_at
+        found = end if found is None else found
+        return cls(min(cause_begins(violated[0]), found), found, end)
 
     @property
     def marks(self) -> list[tuple[float, str]]:
@@ -154,29 +156,18 @@ class _Times:
         return (*jumps, Jump(label="end", time=self.end))
 
 
-def _cycle_of(
-    violated: Sequence[Verdict],
-) -> tuple[tuple[dict[str, str], ...], tuple[str, ...]]:
-    """Find edges and members of the deadlock among ``violated``; empty if there is none."""
-    for verdict in violated:
-        if verdict.spec == "no_deadlock":
-            return tuple(verdict.evidence.get("cycle", ())), tuple(verdict.who)
-    return (), ()
-
-
 def _close_up_place(case: CaseContents, violated: Sequence[Verdict], who: Sequence[str]) -> str:
     """Find the place of the violation, or of the first robot concerned, as ``x,y`` [m]."""
-    for verdict in violated:
-        place = verdict.evidence.get("place")
+    for verdict in violated[:1]:
+        place = first_deadlock(verdict.evidence).get("place")
         if isinstance(place, dict) and "x" in place:
             return f"{float(place['x']):.2f},{float(place['y']):.2f}"
     if not who:
         return ""
     trace = case.trace
-    found = violated[0].violated_at if violated else None
-    tick = len(trace) - 1 if found is None else round(found / trace.dt)
+    tick = tick_of(violated[0], trace) if violated else len(trace) - 1
     robot = trace.robots.index(who[0])
-    x, y = trace.columns["pose"][min(tick, len(trace) - 1), robot, :2]
+    x, y = trace.columns["pose"][tick, robot, :2]
     return f"{x:.2f},{y:.2f}"
 
 

@@ -9,12 +9,14 @@ from markupsafe import Markup
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.wait_account import Arrow
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
 from reports.contents import TrialScores
 from reports.floor_scene import Extent, Role, Shape, extent_of, floor_at, floor_scene, shapes_at
 from reports.moving_scene import moving_scene, path_scene
 from reports.svg import Drawing, FloorProjection
+from reports.whereabouts import place_of
 
 CLOSE_UP = 4.0  # m around the robots concerned that a close-up shows
 TRAIL = 20.0  # s of the way behind a robot
@@ -30,11 +32,19 @@ def draw_moment(
     world: World,
     trace: Trace,
     time: float,
-    edges: Sequence[dict[str, str]] = (),
+    waits: Sequence[Arrow] = (),
     *,
     members: Sequence[str] = (),
 ) -> Markup:
-    """Draw the floor at ``time`` [s], close up on ``members`` if there are any."""
+    """Draw the floor at ``time`` [s], close up on ``members`` if there are any.
+
+    Args:
+        world: of the run.
+        trace: of the run.
+        time: of the moment [s].
+        waits: who waits for whom, painted as arrows.
+        members: robots that must be in the picture; none: the whole floor is.
+    """
     tick = int(np.clip(round(time / trace.dt), 0, max(len(trace) - 1, 0)))
     places = trace.columns["pose"][tick, :, :2]
     chosen = [i for i, name in enumerate(trace.robots) if name in members]
@@ -45,9 +55,10 @@ def draw_moment(
     _paint_floor(drawing, floor, shapes_at(floor_at(world, trace, tick), time))
     for shape in (*path_scene(trace, tick), *moving_scene(world, trace, tick, trail=TRAIL)):
         _paint_moving(drawing, floor, shape)
-    people = trace.columns["human_position"][tick]
-    for edge in edges:
-        _paint_wait(drawing, floor, edge, trace, places, people)
+    for arrow in waits:
+        start, end = (place_of(world, trace, tick, name) for name in (arrow.start, arrow.end))
+        if start is not None and end is not None:
+            drawing.arrow(floor(start), floor(end), stroke="var(--bad)", stroke_width=2)
     return drawing.markup()
 
 
@@ -120,25 +131,3 @@ def _paint_moving(drawing: Drawing, floor: FloorProjection, shape: Shape) -> Non
 
 def _write_name(drawing: Drawing, name: str, x: float, y: float) -> None:
     drawing.add("text", name, x=x, y=y, class_="label", text_anchor="middle")
-
-
-def _paint_wait(
-    drawing: Drawing,
-    floor: FloorProjection,
-    edge: dict[str, str],
-    trace: Trace,
-    places: Array,
-    people: Array,
-) -> None:
-    """Paint an arrow from a robot to the robot or person that blocks it."""
-    robot, other = edge["robot"], edge["blocked_by"]
-    if robot not in trace.robots:
-        return
-    if edge["cause"] == "human" and other in trace.humans:
-        end = people[trace.humans.index(other)]
-    elif other in trace.robots:
-        end = places[trace.robots.index(other)]
-    else:
-        return
-    start = places[trace.robots.index(robot)]
-    drawing.arrow(floor(start), floor(end), stroke="var(--bad)", stroke_width=2)

@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable, Iterator
 
 from mrta_falsify.core import task_history
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.specs.books import confirmed
 from reports.contents import CaseContents, FailureFamily, Mode, ReportContents, Table
-from reports.sentences import edge_sentence, violation_sentence
+from reports.sentences import account_sentences, consequence_sentence, violation_sentence
 
 MOST_MODES = 100  # in full
 MOST_IDS = 20  # of a mode's trials
@@ -61,13 +62,17 @@ def _case(case: CaseContents) -> Iterator[str]:
 
 
 def _what_happened(case: CaseContents) -> Iterator[str]:
-    for verdict in [verdict for verdict in case.verdicts if verdict.violated][:1]:
-        yield from (_plain(violation_sentence(verdict)), "")
-        yield from _bullets(edge_sentence(edge) for edge in verdict.evidence.get("cycle", []))
-        tasks = task_history.tasks_of(verdict)
-        yield from _bullets(
-            task_history.stories(tasks, case.world, confirmed(case.trace, case.world))
-        )
+    violated = [verdict for verdict in case.verdicts if verdict.violated]
+    if not violated:
+        return
+    first, *others = violated
+    yield from (_plain(violation_sentence(first)), "")
+    if others:
+        told = " ".join(consequence_sentence(verdict, first) for verdict in others)
+        yield from (_plain(f"Also violated: {told}"), "")
+    yield from _bullets(account_sentences(wait_account(first, case.trace)))
+    tasks = task_history.tasks_of(first)
+    yield from _bullets(task_history.stories(tasks, case.world, confirmed(case.trace, case.world)))
 
 
 def _what_was_checked(case: CaseContents) -> Iterator[str]:

@@ -15,7 +15,8 @@ from reports.case_drawings import DrawnCase, draw_case
 from reports.colours import css_variables
 from reports.contents import CaseContents, ReportContents
 from reports.sentences import (
-    edge_sentence,
+    account_sentences,
+    consequence_sentence,
     evidence_text,
     robustness_text,
     violation_sentence,
@@ -77,7 +78,8 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["violation_sentence"] = violation_sentence
-    environment.filters["edge_sentence"] = edge_sentence
+    environment.filters["consequence_sentence"] = consequence_sentence
+    environment.filters["account_sentences"] = account_sentences
     environment.filters["robustness"] = robustness_text
     environment.filters["evidence"] = evidence_text
     return environment

@@ -11,6 +11,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import confirmed
+from mrta_falsify.specs.causes import by_cause
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
 
@@ -26,7 +27,6 @@ def report_of_run(
     versions: Mapping[str, str],
     picture: Path,
     animation: Path | None = None,
-    first: Verdict | None = None,
     layer: str = "",
 ) -> ReportContents:
     """Collect what the page of one run says.
@@ -38,7 +38,6 @@ def report_of_run(
         versions: of the libraries that the digests depend on.
         picture: PNG to embed.
         animation: GIF to embed, if there is one.
-        first: the violated verdict that explains the others; the page begins with it.
         layer: suspected; empty if nothing is violated.
     """
     case = CaseContents(
@@ -46,7 +45,7 @@ def report_of_run(
         signature="",
         world=view.world,
         trace=view.trace,
-        verdicts=tuple(sorted(view.verdicts, key=lambda v: (v is not first, not v.violated))),
+        verdicts=by_cause(view.verdicts),
         facts=(),
         commands=(("Run it again", command),),
         costmap=view.costmap,

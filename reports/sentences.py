@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import (
+    PresentObject,
+    WaitAccount,
+    WaitsFor,
+    first_deadlock,
+    wait_account,
+)
+from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
 
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
+MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
 MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {
@@ -18,7 +27,7 @@ CAUSES = {
     "barrier": "cannot drive on because {other} stands in its path",
     "cluster": "has a free path but waits for {other}, which is near and moves first",
     "human": "stands still because {other}, a person, is in the way",
-    "wall": "is held back by a solid{resource_in_brackets}",
+    "wall": "is held back by a solid{solid}",
     "no-path": "has a goal but no path to it{because}",
     "stalled": "has a goal and a free path but does not drive",
     "task": "waits for a task",
@@ -31,8 +40,9 @@ MEANINGS = {
     "human_clearance": "a moving robot came closer than 0.1 m to a person",
     "all_tasks_done": "not all tasks were delivered",
     "deadlines": "a deadline was missed",
-    "no_deadlock": "robots wait for each other and nothing can resolve it",
-    "exclusive_use": "two robots held a resource that only one may hold",
+    "exclusive_use": "more robots were in a resource than it has room for",
+    "stack_runs": "the stack failed",
+    "repeatable": "the stack answered the same question differently",
     "kinematic_limits": "a robot moved faster than it can",
     "honest_events": "the stack said what its robots did not do",
     "costly_way": "robots drove farther than the reference stack lets them",
@@ -41,6 +51,13 @@ MEANINGS = {
     "no_livelock": "a robot kept driving without getting closer to its goal",
     "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
+}
+#: what stopped the stack, by the kind that the evidence of ``stack_runs`` names
+STACK_FAULTS = {
+    "crash": "the stack crashed",
+    "hang": "the stack did not answer",
+    "memory": "the stack used more memory than it may",
+    "answer": "the stack gave an answer that cannot be carried out",
 }
 
 
@@ -54,20 +71,112 @@ def listed(names: Sequence[str]) -> str:
 def violation_sentence(verdict: Verdict) -> str:
     """Describe a violated verdict in one sentence, with time, robots and place."""
     when = f" at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
-    who = listed(verdict.who)
-    where = _place(verdict.evidence.get("place"))
-    if verdict.spec == "no_deadlock":
-        alone = len(verdict.who) == 1
-        what = "is stuck for good" if alone else "are deadlocked"
-        stood = "it has stood" if alone else "they have stood"
-        onset = verdict.evidence.get("onset")
-        since = f"; {stood} since {onset:.1f} s" if isinstance(onset, float) else ""
-        return f"{who} {what}{where} (found{when}){since}."
+    if verdict.spec == DEADLOCK:
+        return _deadlock_sentence(verdict, when)
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
-    meaning = MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
+    meaning = _meaning(verdict)
+    who, where = listed(verdict.who), _place(_place_of(verdict.evidence))
     concerned = f": {who}" if who else ""
-    return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}."
+    return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}{_detail(verdict)}."
+
+
+def _place_of(evidence: Mapping[str, Any]) -> Any:
+    """Find where something happened: the place, else the nearest pass of a contact."""
+    nearest = evidence.get("nearest")
+    at_pass = {**nearest, "near": ""} if isinstance(nearest, dict) and "x" in nearest else None
+    return evidence.get("place") or at_pass
+
+
+def _detail(verdict: Verdict) -> str:
+    """Say what the evidence adds to what a violated specification means; may be empty."""
+    evidence = verdict.evidence
+    if verdict.spec == "stack_runs":
+        layer, exception = evidence.get("layer", ""), evidence.get("exception", "")
+        where = f" in the {layer.replace('_', ' ')}" if layer else ""
+        what = ": ".join(text for text in (exception, evidence.get("message", "")) if text)
+        return f"{where}; {what.rstrip('.')}" if what else where
+    if verdict.spec == "repeatable" and evidence.get("field"):
+        return f"; {evidence['field']} was {evidence.get('first')}, then {evidence.get('again')}"
+    if verdict.spec == "exclusive_use" and evidence.get("resource"):
+        return f"; {evidence['resource']} has room for {evidence.get('capacity', 1)}"
+    if verdict.spec == "honest_events" and evidence.get("claims"):
+        claim = evidence["claims"][0]
+        room = f" at {claim['room']}" if claim.get("room") else ""
+        task = f" of task{claim['task']}" if claim.get("task", -1) >= 0 else ""
+        return f"; it claimed {claim['kind']}{task}{room}: {claim['reason']}"
+    return ""
+
+
+def _deadlock_sentence(verdict: Verdict, when: str) -> str:
+    """Name the members, the root first, what took part, the place, and who is held up."""
+    account = wait_account(verdict)
+    alone = len(account.members) == 1
+    what = "wait for each other for good" if account.is_closed else "are stuck for good"
+    if alone:
+        what = "is stuck for good"
+    beside = _beside(account)
+    where = _place(first_deadlock(verdict.evidence).get("place"))
+    since = ""
+    if account.onset is not None:
+        stood = "it has" if alone else "they have"
+        since = f"; {stood} stood since {account.onset:.1f} s"
+    victims = [name for name in account.victims if name not in account.members]
+    held_up = ""
+    if victims:
+        verb = "is" if len(victims) == 1 else "are"
+        held_up = f"; {listed(victims)} {verb} held up by {'it' if alone else 'them'}"
+    return f"{listed(account.members)} {what}{beside}{where} (found{when}){since}{held_up}."
+
+
+def _beside(account: WaitAccount) -> str:
+    """Name the things and people that took part, walls only where nothing else did."""
+    carriers = {item.carried_by for item in account.objects if item.carried_by}
+    loose = [item for item in account.objects if item.kind != "wall" and item.name not in carriers]
+    named = [object_text(item) for item in loose or account.objects]
+    if not named:
+        return ""
+    return f" {'beside' if account.is_closed else 'behind'} {listed(named)}"
+
+
+def object_text(item: PresentObject) -> str:
+    """Name a thing or a person that took part, and say who pushes it or what it is."""
+    if item.carried_by:
+        return f"{item.name} (pushed by {item.carried_by})"
+    return f"{item.name} (a {item.kind})" if item.kind in ("person", "blockage") else item.name
+
+
+def _meaning(verdict: Verdict) -> str:
+    """Say in a few words what a violated specification means."""
+    kind = verdict.evidence.get("kind")
+    if verdict.spec == "stack_runs" and kind in STACK_FAULTS:
+        return STACK_FAULTS[kind]
+    return MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
+
+
+def consequence_sentence(verdict: Verdict, cause: Verdict) -> str:
+    """Describe a violation that is told after ``cause``, and say so if it follows from it."""
+    text = violation_sentence(verdict)
+    if not follows_from(verdict, cause):
+        return text
+    after = ""
+    if verdict.violated_at is not None:
+        after = f", {verdict.violated_at - cause_begins(cause):.2g} s after the onset"
+    return f"A consequence of it{after}: {text[0].lower()}{text[1:]}"
+
+
+def who_text(verdict: Verdict) -> str:
+    """Name who is concerned: members, the root first, and in brackets whom they hold up."""
+    account = wait_account(verdict)
+    names = account.members or verdict.who
+    shown = [*names[:MOST_NAMES], *(["..."] if len(names) > MOST_NAMES else [])]
+    held_up = f" ({', '.join(account.victims)})" if account.victims else ""
+    return ", ".join(shown) + held_up
+
+
+def not_judged_sentence(verdict: Verdict) -> str:
+    """Say what was missing to judge a specification."""
+    return f"{verdict.spec} is not judged: {verdict.not_judged}."
 
 
 def _place(place: Any) -> str:
@@ -81,23 +190,42 @@ def _place(place: Any) -> str:
     return f" {at} ({point})"
 
 
-def edge_sentence(edge: dict[str, str]) -> str:
-    """Say why one robot of a wait-for cycle does not move on."""
-    resource, other = edge.get("resource", ""), edge.get("blocked_by", "")
-    because = ""
-    if other:
-        because = f"; {other} cuts it off"
-    elif resource == "unreachable":
-        because = "; walls and furniture cut it off for good"
-    elif resource:
-        because = f"; {resource} cuts it off"
-    text = CAUSES.get(edge["cause"], f"is blocked ({edge['cause']})").format(
-        other=other or "another robot",
+def wait_sentence(wait: WaitsFor, objects: Sequence[PresentObject] = ()) -> str:
+    """Say why one robot does not move on.
+
+    Args:
+        wait: what it waits for.
+        objects: things and people that took part, to say who pushes what.
+    """
+    told = {item.name: object_text(item) for item in objects}
+    solids = [object_text(item) for item in objects if item.kind in ("furniture", "blockage")]
+    resource = told.get(wait.resource, wait.resource)
+    if wait.cause == "queue" and not wait.blocked_by:
+        return f"{wait.robot} waits for {resource or 'a resource'}, which is free."
+    text = CAUSES.get(wait.cause, f"is blocked ({wait.cause})").format(
+        other=wait.blocked_by or "another robot",
         resource=resource or "a resource",
-        resource_in_brackets=f" ({resource})" if resource else "",
-        because=because,
+        solid=f": {resource or listed(solids)}" if resource or solids else "",
+        because=_what_cuts_off(wait, resource, solids),
     )
-    return f"{edge['robot']} {text}."
+    return f"{wait.robot} {text}."
+
+
+def _what_cuts_off(wait: WaitsFor, resource: str, solids: Sequence[str]) -> str:
+    """Say what cuts a robot off its goal, empty if that is not known."""
+    if wait.blocked_by:
+        return f"; {wait.blocked_by} cuts it off"
+    if resource == "unreachable" and not solids:
+        return "; walls and furniture cut it off for good"
+    named = resource if resource != "unreachable" else ""
+    if named:
+        return f"; {named} cuts it off"
+    return f"; {listed(solids)} {'cuts' if len(solids) == 1 else 'cut'} it off" if solids else ""
+
+
+def account_sentences(account: WaitAccount) -> tuple[str, ...]:
+    """Tell who waits for whom, a sentence for each wait, the root's first."""
+    return tuple(dict.fromkeys(wait_sentence(wait, account.objects) for wait in account.waits))
 
 
 def robustness_text(value: float) -> str:

@@ -1,4 +1,4 @@
-"""The wait-for graph of a deadlock as SVG."""
+"""The wait-for graph of a failure as SVG."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.wait_account import PUSHED, Arrow, WaitAccount
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
 from reports.svg import Drawing
@@ -19,26 +20,32 @@ RIM = 34.0  # px between the middle of a node and the end of an arrow
 APART = 14.0  # px that an arrow lies beside the line between its nodes
 FITS = 8  # letters of a name inside its node
 NO_ROBOT = "#6b6b80"  # nodes of people, rooms and solids; white text reads on it
-#: what the graph says where no robot and no known thing is waited for; a solid otherwise
-NOTHING_KNOWN = {"stalled": "nothing", "no-path": "no way"}
+ROOT_RIM = 3.0  # px, width of the line around the root of a deadlock
 
 
-def draw_wait_graph(edges: Sequence[dict[str, str]], world: World) -> Markup:
-    """Draw a wait-for cycle: a node per robot or person, an arrow per edge with its cause."""
-    names = list(dict.fromkeys(n for edge in edges for n in (edge["robot"], blocker_of(edge))))
+def draw_wait_graph(account: WaitAccount, world: World) -> Markup:
+    """Draw who waits for whom: a node per robot, person or thing, an arrow per wait.
+
+    The root of a deadlock has a rim.
+    """
+    names = account.nodes
     height = FLAT_HEIGHT if len(names) == 2 else HEIGHT
-    drawing = Drawing(WIDTH, height, label="wait-for graph: " + ", ".join(map(_edge_text, edges)))
+    label = "wait-for graph: " + ", ".join(map(_arrow_text, account.arrows))
+    drawing = Drawing(WIDTH, height, label=label)
     places = _places(names, np.array([WIDTH / 2.0, height / 2.0]))
-    for edge in edges:
-        _draw_edge(drawing, edge, places[edge["robot"]], places[blocker_of(edge)])
+    for arrow in account.arrows:
+        _draw_arrow(drawing, arrow, places[arrow.start], places[arrow.end])
     numbers = {robot.name: i for i, robot in enumerate(world.robots)}
     for name, (x, y) in places.items():
         colour = robot_colour(numbers[name]) if name in numbers else NO_ROBOT
-        drawing.add("circle", cx=x, cy=y, r=NODE, fill=colour)
+        rim = {"stroke": "var(--bad)", "stroke_width": ROOT_RIM} if name == account.root else {}
+        drawing.add("circle", cx=x, cy=y, r=NODE, fill=colour, **rim)
         fits = len(name) <= FITS
         below = 4 if fits else NODE + 12
         kind = "node" if fits else "label"
         drawing.add("text", name, x=x, y=y + below, text_anchor="middle", class_=kind)
+    for arrow in account.arrows:
+        _write_label(drawing, arrow, places[arrow.start], places[arrow.end])
     return drawing.markup()
 
 
@@ -51,26 +58,25 @@ def _places(names: Sequence[str], middle: Array) -> dict[str, Array]:
     return dict(zip(names, middle + RING * around, strict=True))
 
 
-def _draw_edge(drawing: Drawing, edge: dict[str, str], start: Array, end: Array) -> None:
+def _draw_arrow(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> None:
+    along, side = _directions(start, end)
+    begin, tip = start + RIM * along + side, end - RIM * along + side
+    drawing.arrow(begin, tip, stroke="var(--bad)", stroke_width=2)
+
+
+def _directions(start: Array, end: Array) -> tuple[Array, Array]:
+    """Unit vector along an arrow, and the way [px] to its side; zero for one onto itself."""
     way = end - start
-    length = float(np.hypot(*way))
-    if length < 1.0:  # a robot that blocks itself
-        return
-    unit = way / length
-    side = APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
-    drawing.arrow(
-        start + RIM * unit + side, end - RIM * unit + side, stroke="var(--bad)", stroke_width=2
-    )
-    x, y = (start + end) / 2.0 + 2.2 * side
-    resource = edge["resource"] if edge["blocked_by"] else ""  # else it is the node
-    text = edge["cause"] + (f" ({resource})" if resource else "")
-    drawing.add("text", text, x=x, y=y + 4, class_="label", text_anchor="middle")
+    unit = way / max(float(np.hypot(*way)), 1.0)
+    return unit, APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
 
 
-def blocker_of(edge: dict[str, str]) -> str:
-    """Node of the wait-for graph that an edge of a cycle leads to."""
-    return edge["blocked_by"] or edge["resource"] or NOTHING_KNOWN.get(edge["cause"], "solid")
+def _write_label(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> None:
+    x, y = (start + end) / 2.0 + 2.2 * _directions(start, end)[1]
+    drawing.add("text", arrow.text, x=x, y=y + 4, class_="label", text_anchor="middle")
 
 
-def _edge_text(edge: dict[str, str]) -> str:
-    return f"{edge['robot']} waits for {blocker_of(edge)} ({edge['cause']})"
+def _arrow_text(arrow: Arrow) -> str:
+    if arrow.cause == PUSHED:
+        return f"{arrow.start} is pushed by {arrow.end}"
+    return f"{arrow.start} waits for {arrow.end} ({arrow.text})"

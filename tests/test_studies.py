@@ -13,6 +13,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.trial import Job
 from tests.campaigns.standin import settings
 from tests.conftest import scripted_trace
@@ -126,11 +127,9 @@ def test_whom_a_deadlock_waits_for_is_followed_along_the_edges(hall):
     stuck = dataclasses.replace(
         LATE, spec="no_deadlock", violated_at=2.0, evidence={"cycle": [waiting]}
     )
-    assert minimising.members_of(stuck) == ["robot1"]
-    assert minimising.waited_for(stuck, trace) == {"robot1", "robot2"}
-    later = dataclasses.replace(stuck, violated_at=8.0)
-    assert minimising.waited_for(later, trace) == {"robot1"}
-    assert minimising.waited_for(LATE, trace) == set()
+    assert wait_account(stuck, trace).members == ("robot1",)
+    assert wait_account(stuck, trace).holding == ("robot1", "robot2")
+    assert wait_account(LATE, trace).holding == ()
 
 
 def test_the_check_finds_what_a_failure_could_lose(hall, monkeypatch):

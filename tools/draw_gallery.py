@@ -27,7 +27,6 @@ import yaml
 
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, read_finding
 from mrta_falsify.campaigns.settings import Limits
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
@@ -38,6 +37,7 @@ from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import explain, removal_text
@@ -46,7 +46,7 @@ from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.replay import replay_trial, store_replay
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.workers import local_workers
-from reports.sentences import edge_sentence, violation_sentence
+from reports.sentences import account_sentences, violation_sentence
 from tools.gallery_pictures import Seen, write_picture
 
 FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
@@ -145,12 +145,12 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
             return campaign
     settings = new_settings(
         case.scenario,
-        directory=directory,
-        config=case.config(),
+        output=directory,
+        stack=case.config(),
         params=case.params,
         sampler=Choice(case.sampler),
         seed=case.seed,
-        specifications=case.specifications,
+        specs=case.specifications,
         time_limit=PATIENCE,
     )
     with open_store(directory, settings) as store:
@@ -261,10 +261,9 @@ def section(found: Told) -> str:
 def what_happened(seen: Seen) -> list[str]:
     """Tell what happened in a failing run, in sentences."""
     verdict = seen.verdict
-    waits = [edge_sentence(edge) for edge in seen.edges()] if verdict.spec == "no_deadlock" else []
     return [
         violation_sentence(verdict),
-        *waits,
+        *account_sentences(seen.account),
         *stories(tasks_of(verdict), seen.world, seen.trace),
     ]
 

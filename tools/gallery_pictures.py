@@ -19,13 +19,14 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import Arrow, WaitAccount, tick_of, wait_account
 from mrta_falsify.core.world import World
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
 from reports.floor_plot import draw_floor, draw_label
 from reports.floor_scene import extent_of
 from reports.furnishing import fixed_outlines, movable_outlines
 from reports.moving_scene import robot_outline
-from reports.wait_graph_drawing import blocker_of
+from reports.whereabouts import place_of
 
 DPI = 100
 COLOURS = 128  # of the palette: keeps the files small
@@ -54,59 +55,24 @@ class Seen:
     @property
     def tick(self) -> int:
         """When the violation was found, the end of the run if at no certain time."""
-        if self.verdict.violated_at is None:
-            return len(self.trace) - 1
-        at = int(np.searchsorted(self.trace.columns["time"], self.verdict.violated_at))
-        return min(at, len(self.trace) - 1)
+        return tick_of(self.verdict, self.trace)
+
+    @property
+    def account(self) -> WaitAccount:
+        """Who waits for whom at that time."""
+        return wait_account(self.verdict, self.trace)
 
     @property
     def concerned(self) -> list[str]:
         """Robots of the verdict, or those that had its tasks."""
-        named = {e[key] for e in self.edges() for key in ("robot", "blocked_by")}
-        named |= set(self.verdict.who)
+        named = {*self.account.robots, *self.verdict.who}
         named |= set(robots_of(tasks_of(self.verdict), self.trace))
         robots = [name for name in self.trace.robots if name in named]
         return robots or list(self.trace.robots)
 
-    def edges(self) -> list[dict[str, str]]:
-        """Who waits for whom at that time: of the verdict's robots, and of all they wait for."""
-        found = [dict(edge) for edge in self.verdict.evidence.get("cycle", [])]
-        members = {edge["robot"] for edge in found}
-        border = {edge["blocked_by"] for edge in found}
-        if not found:
-            border = set(self.verdict.who) | set(robots_of(tasks_of(self.verdict), self.trace))
-        now = self._edges_now()
-        while border - members:
-            more = [edge for edge in now if edge["robot"] in border - members]
-            members |= border
-            border = {edge["blocked_by"] for edge in more}
-            found += more
-        return found
-
-    def _edges_now(self) -> list[dict[str, str]]:
-        found = []
-        for edge in self.trace.edges_at(self.tick):
-            if edge.cause != "task":
-                others = self.trace.humans if edge.cause == "human" else self.trace.robots
-                found.append(
-                    {
-                        "robot": self.trace.robots[edge.robot],
-                        "cause": edge.cause,
-                        "blocked_by": others[edge.other] if edge.other >= 0 else "",
-                        "resource": edge.resource,
-                    }
-                )
-        return found
-
     def place_of(self, name: str) -> Array | None:
-        """Where a robot or person is at the moment, ``(2,)`` [m]."""
-        if name in self.trace.robots:
-            number = self.trace.robots.index(name)
-            return np.asarray(self.trace.columns["pose"][self.tick, number, :2])
-        if name in self.trace.humans:
-            number = self.trace.humans.index(name)
-            return np.asarray(self.trace.columns["human_position"][self.tick, number])
-        return None
+        """Where a robot, a person or a thing is at the moment, ``(2,)`` [m]."""
+        return place_of(self.world, self.trace, self.tick, name)
 
 
 def write_picture(original: Seen, smallest: Seen, path: Path) -> None:
@@ -122,8 +88,8 @@ def draw_case(original: Seen, smallest: Seen) -> Figure:
     """Figure of a case: two maps of one scale; beside them close-ups and the graph."""
     extent = _used(original, smallest)
     wide = (extent[2] - extent[0]) / (extent[3] - extent[1])
-    edges = [e for e in smallest.edges() if e["blocked_by"] or e["resource"]]
-    graph = GRAPH_HEIGHT if edges else 0.0
+    account = smallest.account
+    graph = GRAPH_HEIGHT if account.arrows else 0.0
     if wide > STACKED:
         map_width, map_height = 7.2, 7.2 / wide
         low = max(map_height, LEAST_CLOSE + graph)  # of the lower row
@@ -158,11 +124,11 @@ def draw_case(original: Seen, smallest: Seen) -> Figure:
         _draw_map(axes, seen, _around(seen, CLOSE_WIDTH / high), colours, needed, TRAIL)
         time = seen.trace.columns["time"][seen.tick]
         _write_title(axes, f"{titles[seen]}, at {time:.1f} s", CLOSE_WIDTH)
-        _draw_waits(axes, seen, seen.edges())
-    if edges:
+        _draw_waits(axes, seen, seen.account.arrows)
+    if account.arrows:
         _, top, high = closes[-1]
         axes = axes_at(left, top - high - graph, CLOSE_WIDTH, graph - GAP)
-        _draw_graph(axes, edges, colours, CLOSE_WIDTH / (graph - GAP))
+        _draw_graph(axes, account, colours, CLOSE_WIDTH / (graph - GAP))
     return figure
 
 
@@ -197,7 +163,7 @@ def _used(original: Seen, smallest: Seen) -> Array:
 
 def _around(seen: Seen, wide: float) -> Array:
     """Rectangle of the close-up, ``wide`` times as wide as high."""
-    names = {e[key] for e in seen.edges() for key in ("robot", "blocked_by")} | set(seen.concerned)
+    names = {*seen.account.nodes, *seen.concerned}
     places = [place for name in sorted(names) if (place := seen.place_of(name)) is not None]
     points = np.array([place for place in places if np.all(np.isfinite(place))])
     low, high = points.min(axis=0) - CLOSE_UP, points.max(axis=0) + CLOSE_UP
@@ -271,9 +237,9 @@ def _ring(axes: Axes, seen: Seen) -> None:
     axes.add_patch(Circle(middle, radius, fill=False, edgecolor=UNSAFE, linewidth=1.6, zorder=13))
 
 
-def _draw_waits(axes: Axes, seen: Seen, edges: Sequence[dict[str, str]]) -> None:
-    for edge in edges:
-        start, end = seen.place_of(edge["robot"]), seen.place_of(edge["blocked_by"])
+def _draw_waits(axes: Axes, seen: Seen, arrows: Sequence[Arrow]) -> None:
+    for arrow in arrows:
+        start, end = seen.place_of(arrow.start), seen.place_of(arrow.end)
         if start is not None and end is not None and np.hypot(*(end - start)) > 0.1:
             _arrow(axes, start, end, shrink=6.0, scale=14.0)
 
@@ -288,35 +254,33 @@ def _arrow(axes: Axes, start: Array, end: Array, *, shrink: float, scale: float)
     )  # fmt: skip
 
 
-def _draw_graph(
-    axes: Axes, edges: Sequence[dict[str, str]], colours: dict[str, str], wide: float
-) -> None:
-    """A node for each robot, person, resource; an arrow for each wait, with its cause."""
+def _draw_graph(axes: Axes, account: WaitAccount, colours: dict[str, str], wide: float) -> None:
+    """A node for each robot, person and thing; an arrow for each wait, with its cause."""
     axes.set_xlim(0.0, wide)
     axes.set_ylim(0.0, 1.0)
     axes.set_axis_off()
     axes.set_title("who waits for whom", fontsize=9.5, color=INK, loc="left", pad=2)
-    names = list(dict.fromkeys(name for e in edges for name in (e["robot"], blocker_of(e))))
+    names = account.nodes
     turn = np.pi + 2.0 * np.pi * np.arange(len(names)) / max(len(names), 1)
     reach = np.array([0.33 * wide, 0.32])
     place = {
         name: np.array([wide / 2.0, 0.5]) + reach * np.array([np.cos(angle), np.sin(angle)])
         for name, angle in zip(names, turn, strict=True)
     }
-    for edge in edges:
-        start, end = place[edge["robot"]], place[blocker_of(edge)]
+    for arrow in account.arrows:
+        start, end = place[arrow.start], place[arrow.end]
         if np.allclose(start, end):
             continue
         _arrow(axes, start, end, shrink=22.0, scale=13.0)
         way = end - start
         side = np.array([way[1], -way[0]]) / np.hypot(*way)
         at = (start + end) / 2.0 + (0.5 * 0.18 * np.hypot(*way) + 0.13) * side
-        draw_label(axes, (at[0], at[1]), edge["cause"], size=8.5, colour=UNSAFE)
+        draw_label(axes, (at[0], at[1]), arrow.cause, size=8.5, colour=UNSAFE)
     for name, (x, y) in place.items():
         box = {
             "boxstyle": "round,pad=0.35",
             "facecolor": colours.get(name, "#6b6b80"),
-            "edgecolor": "white",
+            "edgecolor": UNSAFE if name == account.root else "white",
         }
         axes.text(
             x, y, name, color="white", fontsize=8.5, ha="center", va="center", bbox=box,

@@ -27,12 +27,13 @@ from benchmarks.reports.stored_failures import (
     run_study,
     study_options,
 )
-from mrta_falsify.campaigns.attribution import members_of, waited_for
-from mrta_falsify.campaigns.signature import leading, signature
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import CommsOutage, Event, World, read_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.worker import specifications_of
@@ -68,19 +69,20 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
     )
     again = judge(job)
     verdict = leading(again.verdicts)
+    account = wait_account(verdict, again.outcome.trace) if verdict is not None else None
     spare = list(things_that_can_go(job, found.signature))
     return {
         **case.facts(),
         "before": {name: found.counts[name][0] for name in THINGS},
         "after": {name: len(getattr(world, name)) for name in THINGS},
         "horizon_s": round(world.horizon, 1),
-        "cycle": len(members_of(verdict)),
-        "waited_for": len(waited_for(verdict, again.outcome.trace)),
+        "cycle": len(account.members) if account else 0,
+        "waited_for": len(account.holding) if account else 0,
         "share_removed": round(found.share_removed, 4),
         "runs": found.runs,
         "finished": found.one_minimal,
         "verified": again.outcome.trace.digest == found.trace_digest,
-        "kept": signature(again.verdicts) == case.record.signature == found.signature,
+        "kept": signature(again.verdicts) == found.signature,
         "spare": spare,
         "program": program_fails(files / "world.min.scenic", job, found),
         "cpu_s": round(spent, 1),

@@ -1,18 +1,35 @@
 """Which layer a failure seems to belong to, by rules on what was seen of it.
 
 A first guess that costs no run; ``explain`` checks it by re-runs with one layer changed. The
-rules look at the violated specification and at what blocked the robots that lost most time. They
-know no names of defects and trust nothing that the stack says of itself.
+rules look at the violation that explains the others, at what held up the root of a deadlock, and
+at what blocked the robots that lost most time. They know no names of defects. Of what the stack
+says of itself they use its paths, and whether it gave a task away at all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 
-from mrta_falsify.campaigns.signature import leading
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import (
+    WaitAccount,
+    WaitsFor,
+    first_deadlock,
+    is_kept,
+    tick_of,
+    wait_account,
+)
+from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, leading
+from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
+#: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
+DISPATCHER = "dispatcher"
 #: layer that decides about what blocks a robot, by cause
 LAYER_OF_CAUSE = {
     "queue": "queue_policy",
@@ -24,19 +41,40 @@ LAYER_OF_CAUSE = {
     "stalled": "waypoint_generator",
 }
 #: layer that should have prevented the violation, by specification
-LAYER_OF_CONTACT = {
+LAYER_OF_SPECIFICATION = {
     "no_robot_robot_contact": "controller",
     "no_robot_human_contact": "controller",
     "human_clearance": "controller",
-    "no_robot_static_contact": "costmap",
-    "exclusive_use": "queue_policy",
     "kinematic_limits": "controller",
+    "exclusive_use": "queue_policy",
+    "honest_events": DISPATCHER,
+    "costly_calls": DISPATCHER,
 }
+#: layer that gives a part of the stack's answer, for one that is not repeatable
+LAYER_OF_ANSWER = {
+    "command": "controller",
+    "intent.path": "planner",
+    "intent.goal": "planner",
+    "intent.waypoint": "waypoint_generator",
+    "intent.tasks_left": "allocator",
+    "intent.queue": "queue_policy",
+}
+#: claims that the queues make, where ``honest_events`` refuses one; the others are the dispatcher's
+CLAIMS_OF_QUEUES = frozenset(("released", "granted", "waits-for"))
 LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
+TOO_NEAR = 0.2  # m between a path and a solid: less than the radius 0.22 m of the shipped robots
+WAY_LEFT = 0.5  # m of path ahead; a robot with less has nowhere to drive
+PATH_STEP = 0.05  # m between points looked at on a path
+PATH_AHEAD = 1.5  # m of path that are looked at
+
+
+def points_directly(verdict: Verdict) -> bool:
+    """Whether the violation itself names the layer that should have prevented it."""
+    return verdict.spec in LAYER_OF_SPECIFICATION or verdict.spec == "stack_runs"
 
 
 def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
-    """Name the layer to look at first, empty if nothing is violated.
+    """Name the layer to look at first, empty if nothing is violated or nothing points to one.
 
     Args:
         verdicts: of the run.
@@ -45,21 +83,144 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     verdict = leading(verdicts)
     if verdict is None:
         return ""
-    if verdict.spec in LAYER_OF_CONTACT:
-        return LAYER_OF_CONTACT[verdict.spec]
-    until = verdict.violated_at if verdict.violated_at is not None else float("inf")
-    members = [name for name in verdict.who if name in trace.robots]
-    spent = blocked_time(trace, until, members or trace.robots)
-    if verdict.spec == "no_deadlock":
-        causes = {edge["cause"] for edge in verdict.evidence.get("cycle", [])}
-        spent = {cause: time for cause, time in spent.items() if cause in causes} or spent
-        # A lost exclusion or a forgotten waiter shows in the queue before anywhere else.
-        if "queue" in causes:
-            return "queue_policy"
-    elif sum(spent.values()) < LITTLE_BLOCKING:
-        return "allocator"  # no robot was held up, so the plan was too tight
-    longest = max(sorted(spent), key=lambda cause: spent[cause], default="")
-    return LAYER_OF_CAUSE.get(longest, "")
+    if verdict.spec == DEADLOCK:
+        return _of_deadlock(verdict, trace)
+    if first_claim(verdict.evidence) in CLAIMS_OF_QUEUES:
+        return "queue_policy"
+    if verdict.spec in LAYER_OF_SPECIFICATION:
+        return LAYER_OF_SPECIFICATION[verdict.spec]
+    if verdict.spec == "no_robot_static_contact":
+        return _of_solid(verdict, next(iter(verdict.who), ""), trace)
+    if verdict.spec == "stack_runs":
+        return str(verdict.evidence.get("layer", ""))  # whose code failed
+    if verdict.spec == "repeatable":
+        return LAYER_OF_ANSWER.get(str(verdict.evidence.get("field", "")), "")
+    return _of_lost_time(verdict, trace)
+
+
+# --- deadlocks -----------------------------------------------------------------------------
+
+
+def _of_deadlock(verdict: Verdict, trace: Trace) -> str:
+    """Name the layer that decides about what holds up the root.
+
+    Robots that queue for a robot that is held up by something else wait rightly. A queue is to
+    blame if all wait in it, or if one who waits in it stands in the way of another.
+    """
+    account = wait_account(verdict, trace)
+    waits = [wait for robot in account.holding for wait in account.of(robot)]
+    reasons = [wait for wait in waits if not (wait.cause == "queue" and wait.blocked_by)]
+    queued = {wait.robot for wait in waits if wait.cause == "queue"}
+    if not reasons or any(wait.blocked_by in queued and _is_body(wait) for wait in reasons):
+        return "queue_policy"
+    root = next((w.robot for w in reasons if w.robot == account.root), reasons[0].robot)
+    causes = {wait.cause for wait in reasons if wait.robot == root}
+    spent = blocked_time(trace, _until(verdict), [root] if root in trace.robots else [])
+    cause = max(sorted(causes), key=lambda name: spent.get(name, 0.0))
+    if cause == "wall":
+        return _of_solid(verdict, root, trace)
+    if cause == "stalled":
+        return _of_stall(verdict, root, account, trace)
+    return LAYER_OF_CAUSE.get(cause, "")
+
+
+def _is_body(wait: WaitsFor) -> bool:
+    return wait.cause in ("barrier", "no-path")
+
+
+def _of_stall(verdict: Verdict, robot: str, account: WaitAccount, trace: Trace) -> str:
+    """Name the layer that leaves a robot standing with nothing in its way.
+
+    At a waiting spot no grant came. With way left to drive the controller does not drive it.
+    Otherwise no one has told the robot where to go on to.
+    """
+    place = first_deadlock(verdict.evidence).get("place")
+    if isinstance(place, Mapping) and place_kind(place) == WAITING_SPOT and account.root == robot:
+        return "queue_policy"
+    ahead = _path_ahead(trace, robot, tick_of(verdict, trace))
+    return "controller" if len(ahead) * PATH_STEP > WAY_LEFT else "waypoint_generator"
+
+
+def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> str:
+    """Name the layer that brought a robot to a solid.
+
+    A path that leaves it no room comes from a costmap that does not know the solid, or how wide
+    the robot is. Otherwise the controller left the path, or does not get away from where it is.
+    """
+    if robot not in trace.robots or not is_kept(trace):
+        return LAYER_OF_CAUSE["wall"]
+    tick = tick_of(verdict, trace)
+    ahead = _path_ahead(trace, robot, tick)
+    points = np.asarray(trace.columns["obstacle_points"][tick, trace.robots.index(robot)])
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(ahead) or not len(points):
+        return "controller"
+    gaps = np.hypot(*np.moveaxis(ahead[:, None] - points[None], -1, 0))
+    return LAYER_OF_CAUSE["wall"] if gaps.min() < TOO_NEAR else "controller"
+
+
+def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
+    """Points ``(K, 2)`` [m], 5 cm apart, of what a robot has still to drive of its path."""
+    if robot not in trace.robots or not is_kept(trace):
+        return np.empty((0, 2))
+    number = trace.robots.index(robot)
+    known = [change.points for change in trace.paths if change.robot == number]
+    since = [change.tick for change in trace.paths if change.robot == number]
+    place = int(np.searchsorted(since, tick, side="right")) - 1
+    path = np.asarray(known[place]).reshape(-1, 2) if place >= 0 else np.empty((0, 2))
+    if len(path) < 2:
+        return np.empty((0, 2))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    steps = np.arange(0.0, along[-1], PATH_STEP)
+    dense = np.stack([np.interp(steps, along, path[:, axis]) for axis in (0, 1)], axis=-1)
+    if not len(dense):
+        return dense
+    nearest = int(np.hypot(*(dense - trace.columns["pose"][tick, number, :2]).T).argmin())
+    return dense[nearest : nearest + round(PATH_AHEAD / PATH_STEP)]
+
+
+# --- lost time ---------------------------------------------------------------------
+
+
+def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
+    """Name the layer that decides about what cost the time.
+
+    A task that no robot was given was not allocated, or never offered to the allocator. If the
+    robots concerned were held up, what held them up longest decides. If not, the plan was tight
+    or, where a robot drove in vain, the controller did not follow it.
+    """
+    tasks = tasks_of(verdict)
+    given = {event.task for event in trace.events if event.kind == "assigned"}
+    forgotten = [task for task in tasks if task not in given]
+    if forgotten:
+        return "allocator" if _was_asked(forgotten, trace) else DISPATCHER
+    spent = blocked_time(trace, _until(verdict), robots_concerned(verdict, trace))
+    if sum(spent.values()) < LITTLE_BLOCKING:  # who holds up others may cost them the time, too
+        spent = blocked_time(trace, _until(verdict), trace.robots)
+    if sum(spent.values()) < LITTLE_BLOCKING:
+        return "allocator" if is_outcome(verdict) or tasks else "controller"
+    return LAYER_OF_CAUSE.get(max(sorted(spent), key=lambda cause: spent[cause]), "")
+
+
+def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
+    """Whether the allocator was asked about one of ``tasks``: it left it out, or was refused."""
+    notes = [event.detail for event in trace.events if event.kind == "allocated"]
+    named = {int(number) for note in notes for number in re.findall(r"\d+", note)}
+    refused = any(event.kind == "allocation-refused" for event in trace.events)
+    return refused or bool(named & set(tasks))
+
+
+def robots_concerned(verdict: Verdict, trace: Trace) -> list[str]:
+    """Name the robots whose waits count: the root of a deadlock, those with the late tasks."""
+    root = wait_account(verdict).root if verdict.spec == DEADLOCK else ""
+    if root in trace.robots:
+        return [root]
+    named = [name for name in verdict.who if name in trace.robots]
+    return named or robots_of(tasks_of(verdict), trace)
+
+
+def _until(verdict: Verdict) -> float:
+    return float("inf") if verdict.violated_at is None else verdict.violated_at
 
 
 def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str, float]:
@@ -72,32 +233,3 @@ def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str,
             time = max(0.0, end - span.first * trace.dt)
             spent[span.edge.cause] = spent.get(span.edge.cause, 0.0) + time
     return spent
-
-
-def members_of(verdict: Verdict | None) -> list[str]:
-    """Name the members of the deadlock, none if the failure is another one."""
-    if verdict is None or verdict.spec != "no_deadlock":
-        return []
-    return sorted({edge["robot"] for edge in verdict.evidence.get("cycle", [])})
-
-
-def waited_for(verdict: Verdict | None, trace: Trace) -> set[str]:
-    """Name the members of the deadlock and all that they wait for, directly or through others.
-
-    The verdict names the robots whose wait is certain. It may miss a robot in the chain that the
-    stack still moves a little now and then.
-    """
-    found = set(members_of(verdict))
-    if verdict is None or verdict.violated_at is None:
-        return found
-    tick = round(verdict.violated_at / trace.dt)
-    waits = [
-        (trace.robots[edge.robot], trace.robots[edge.other])
-        for edge in trace.edges_at(tick)
-        if edge.other >= 0 and edge.cause not in ("human", "task")
-    ]
-    while True:
-        more = {other for robot, other in waits if robot in found} - found
-        if not more:
-            return found
-        found |= more

@@ -1,103 +1,91 @@
 """What happened, in one canonical line: failures with the same signature are one mode.
 
-A signature names the violated specification that explains the others, the canonical wait-for
-cycle over what blocks whom (causes, never names of robots), and the place. Parameters of the
-scenario play no part: two very different worlds in which two loaded robots meet in the same
-corridor fail in the same mode.
+A signature names the violated specification that explains the others. For a deadlock it goes on
+with the canonical wait-for cycle over what blocks whom, the kind of place, and the kinds of
+things and people that took part: ``no_deadlock/2:barrier>barrier/corridor with furniture``. It has
+no names of robots, rooms or queues, and no parameters of the scenario: two very different worlds
+in which two robots meet beside a bed fail in the same mode, in whatever corridor that is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 from mrta_falsify.core.verdict import Verdict
-
-#: the first one that is violated explains the run; the others are its consequences
-PRECEDENCE = (
-    "no_robot_robot_contact",
-    "no_robot_static_contact",
-    "no_robot_human_contact",
-    "no_deadlock",
-    "exclusive_use",
-    "kinematic_limits",
-    "no_livelock",
-    "no_starvation",
-    "progress",
-    "human_clearance",
-    "deadlines",
-    "all_tasks_done",
-    "honest_events",
-    "costly_way",
-    "costly_time",
-    "costly_calls",
+from mrta_falsify.core.wait_account import (
+    PresentObject,
+    WaitAccount,
+    first_deadlock,
+    wait_account,
 )
-PLACE_RADIUS = 3.0  # m from a named place that still count as there
+from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
+from mrta_falsify.specs.deadlock.place_kind import place_kind
+
+#: evidence that tells modes of one specification apart
+TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
+#: whether a robot ahead stands in the way or merely goes first may hang on a centimetre
+SAME_IN_A_CYCLE = {"cluster": "barrier"}
 
 
 def signature(verdicts: Sequence[Verdict]) -> str:
     """Write the signature of a run, empty if nothing is violated.
 
     Args:
-        verdicts: of one run.
+        verdicts: of one run, as judged or as stored by any version.
 
     Returns:
-        For example ``no_deadlock/2:barrier>barrier/queue of ward_3``.
+        For example ``no_deadlock/2:barrier>barrier/doorway with pushed furniture``.
     """
     verdict = leading(verdicts)
     if verdict is None:
         return ""
-    parts = [verdict.spec]
-    if verdict.spec == "no_deadlock":
-        parts.append(canonical_cycle(verdict.evidence.get("cycle", [])))
-    place = _place(verdict.evidence.get("place"))
-    if place:
-        parts.append(place)
-    return "/".join(parts)
+    if verdict.spec != DEADLOCK:
+        told = [first_claim(verdict.evidence)]
+        told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+        return "/".join(part for part in (verdict.spec, *told) if part)
+    account = wait_account(verdict)
+    place = first_deadlock(verdict.evidence).get("place")
+    where = place_kind(place) if isinstance(place, Mapping) else ""
+    took_part = _object_kinds(account.objects)
+    where = f"{where} with {took_part}".strip() if took_part else where
+    return "/".join(part for part in (verdict.spec, canonical_cycle(account), where) if part)
 
 
-def leading(verdicts: Sequence[Verdict]) -> Verdict | None:
-    """Choose the violated verdict that explains the run, None if all hold."""
-    violated = [verdict for verdict in verdicts if verdict.violated]
-    known = {name: i for i, name in enumerate(PRECEDENCE)}
-    return min(
-        violated, key=lambda verdict: (known.get(verdict.spec, -1), verdict.spec), default=None
-    )
+def canonical_cycle(account: WaitAccount) -> str:
+    """Write the wait-for cycle of a deadlock without names.
 
-
-def canonical_cycle(edges: Sequence[dict[str, str]]) -> str:
-    """Write a wait-for cycle without names.
-
-    Args:
-        edges: rows ``robot``, ``cause``, ``blocked_by``, ``resource`` as in the evidence of
-            ``no_deadlock``.
+    A member's label is the cause for which it waits for other members. If it waits for none of
+    them, it has all its causes.
 
     Returns:
         Number of members, then their labels. If each member waits for one other member, they are
         in the order of the cycle, in its smallest rotation; otherwise they are sorted.
     """
-    labels: dict[str, list[str]] = {}
+    members = set(account.members) or {wait.robot for wait in account.waits}
     waits: dict[str, set[str]] = {}
-    for edge in edges:
-        labels.setdefault(edge["robot"], []).append(edge["cause"])
-        if edge["blocked_by"]:
-            waits.setdefault(edge["robot"], set()).add(edge["blocked_by"])
-    names = {robot: "+".join(sorted(set(causes))) for robot, causes in labels.items()}
-    ring = _ring(waits, set(names))
+    labels: dict[str, str] = {}
+    for robot in members:
+        own = account.of(robot)
+        inside = [w for w in own if w.blocked_by in members and w.cause != "human"]
+        waits[robot] = {wait.blocked_by for wait in inside}
+        labels[robot] = "+".join(sorted({wait.cause for wait in inside or own})) or "unexplained"
+    if "barrier" in labels.values():
+        labels = {robot: SAME_IN_A_CYCLE.get(label, label) for robot, label in labels.items()}
+    ring = _ring(waits, members)
     if ring:
-        words = [names[robot] for robot in ring]
+        words = [labels[robot] for robot in ring]
         turns = [words[i:] + words[:i] for i in range(len(words))]
         return f"{len(words)}:" + ">".join(min(turns))
-    return f"{len(names)}:" + ",".join(sorted(names.values()))
+    return f"{len(labels)}:" + ",".join(sorted(labels.values()))
 
 
 def _ring(waits: dict[str, set[str]], members: set[str]) -> list[str]:
     """Order the members if each waits for exactly one other and all are on one ring."""
-    if not members or any(len(waits.get(robot, set()) & members) != 1 for robot in members):
+    if not members or any(len(waits[robot]) != 1 for robot in members):
         return []
     ring = [min(members)]
     while True:
-        (following,) = waits[ring[-1]] & members
+        (following,) = waits[ring[-1]]
         if following == ring[0]:
             return ring if len(ring) == len(members) else []
         if following in ring:
@@ -105,8 +93,15 @@ def _ring(waits: dict[str, set[str]], members: set[str]) -> list[str]:
         ring.append(following)
 
 
-def _place(place: Any) -> str:
-    if not isinstance(place, dict) or not place.get("near"):
-        return ""
-    beyond = float(place.get("distance", 0.0)) > PLACE_RADIUS
-    return f"beyond {place['near']}" if beyond else str(place["near"])
+def _object_kinds(objects: Sequence[PresentObject]) -> str:
+    """List the kinds of things and people that took part; walls are everywhere."""
+    kinds = {
+        f"pushed {item.kind}" if item.carried_by else item.kind
+        for item in objects
+        if item.kind and item.kind != "wall"
+    }
+    # a person who pushes something took part with what they push
+    pushing = {item.carried_by for item in objects if item.carried_by}
+    if all(item.name in pushing for item in objects if item.kind == "person"):
+        kinds.discard("person")
+    return " and ".join(sorted(kinds))

@@ -44,6 +44,7 @@ def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
+    from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
 
     with output.progress(f"explain {id}", max_runs, "runs") as on_progress:
         found = explain_trial(
@@ -52,6 +53,9 @@ def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
     if style == "json":
         output.print_json(found)
     else:
+        campaign = open_campaign(directory)
+        for text in what_happened(campaign, campaign.record(id)):
+            output.stdout().print(text)
         _print_explanation(found)
     return ExitCode.DONE
 

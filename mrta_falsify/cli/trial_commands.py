@@ -51,7 +51,7 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
 
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_copies = any(row.jittered for row in rows)
-    columns = ["id", "status", "score", "signature", "layer", "simulated"]
+    columns = ["id", "status", "score", "signature", "who", "layer", "simulated"]
     columns += ["copies that fail"] if with_copies else []
     table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
     for row in rows:
@@ -60,6 +60,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             row.status,
             f"{row.score:+.3f}" if row.status == "ok" else "",
             row.signature,
+            row.who,
             row.layer,
             f"{row.sim_time_s:.1f} s",
         ]
@@ -74,13 +75,14 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
-    from mrta_falsify.verbs.stored_trials import open_campaign
+    from mrta_falsify.verbs.stored_trials import layer_of, open_campaign, what_happened
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
+    told = what_happened(campaign, record)
     if style == "json":
         verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
-        data = {"id": record.id, "failed": record.failed, **codec.encode(record)}
+        data = {"id": record.id, "failed": record.failed, "happened": told, **codec.encode(record)}
         output.print_json({**data, "verdicts": verdicts})
         return ExitCode.DONE
     out = output.stdout()
@@ -88,18 +90,21 @@ def show_command(directory: Path, id: str, style: str) -> int:
     out.print(f"score      {record.score:+.4f}")
     if record.signature:
         out.print(f"failure    {record.signature}")
+    for text in told:
+        out.print(f"           {text}")
+    if record.failed:
+        out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
     if record.jittered:
         out.print(f"           {record.jittered}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
-        if verdict.not_judged:
-            out.print(f"  {verdict.spec:24} not judged: {verdict.not_judged}")
-            continue
-        state = verdict.outcome
+        state = verdict.outcome.replace("_", " ")
         at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
         who = f" by {', '.join(verdict.who)}" if verdict.who else ""
-        out.print(f"  {verdict.spec:24} {state}{at}{who}, robustness {verdict.robustness:+.3g}")
+        why = f": {verdict.not_judged}" if verdict.not_judged else ""
+        rho = "" if verdict.not_judged else f", robustness {verdict.robustness:+.3g}"
+        out.print(f"  {verdict.spec:24} {state}{at}{who}{why}{rho}")
     out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
     out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
     if record.trace_file:

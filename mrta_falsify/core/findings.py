@@ -45,6 +45,11 @@ class CopyCount:
     runs: int
     failed: int  #: of them
 
+    @property
+    def is_knife_edge(self) -> bool:
+        """Whether there are copies, and most of them pass: any change may cure the failure."""
+        return 2 * self.failed < self.runs
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
@@ -118,7 +123,7 @@ class Recheck:
 
     id: str
     fate: RecheckFate
-    signature: str  #: as stored
+    signature: str  #: of the stored verdicts
     violated: tuple[str, ...]  #: by the stored world on the changed stack
     signature_now: str
     jittered_failures: int

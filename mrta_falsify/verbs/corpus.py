@@ -209,7 +209,8 @@ def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
     return Recheck(
         id=record.id,
         fate=fate,
-        signature=record.signature,
+        # recomputed: another version may have written the stored one in other words
+        signature=signature(record.verdicts),
         violated=stored.violated,
         signature_now=stored.signature,
         jittered_failures=failures,

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import yaml
 
 from mrta_falsify.campaigns.attribution import suspected_layer
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
@@ -310,7 +309,6 @@ def _write_files(
         versions=versions(),
         picture=written.picture,
         animation=written.gif,
-        first=leading(outcome.verdicts),
         layer=suspected_layer(outcome.verdicts, outcome.trace),
     )
     page.write_page(report, written.report)

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.record import Status, TrialRecord
+from mrta_falsify.core.trace import read_trace
+from mrta_falsify.core.wait_account import WaitAccount, wait_account
 from mrta_falsify.core.world import World, read_world
+from mrta_falsify.specs.causes import by_cause, leading
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.worker import open_program, specifications_of, stack_of
+from reports.sentences import (
+    account_sentences,
+    consequence_sentence,
+    violation_sentence,
+    who_text,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +39,9 @@ class TrialRow:
     jittered: int  #: copies with small differences that were run
     jittered_failures: int
     violated: tuple[str, ...]  #: specifications
-    layer: str
+    headline: str  #: what happened, in one sentence; empty if nothing is violated
+    who: str  #: robots concerned, the root of a deadlock first, those held up in brackets
+    layer: str  #: as explained, by rules on the trace if it has not been explained
     engine: str
     sim_time_s: float
     wall_s: float
@@ -56,11 +71,12 @@ def list_trials(directory: Place, failed: bool = False) -> tuple[TrialRow, ...]:
     Raises:
         StoreError: not a campaign.
     """
-    records = open_campaign(directory).records
-    return tuple(_row(record) for record in records if record.failed or not failed)
+    campaign = open_campaign(directory)
+    return tuple(_row(campaign, r) for r in campaign.records if r.failed or not failed)
 
 
-def _row(record: TrialRecord) -> TrialRow:
+def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
+    verdict = leading(record.verdicts)
     return TrialRow(
         id=record.id,
         status=record.status,
@@ -70,7 +86,9 @@ def _row(record: TrialRecord) -> TrialRow:
         jittered=record.jittered.runs if record.jittered else 0,
         jittered_failures=record.jittered.failed if record.jittered else 0,
         violated=tuple(verdict.spec for verdict in record.verdicts if verdict.violated),
-        layer=record.layer,
+        headline=violation_sentence(verdict) if verdict is not None else "",
+        who=who_text(verdict) if verdict is not None else "",
+        layer=layer_of(campaign, record),
         engine=record.engine,
         sim_time_s=record.sim_time,
         wall_s=record.wall_s,
@@ -80,6 +98,42 @@ def _row(record: TrialRecord) -> TrialRow:
         error=record.error,
         not_judged=tuple(verdict.spec for verdict in record.verdicts if verdict.not_judged),
     )
+
+
+def layer_of(campaign: Campaign, record: TrialRecord) -> str:
+    """Name the suspected layer: by ``explain`` if it was run, else by rules on the trace."""
+    if not record.failed:
+        return record.layer
+    with contextlib.suppress(InputError):  # a damaged file; `report` says what is wrong with it
+        explained = read_finding(campaign.folder(record), Explanation)
+        if explained is not None and explained.layer:
+            return explained.layer
+    return record.layer
+
+
+def account_of(campaign: Campaign, record: TrialRecord) -> WaitAccount | None:
+    """Tell who waits for whom in a stored failure, None if nothing is violated.
+
+    Evidence of older versions is completed from the trace, if that was kept and can be read.
+    """
+    verdict = leading(record.verdicts)
+    if verdict is None:
+        return None
+    path = campaign.directory / record.trace_file
+    if record.trace_file and path.is_file():
+        with contextlib.suppress(InputError):
+            return wait_account(verdict, read_trace(path))
+    return wait_account(verdict)
+
+
+def what_happened(campaign: Campaign, record: TrialRecord) -> tuple[str, ...]:
+    """Tell a stored failure in sentences: what came first, who waits for whom, what followed."""
+    account = account_of(campaign, record)
+    if account is None:
+        return ()
+    first, *others = (verdict for verdict in by_cause(record.verdicts) if verdict.violated)
+    followed = [consequence_sentence(verdict, first) for verdict in others]
+    return (violation_sentence(first), *account_sentences(account), *followed)
 
 
 def show_trial(directory: Place, id: str | int) -> TrialRecord:

@@ -78,7 +78,9 @@ def _run(*words: str) -> str:
 @pytest.mark.parametrize("stored", SEARCHES, indirect=True)
 def test_a_stored_campaign_is_listed_as_before(stored):
     before = json.loads((CAMPAIGNS / f"{stored.name}.list.json").read_text())
-    assert json.loads(_run("list", str(stored), "--format", "json")) == before
+    now = json.loads(_run("list", str(stored), "--format", "json"))
+    assert [{key: row[key] for key in before[0]} for row in now] == before
+    assert all(bool(row["headline"]) == row["failed"] for row in now)
 
 
 @pytest.mark.parametrize("stored", SEARCHES, indirect=True)

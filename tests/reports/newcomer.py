@@ -65,7 +65,7 @@ WAITS = (
     (r"^(\S+) cannot drive on because (\S+) stands in", lambda m: (m[1], m[2], "on its path")),
     (r"^(\S+) has a free path but waits for (\S+),", lambda m: (m[1], m[2], "in turn")),
     (r"^(\S+) stands still because (\S+), a person", lambda m: (m[1], m[2], "person in the way")),
-    (r"^(\S+) is held back by a solid \((\S+)\)", lambda m: (m[1], m[2], "solid in the way")),
+    (r"^(\S+) is held back by a solid: (\S+)\.", lambda m: (m[1], m[2], "solid in the way")),
 )
 
 
@@ -73,7 +73,8 @@ def read(html: str) -> Answers:
     """Look for the answers in the text of a report with one case."""
     lines = lines_of(html)
     text = "\n".join(lines)
-    what = re.search(r"^(.+?) (?:is stuck for good|are deadlocked)\b(.*)$", text, re.MULTILINE)
+    stuck = "is stuck for good|are stuck for good|wait for each other for good"
+    what = re.search(rf"^(.+?) (?:{stuck})\b(.*)$", text, re.MULTILINE)
     names = re.findall(r"[\w-]+", what[1].replace(" and ", ", ")) if what else []
     found = re.search(r"\(found at ([\d.]+) s\)", what[2]) if what else None
     since = re.search(r"stood since ([\d.]+) s", what[2]) if what else None

@@ -10,6 +10,7 @@ import pytest
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import WaitsFor
 from mrta_falsify.core.world import Furniture
 from reports.contents import (
     CaseContents,
@@ -19,7 +20,7 @@ from reports.contents import (
     TrialScores,
 )
 from reports.page import render_page
-from reports.sentences import edge_sentence, violation_sentence
+from reports.sentences import violation_sentence, wait_sentence
 from tests import browser
 
 
@@ -130,8 +131,8 @@ def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
     ],
 )
 def test_edges_are_told_in_words(cause, expected):
-    edge = {"robot": "robot1", "cause": cause, "blocked_by": "robot2", "resource": "ward_2"}
-    assert edge_sentence(edge) == expected
+    wait = WaitsFor("robot1", cause, blocked_by="robot2", resource="ward_2")
+    assert wait_sentence(wait) == expected
 
 
 def test_a_verdict_is_told_with_time_and_names():

@@ -80,7 +80,7 @@ def test_the_page_tells_what_failed_when_and_who(page):
     for part in (
         "1 of 1 specifications violated: no_deadlock",
         "no_deadlock violated -2 3.00 s robot1, robot2",
-        "robot1 and robot2 are deadlocked (found at 3.0 s)",
+        "robot1 and robot2 are stuck for good (found at 3.0 s)",
         "suspected layer: controller",
         "Run it again: mrta-falsify run x",
         "ended horizon",
@@ -112,7 +112,7 @@ def test_the_page_begins_with_the_verdict_that_explains_the_others(view, tmp_pat
     write_picture(view, picture)
     report = report_of_run(
         dataclasses.replace(view, verdicts=(safe, late, deadlock)), command="", stack="",
-        versions={}, picture=picture, first=deadlock,
+        versions={}, picture=picture,
     )  # fmt: skip
     assert [v.spec for v in report.run.verdicts] == ["no_deadlock", "deadlines", "progress"]
 

@@ -7,10 +7,10 @@ import pytest
 
 from benchmarks.defects import worlds
 from mrta_falsify.campaigns.attribution import suspected_layer
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Counterfactual, Removal
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
@@ -97,6 +97,43 @@ def test_the_shipped_layer_in_place_of_another_says_more_than_one_that_does_all_
     assert suspicion_from(findings, "waypoint_generator").layer == "controller"
     stays = [findings[0], dataclasses.replace(findings[1], failure_gone=False)]
     assert suspicion_from(stays, "controller").layer == "waypoint_generator"
+
+
+def _found(**gone):
+    """Counterfactuals by layer: for each of its alternatives, whether the failure was gone."""
+    return [
+        Counterfactual(layer=layer, change=f"{layer} {i}", failure_gone=was_gone)
+        for layer, outcomes in gone.items()
+        for i, was_gone in enumerate(outcomes)
+    ]
+
+
+def test_a_layer_of_which_every_other_implementation_cures_says_more_than_one_of_many():
+    found = _found(planner=[True], allocator=[True, False, False, False])
+    assert suspicion_from(found, "allocator").layer == "planner"
+    assert suspicion_from(_found(allocator=[True, False], planner=[False]), "").layer == "allocator"
+
+
+def test_a_violation_that_names_its_layer_is_not_talked_away_by_a_chance_cure():
+    found = _found(queue_policy=[False], allocator=[True])
+    assert suspicion_from(found, "queue_policy", direct=True).layer == "queue_policy"
+    assert suspicion_from(found, "queue_policy").layer == "allocator"
+
+
+def test_a_part_that_cannot_be_exchanged_is_named_by_the_trace():
+    assert suspicion_from(_found(planner=[True]), "dispatcher").layer == "dispatcher"
+
+
+def test_on_a_knife_edge_any_change_cures_so_the_trace_decides():
+    found = _found(priority_rule=[True], controller=[False])
+    assert suspicion_from(found, "controller", knife_edge=True).layer == "controller"
+    assert suspicion_from(found, "controller").layer == "priority_rule"
+    assert suspicion_from(found, "", knife_edge=True).layer == "priority_rule"
+
+
+def test_a_restored_layer_counts_on_a_knife_edge_too():
+    shipped = Counterfactual(layer="planner", change="shipped", failure_gone=True, restores=True)
+    assert suspicion_from([shipped], "controller", direct=True, knife_edge=True).layer == "planner"
 
 
 def test_the_trace_alone_gives_a_first_guess(stalled):

@@ -9,6 +9,7 @@ from typing import Any
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import GoalMap
+from mrta_falsify.specs.deadlock.place_kind import kind_of_place
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot
 
 
@@ -48,7 +49,8 @@ def deadlock_evidence(
     shown = [edge for own in deadlock.knot.values() for edge in own]
     others = {edge.other for edge in shown if edge.cause != "human"}
     blockers = others - set(stuck) - deadlock.robots - {-1}
-    place = frame.sensed.pose[list(deadlock.members), :2].mean(axis=0)
+    stand = frame.sensed.pose[list(deadlock.members), :2]
+    place = stand.mean(axis=0)
     near, distance = GoalMap(world).nearest_name(place)
     return {
         "members": [names[i] for i in deadlock.members],
@@ -60,6 +62,7 @@ def deadlock_evidence(
             "y": float(place[1]),
             "near": near,
             "distance": distance,
+            "kind": kind_of_place(world, stand),
         },
         "onset": deadlock.onset,
         "detected_at": frame.sensed.time,

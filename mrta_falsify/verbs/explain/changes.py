@@ -73,29 +73,62 @@ class Suspicion(NamedTuple):
     reason: str
 
 
-def suspicion_from(counterfactuals: Sequence[Counterfactual], guess: str) -> Suspicion:
+def suspicion_from(
+    counterfactuals: Sequence[Counterfactual],
+    guess: str,
+    *,
+    direct: bool = False,
+    knife_edge: bool = False,
+) -> Suspicion:
     """Suspect a layer from what its changes did.
 
-    A single layer whose change removes the failure is suspected. Of several, those count where
-    the shipped layer replaced another one: a different implementation moves every robot
-    differently, and may remove a failure by chance. Of these it is the one that the trace points
-    to. Otherwise it is the first in the pipeline, since later layers act on what it gives them.
+    The rules, the first one that applies:
+
+    1. The shipped layer in place of another one removes the failure: that layer, the trace's own
+       guess if there are several.
+    2. The guess is a part of the stack that cannot be exchanged, or the violation itself names
+       the layer: the guess. A change elsewhere may keep the run away from the situation.
+    3. The failure stands on a knife edge: the guess, since any change may remove it.
+    4. Layers all of whose other implementations remove the failure, else those with one that
+       does: the guess if it is among them, else the first in the pipeline, since later layers
+       act on what it gives them.
+    5. No change removes the failure: the guess. What all implementations of a layer share is
+       not exchanged with it.
 
     Args:
         counterfactuals: of all changes.
         guess: the layer that the trace alone points to.
+        direct: whether the violation itself names the layer.
+        knife_edge: whether most copies with small differences pass.
     """
-    gone = [found for found in counterfactuals if found.failure_gone]
-    restored = [found for found in gone if found.restores]
-    cures = {found.layer for found in restored or gone}
-    layers = [layer for layer in SUSPECTS if layer in cures]
-    if not layers:
+    restored = _cures([found for found in counterfactuals if found.restores])
+    if restored:
+        return _chosen(restored, guess, "the shipped one in its place removes the failure")
+    if guess and guess not in SUSPECTS:
+        return Suspicion(guess, "named by what the trace shows; it has no other implementation")
+    if guess and direct:
+        return Suspicion(guess, "named by the violation itself")
+    cures = _cures(counterfactuals)
+    if not cures:
         reason = "no single change removes the failure; named by what the trace shows"
         return Suspicion(guess, reason)
-    if restored and len(layers) == 1 and len({found.layer for found in gone}) > 1:
-        return Suspicion(layers[0], "the shipped one in its place removes the failure")
+    if guess and knife_edge:
+        reason = "a knife edge, which many changes remove; named by what the trace shows"
+        return Suspicion(guess, reason)
+    return _chosen(cures, guess, "changing it, and nothing else, removes the failure")
+
+
+def _cures(counterfactuals: Sequence[Counterfactual]) -> list[str]:
+    """List the layers whose change removes the failure, those of which every change does first."""
+    some = {found.layer for found in counterfactuals if found.failure_gone}
+    every = some - {found.layer for found in counterfactuals if not found.failure_gone}
+    return [layer for layer in SUSPECTS if layer in (every or some)]
+
+
+def _chosen(layers: Sequence[str], guess: str, alone: str) -> Suspicion:
+    """Choose one of ``layers``; ``alone`` is the reason if it is the only one."""
     if len(layers) == 1:
-        return Suspicion(layers[0], "changing it, and nothing else, removes the failure")
+        return Suspicion(layers[0], alone)
     named = f"changing any of {', '.join(map(spaced, layers))} removes the failure"
     if guess in layers:
         return Suspicion(guess, f"{named}; the trace points to this one")

@@ -14,17 +14,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.attribution import points_directly, suspected_layer
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import CopyCount, Counterfactual, Explanation, Removal
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
@@ -120,7 +120,9 @@ def explain_job(
     if removals:
         count.add()  # the run up to the onset
     jittered = _jittered(job, count, journals.copies)
-    layer, reason = suspicion_from(found, guess)
+    layer, reason = suspicion_from(
+        found, guess, direct=points_directly(verdict), knife_edge=jittered.is_knife_edge
+    )
     return Explanation(
         layer=layer,
         guess=guess,
@@ -135,13 +137,12 @@ def explain_job(
 
 def moment_of_change(verdict: Verdict) -> float:
     """Choose when to change something [s]: shortly before the onset, or before the violation."""
-    for key in ("onset", "since", "waiting_since"):
-        begun = verdict.evidence.get(key)
-        if isinstance(begun, float):
-            return max(0.0, begun - LEAD)
-    if verdict.spec in ("deadlines", "all_tasks_done"):
+    if is_outcome(verdict):
         return 0.0  # whatever cost the time may be anywhere
-    return max(0.0, (verdict.violated_at or 0.0) - LEAD)
+    begun = cause_begins(verdict)
+    for time in (verdict.evidence.get("waiting_since"), *root_onsets(verdict)):
+        begun = min(begun, time) if isinstance(time, float) else begun
+    return max(0.0, begun - LEAD) if begun < float("inf") else 0.0
 
 
 def _jittered(job: Job, count: _Count, journal: RunJournal[CopyRun]) -> CopyCount:

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from mrta_falsify.campaigns.attribution import waited_for
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Removal
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changed_runs import AFTER
 from reports.sentences import listed
@@ -28,7 +28,7 @@ def removals_of(
     max_runs: int,
     journal: RunJournal[Removal] | None = None,
 ) -> Iterator[Removal]:
-    """Take away each robot of a deadlock at its onset, and each that one of them waits for.
+    """Take away each robot of a deadlock at its onset: members, victims, and whom they wait for.
 
     Args:
         job: that fails.
@@ -39,10 +39,10 @@ def removals_of(
     """
     journal = journal or RunJournal(Removal, None)
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
-    held = waited_for(verdict, trace)
-    names = [name for name in numbers if name in held]
-    onset = verdict.evidence.get("onset")
-    if len(names) < 2 or not isinstance(onset, float):
+    account = wait_account(verdict, trace)
+    names = [name for name in numbers if name in account.robots] if account.members else []
+    onset = account.onset
+    if len(names) < 2 or onset is None:
         return
     asked = [job.world, job.config, job.specifications, verdict, onset]
     missing = {codec.digest([asked, names, n]): n for n in names[: max(0, max_runs - 1)]}

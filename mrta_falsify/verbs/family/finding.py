@@ -82,7 +82,9 @@ def find_family(
     journal = RunJournal(PointRun, folder / JOURNAL_NAME, code=code)
     with going_on(f"family {record.id}", journal):
         config = _reference_stack(campaign, record)
-        runs = SampleRuns(settings, program, config, record.signature, journal, on_run)
+        # recomputed: another version may have written the stored one in other words
+        wanted = signature(record.verdicts)
+        runs = SampleRuns(settings, program, config, wanted, journal, on_run)
         fresh = max(1, min(fresh, max_runs // 2))
         case = _in_whole_ranges(program, record.candidate)
         search = BoxSearch(runs, case, budget=max_runs - fresh)
@@ -103,9 +105,10 @@ def _learned_family(
     """Describe a family that is learned but not measured yet."""
     dimensions = search.runs.program.space.dimensions
     judged = [other for other in campaign.records if other.status == "ok"]
-    alike = sum(other.signature == record.signature for other in judged)
+    wanted = signature(record.verdicts)
+    alike = sum(signature(other.verdicts) == wanted for other in judged)
     return Family(
-        signature=record.signature,
+        signature=wanted,
         engine=search.runs.config.engine.name,
         conditions=conditions_of(search),
         free=tuple(dimensions[i].name for i in search.free),
@@ -160,7 +163,7 @@ def _reference_stack(campaign: Campaign, record: TrialRecord) -> StackConfig:
         job = Job(
             world=world, config=quick, specifications=specifications_of(settings), early_stop=True
         )
-        if signature(judge(job, keep_trace=False).verdicts) == record.signature:
+        if signature(judge(job, keep_trace=False).verdicts) == signature(record.verdicts):
             return quick
     return settings.stack
 

@@ -11,6 +11,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, events_without
@@ -70,16 +71,15 @@ def end_of_interest(verdict: Verdict) -> float:
 
 
 def _robots_named(verdict: Verdict, trace: Trace) -> set[str]:
-    """Name the robots of the knot and those they wait for, else those of the verdict's tasks."""
-    cycle = verdict.evidence.get("cycle", [])
-    named = {edge[key] for edge in cycle for key in ("robot", "blocked_by")}
-    named = (named or set(verdict.who)) & set(trace.robots)
+    """Name the robots that take part in a deadlock, else those of the verdict's tasks."""
+    named = {*wait_account(verdict).robots, *verdict.who} & set(trace.robots)
     named |= set(robots_of(tasks_of(verdict), trace))
     return named or set(trace.robots)
 
 
 def _people_named(verdict: Verdict) -> set[str]:
-    return set(verdict.who) | {edge["blocked_by"] for edge in verdict.evidence.get("cycle", [])}
+    """Name the people whom a robot waits for, and those who push what it waits for."""
+    return {*verdict.who, *wait_account(verdict).nodes}
 
 
 def _people_met(trace: Trace, moments: BoolArray, tracks: Array, reach: float) -> set[str]:

@@ -17,7 +17,7 @@ import yaml
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
-from mrta_falsify.campaigns.signature import leading, signature
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import staged
@@ -26,6 +26,7 @@ from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, judge
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.minimize.edits import GROUPS

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.processes import spawned
-from mrta_falsify.campaigns.signature import leading, signature
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.minimize.course import Course, course_of
 from simulator_interface import starts

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign_summary import modes
 from reports.contents import Table
 
 MOST_ROWS = 100
@@ -27,7 +28,7 @@ def comparison_tables(campaign: Campaign, against: Campaign) -> tuple[Table, ...
 
 
 def _by_mode(campaign: Campaign, against: Campaign) -> Table:
-    one, other = ({m.signature: m.count for m in modes(c)} for c in (campaign, against))
+    one, other = (_modes_as_of_now(c) for c in (campaign, against))
     counts = [sum(record.status == "ok" for record in c.records) for c in (campaign, against)]
     names = sorted(one.keys() | other, key=lambda n: (-one.get(n, 0) - other.get(n, 0), n))
     rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names]
@@ -38,6 +39,11 @@ def _by_mode(campaign: Campaign, against: Campaign) -> Table:
         rows=(*_shortened(rows, "modes"), ("all failures", *total)),
         notes=(*_other_conditions(campaign, against), _other_stack(campaign, against)),
     )
+
+
+def _modes_as_of_now(campaign: Campaign) -> Counter[str]:
+    """Count failures by the signature of their verdicts, whatever version has stored them."""
+    return Counter(signature(record.verdicts) for record in campaign.records if record.failed)
 
 
 def _shortened(rows: Sequence[tuple[str, ...]], what: str) -> tuple[tuple[str, ...], ...]:
@@ -131,4 +137,4 @@ def _by_digest(campaign: Campaign) -> dict[str, TrialRecord]:
 
 
 def _outcome(record: TrialRecord) -> str:
-    return f"{record.id}: {record.signature or 'passes'}"
+    return f"{record.id}: {signature(record.verdicts) or 'passes'}"

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.campaign_summary import modes, unjudged_sentences
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import readable_cases
@@ -104,8 +104,9 @@ def _modes(
     found = []
     for mode in modes(campaign):
         verdict = leading(by_id[mode.ids[0]].verdicts)
-        layers = Counter(by_id[i].layer for i in mode.ids if by_id[i].layer)
-        layers.update(case.layer for case in cases.get(mode.signature, []) if case.layer)
+        explained = {case.id: case.layer for case in cases.get(mode.signature, [])}
+        layers = Counter(explained.get(i) or by_id[i].layer for i in mode.ids)
+        layers.pop("", None)
         found.append(
             Mode(
                 signature=mode.signature,

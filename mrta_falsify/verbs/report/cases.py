@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.attribution import blocked_time
+from mrta_falsify.campaigns.attribution import blocked_time, robots_concerned
 from mrta_falsify.campaigns.finding_files import read_finding
-from mrta_falsify.campaigns.signature import PRECEDENCE
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import Explanation, Family, Minimisation, ReplayCheck
@@ -18,6 +17,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
+from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
@@ -80,7 +80,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     folder = campaign.folder(record)
     config = stack_of(campaign.settings.trials, record)
     world, trace = _read_run(folder / "world.json", folder / "trace.zip")
-    verdicts = in_order(record.verdicts)
+    verdicts = by_cause(record.verdicts)
     explanation = read_finding(folder, Explanation)
     check = read_finding(folder, ReplayCheck)
     case = CaseContents(
@@ -123,21 +123,15 @@ def _read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:
     return world, trace
 
 
-def in_order(verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
-    """Put the verdict that explains the run first, its consequences after it."""
-    rank = {name: i for i, name in enumerate(PRECEDENCE)}
-    return tuple(sorted(verdicts, key=lambda v: (not v.violated, rank.get(v.spec, -1), v.spec)))
-
-
 # --- what other commands have found --------------------------------------------------------
 
 
 def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     """Say what the trace shows of the layer that the rules point to."""
     until = verdict.violated_at if verdict.violated_at is not None else trace.duration
-    members = [name for name in verdict.who if name in trace.robots] or list(trace.robots)
-    spent = blocked_time(trace, until, members)
-    who = listed(members) if len(members) <= MOST_NAMED else f"the {len(members)} robots"
+    robots = robots_concerned(verdict, trace) or list(trace.robots)
+    spent = blocked_time(trace, until, robots)
+    who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
     if spent:
         causes = sorted(spent.items(), key=lambda item: (-item[1], item[0]))
         times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in causes)
@@ -201,7 +195,7 @@ def _with_minimised(
         signature=found.signature,
         world=world,
         trace=trace,
-        verdicts=in_order(found.verdicts),
+        verdicts=by_cause(found.verdicts),
         costmap=costmap_of(world, config),
         facts=(("world digest", world.digest()[:16]), ("runs used", str(found.runs))),
         commands=minimised_commands(folder),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mrta_falsify.campaigns.signature import leading
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.report.build import build_report
 from mrta_falsify.verbs.report.commands import commands_of
 from mrta_falsify.verbs.report.overview import last_line

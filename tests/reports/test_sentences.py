@@ -1,0 +1,131 @@
+"""Verdicts in words: the root first, with what took part, and what followed."""
+
+from __future__ import annotations
+
+import pytest
+
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.wait_account import PresentObject, WaitsFor, wait_account
+from reports.sentences import (
+    account_sentences,
+    consequence_sentence,
+    violation_sentence,
+    wait_sentence,
+    who_text,
+)
+
+BED = {"name": "bed2", "kind": "furniture", "carried_by": "porter1"}
+
+
+def row(robot, cause, blocked_by="", resource=""):
+    return {"robot": robot, "cause": cause, "blocked_by": blocked_by, "resource": resource}
+
+
+def violated(spec, *who, at=42.0, **evidence):
+    return Verdict(
+        spec=spec, robustness=-1.0, violated=True, violated_at=at, who=who, evidence=evidence
+    )
+
+
+def stuck(*rows, members, **evidence):
+    shown = {"members": members, "cycle": rows, "onset": 40.0, "chain": [], **evidence}
+    return violated("no_deadlock", *members, **shown)
+
+
+PAIR = (row("robot1", "barrier", "robot2"), row("robot2", "barrier", "robot1"))
+
+
+def test_a_symmetric_pair_waits_for_each_other_and_has_no_victim():
+    assert violation_sentence(stuck(*PAIR, members=["robot1", "robot2"])) == (
+        "robot1 and robot2 wait for each other for good (found at 42.0 s); "
+        "they have stood since 40.0 s."
+    )
+
+
+def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_up():
+    verdict = stuck(
+        row("robot3", "no-path"),
+        members=["robot3"],
+        victims=["robot1", "robot2"],
+        objects=[BED, {"name": "porter1", "kind": "person", "carried_by": ""}],
+    )
+    assert violation_sentence(verdict) == (
+        "robot3 is stuck for good behind bed2 (pushed by porter1) (found at 42.0 s); "
+        "it has stood since 40.0 s; robot1 and robot2 are held up by it."
+    )
+    assert who_text(verdict) == "robot3 (robot1, robot2)"
+    ring = stuck(*PAIR, members=["robot1", "robot2"], root="robot2", objects=[BED])
+    assert violation_sentence(ring).startswith(
+        "robot2 and robot1 wait for each other for good beside bed2 (pushed by porter1) (found"
+    )
+
+
+def test_no_path_says_whose_bed_fills_the_door():
+    bed = PresentObject("bed2", "furniture", "porter1")
+    told = "robot3 has a goal but no path to it; bed2 (pushed by porter1) cuts it off."
+    assert wait_sentence(WaitsFor("robot3", "no-path"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="bed2"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable"), [bed]) == told
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable")) == (
+        "robot3 has a goal but no path to it; walls and furniture cut it off for good."
+    )
+
+
+def test_a_free_room_that_is_not_granted_is_told_as_such():
+    told = wait_sentence(WaitsFor("robot1", "queue", resource="ward_1"))
+    assert told == "robot1 waits for ward_1, which is free."
+
+
+def test_each_wait_is_told_once_the_roots_first():
+    verdict = stuck(*PAIR, PAIR[0], members=["robot1", "robot2"], root="robot2")
+    assert account_sentences(wait_account(verdict)) == (
+        "robot2 cannot drive on because robot1 stands in its path.",
+        "robot1 cannot drive on because robot2 stands in its path.",
+    )
+
+
+def test_a_touch_after_the_onset_is_told_as_a_consequence():
+    gridlock = stuck(*PAIR, members=["robot1", "robot2"])
+    touch = violated("no_robot_static_contact", "robot1", at=40.45)
+    assert consequence_sentence(touch, gridlock) == (
+        "A consequence of it, 0.45 s after the onset: "
+        "a robot touched a wall or furniture at 40.5 s: robot1."
+    )
+    other = violated("no_robot_static_contact", "robot9", at=40.45)
+    assert consequence_sentence(other, gridlock) == violation_sentence(other)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected"),
+    [
+        (
+            violated("stack_runs", kind="crash", layer="planner", exception="KeyError"),
+            "The stack crashed at 42.0 s in the planner; KeyError.",
+        ),
+        (violated("stack_runs", kind="hang"), "The stack did not answer at 42.0 s."),
+        (
+            violated("repeatable", "robot1", field="command", first="0.1", again="0.2"),
+            "The stack answered the same question differently at 42.0 s: robot1; command was "
+            "0.1, then 0.2.",
+        ),
+        (
+            violated("exclusive_use", "robot1", "robot2", resource="ward_1", capacity=1),
+            "More robots were in a resource than it has room for at 42.0 s: robot1 and robot2; "
+            "ward_1 has room for 1.",
+        ),
+        (
+            violated(
+                "honest_events", "robot1",
+                claims=[{"kind": "dropped-off", "task": 3, "room": "ward_1", "reason": "12 m"}],
+            ),
+            "The stack said what its robots did not do at 42.0 s: robot1; it claimed dropped-off "
+            "of task3 at ward_1: 12 m.",
+        ),
+        (
+            violated("no_robot_static_contact", "robot1", nearest={"x": 1.0, "y": -2.0}),
+            "A robot touched a wall or furniture at 42.0 s: robot1 at x 1.0 m, y -2.0 m.",
+        ),
+    ],
+)  # fmt: skip
+def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected):
+    assert violation_sentence(verdict) == expected
