@@ -18,7 +18,8 @@ Global parameters, all of them readable and searchable when random:
         ignores it.
 Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `room(i)`, `near(i)`, `along_wall(i)`,
     `doorway(i)`, `queue_area(i)`, `route(i, j)`, `beside(thing)`, `room_point(i)`.
-Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`.
+Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`;
+    `Corridor`, `Door`, `Lift`, `Charger`, `RoomUse` for what robots use in turn.
 Streams: `burst`, `poisson`, `hot_room`, `tight_deadlines`, `delivery`, `any_room`,
     `another_room`; routes: `random_route`, `random_visits`.
 Lengths in metres, speeds in m/s, times in seconds. Scenic's heading 0 points to +y (north).
@@ -33,6 +34,7 @@ from scenic_worlds.robots import *
 from scenic_worlds.people import *
 from scenic_worlds.behaviors import *
 from scenic_worlds.events import *
+from scenic_worlds.resources import *
 from scenic_worlds.tasks import *
 from scenic_worlds.verifai_names import VerifaiDiscreteRange, VerifaiOptions, VerifaiRange
 
