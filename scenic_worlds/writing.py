@@ -156,6 +156,8 @@ def _tasks(tasks: Iterable[Task]) -> str:
 
 def _task(task: Task) -> str:
     values = [number_text(task.arrival), str(task.start), str(task.end), number_text(task.deadline)]
-    if task.pickup_time or task.dropoff_time:
+    if task.pickup_time or task.dropoff_time or task.robot:
         values += [number_text(task.pickup_time), number_text(task.dropoff_time)]
+    if task.robot:
+        values += ["True", repr(task.robot)]
     return f"({', '.join(values)})"

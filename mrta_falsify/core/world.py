@@ -159,6 +159,7 @@ class Task:
     deadline: float = quantity(low=0.0, unit="s")  #: absolute time of the drop-off
     pickup_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
     dropoff_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
+    robot: str = later("")  #: name of the only robot that may serve it, empty: any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

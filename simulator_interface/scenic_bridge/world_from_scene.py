@@ -18,6 +18,7 @@ from mrta_falsify.core.world import (
     HumanSpec,
     Resource,
     RobotSpec,
+    Task,
     World,
 )
 from simulator_interface.scenic_bridge.behaviors import BehaviorReader
@@ -94,7 +95,7 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
         robots=tuple(contents.robots),
         humans=tuple(contents.humans),
         scripted=_scripted(scene, contents.own_behaviors),
-        tasks=read_tasks(params["tasks"], places),
+        tasks=_tasks(scene),
         events=tuple(contents.events),
         horizon=read_number(params["horizon"], "param horizon"),
         ray_noise=read_number(params.get("ray_noise", 0.0), "param ray_noise"),
@@ -104,6 +105,13 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
     check_waiting_spots(world, places.layout)
     late = params.get("late_people", LATE_PEOPLE if is_composed(scene) else 0)
     return with_late_people(world, int(read_number(late, "param late_people")))
+
+
+def _tasks(scene: Scene) -> tuple[Task, ...]:
+    objects = world_objects(scene)
+    names = names_in_world(objects)
+    absent = {names[id(item)] for item in objects if item.kind == "robot" and not item.active}
+    return read_tasks(scene.params["tasks"], places_of_scene(scene), names, absent)
 
 
 def is_composed(scene: Scene) -> bool:
