@@ -20,6 +20,6 @@ new Trolley with name 'trolley1', in corridors, facing Range(0, 360) deg
 
 param horizon = 200
 param tasks = [
-    delivery(Range(0, 10), start, end, slack=(60, 120))
+    delivery(Range(0, 10), start, end, slack=(85, 150))
     for start, end in [(0, 3), (1, Uniform(2, 3)), (2, 1), (3, 0)]
 ]

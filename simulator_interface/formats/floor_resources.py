@@ -32,7 +32,9 @@ def resources_of(described: FloorFile, where: str) -> tuple[Resource, ...]:
         place = f"{where}: resources[{i}]"
         if not entry.name or entry.name in taken:
             problem = f"is {entry.name!r} again" if entry.name else "is empty"
-            raise FormatError(f"{place}.name {problem}; rooms and resources need names of their own")
+            raise FormatError(
+                f"{place}.name {problem}; rooms and resources need names of their own"
+            )
         taken.add(entry.name)
         found.append(resource_of(entry, place))
     return tuple(found)

@@ -10,9 +10,7 @@ from mrta_falsify.core.world import Task
 from simulator_interface.scenic_bridge.scene_contract import ScenePlaces
 from simulator_interface.scenic_bridge.scene_values import SceneRejected, naming, read_number
 
-TASK_FORM = (
-    "(arrival, start room, end room, deadline[, pickup s[, dropoff s[, active[, robot]]]])"
-)
+TASK_FORM = "(arrival, start room, end room, deadline[, pickup s[, dropoff s[, active[, robot]]]])"
 
 
 def read_tasks(

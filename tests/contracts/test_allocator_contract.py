@@ -166,6 +166,8 @@ class TestAllocator:
     def test_the_robot_at_hand_takes_a_single_task(self, name):
         if "smt" in name:
             pytest.skip("an SMT solver has no objective: any robot in time will do")
+        if "in_turn" in name:
+            pytest.skip("who deals in turn does not look where the robots are")
         robots = tuple(
             RobotPlan(robot=i, room=i, free_at=0.0, onboard=(), capacity=1) for i in range(3)
         )
