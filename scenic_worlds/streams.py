@@ -81,7 +81,7 @@ class Streams:
     def for_robot(self, robot: Any, tasks: Sequence[TaskEntry]) -> list[TaskEntry]:
         """``tasks``, to be served by ``robot`` alone: its name, or the object itself."""
         defaults = (0.0, 0.0, True)
-        return [(*task, *defaults[len(task) - 4 :])[:7] + (robot,) for task in tasks]
+        return [(*(*task, *defaults[len(task) - 4 :])[:7], robot) for task in tasks]
 
     def burst(
         self,

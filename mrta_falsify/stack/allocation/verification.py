@@ -35,7 +35,8 @@ def verify(answer: Allocation, problem: AllocationProblem) -> tuple[Fault, ...]:
     A valid answer keeps these conditions:
 
     - There is one itinerary per robot, with stops of open tasks in the right rooms.
-    - Each task is served by one robot, the named one if it names one, picked up once before it is dropped once.
+    - Each task is served by one robot, picked up once before it is dropped once.
+    - A task that names its robot is served by that one.
     - Loads on board are dropped by their robot, and no robot carries more than its capacity.
     - No time is earlier than travel, service and arrival allow.
     - The kept plan of a ``keep`` problem is part of the answer.
