@@ -14,8 +14,6 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
 
-CRUISE = 0.75  # m/s, MRTA-Sim's nominal law: its gain of 1.5 1/s times the look-ahead of 0.5 m
-
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -39,8 +37,6 @@ class StackConfig:
     human_model: Choice = Choice("social_force")
     engine: Choice = Choice("bullet")
     control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
-    #: largest speed on a straight way, up to the robot's own limit
-    cruise_speed: float = quantity(above=0.0, high=5.0, unit="m/s", default=CRUISE, came_later=True)
     defects: tuple[str, ...] = ()  #: planted defects switched on, sorted
 
     def __post_init__(self) -> None:
@@ -117,7 +113,7 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
     except yaml.YAMLError:
         raise ConfigError(f"{where}: {text!r} is not a YAML value") from None
     layer, _, option = key.strip().partition(".")
-    known = (*LAYERS, "control_rate", "cruise_speed", "defects")
+    known = (*LAYERS, "control_rate", "defects")
     if layer not in known:
         raise UnknownNameError("layer", layer, known, where=where)
     data: dict[str, Any] = codec.encode(config)

@@ -25,6 +25,8 @@ from mrta_falsify.core.world_checks import check_world
 
 SCHEMA_VERSION = 1
 
+CRUISE = 0.75  # m/s, MRTA-Sim's nominal law: its gain of 1.5 1/s times the look-ahead of 0.5 m
+
 #: what a communication outage can cut
 LINKS = ("dispatcher", "planner", "states", "leader")
 Link = Literal["dispatcher", "planner", "states", "leader"]
@@ -124,6 +126,8 @@ class RobotSpec:
     )  #: std of relative wheel speed loss
     command_latency: float = quantity(low=0.0, high=2.0, unit="s", default=0.0)
     joins_at: float = quantity(low=0.0, unit="s", default=0.0)  #: takes no task before this time
+    #: speed on a straight way, up to ``max_speed``
+    cruise_speed: float = quantity(above=0.0, unit="m/s", default=CRUISE, came_later=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.config import CRUISE
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.route import LOOK_AHEAD
 
 BRAKING_SHARE = 0.4  # of the acceleration limit: the law lags a third of a second behind

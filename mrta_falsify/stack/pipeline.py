@@ -71,7 +71,7 @@ class Stack:
         self._outlook = Outlook(
             [
                 Cruise(
-                    min(robot.max_speed, config.cruise_speed),
+                    min(robot.max_speed, robot.cruise_speed),
                     BRAKING_SHARE * robot.max_acceleration,
                 )
                 for robot in robots

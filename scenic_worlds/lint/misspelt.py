@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from scenic.core.distributions import needsSampling
 from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 
@@ -29,6 +31,13 @@ WORLD_PARAMS = (
 RUN_PARAMS = ("stack", "settings", "engine", "specs", "seed", "output")
 
 SCENIC_READS = frozenset({"name"})  # a property that Scenic reads and no class declares
+#: properties that Scenic fills in while a program runs, and what gives a robot the like
+DYNAMIC = {
+    "speed": "max_speed",
+    "velocity": "max_speed",
+    "angularSpeed": "max_turn_rate",
+    "angularVelocity": "max_turn_rate",
+}
 SURE = 0.8  # similarity from which a new property of a user's class is taken for a misspelt one
 
 
@@ -44,6 +53,35 @@ def unknown_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
     for kind in {kind for item in scenario._instances for kind in type(item).__mro__}:
         if issubclass(kind, Constructible) and not _is_scenics(kind) and not _is_librarys(kind):
             yield from _declared_properties(kind, text)
+
+
+def given_dynamic_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
+    """Find properties such as `speed` that a program gives where only Scenic writes them."""
+    given = [name for name in DYNAMIC if text.find(rf"\bwith\s+{name}\b|^\s+{name}\s*:")]
+    for item in scenario._instances if given else ():
+        kind = type(item)
+        for name in given:
+            if not any(map(_is_librarys, kind.__mro__)) or _is_declared_by_library(kind, name):
+                continue
+            value = getattr(item, name)
+            if not needsSampling(value) and np.array_equal(value, 0.0 * value):
+                continue
+            hint = f"; did you mean {DYNAMIC[name]!r}?" if hasattr(item, DYNAMIC[name]) else ""
+            yield Lint(
+                where=text.specifier(item, name),
+                code="dynamic-property",
+                name=f"{kind.__name__}.{name}",
+                message=f"Scenic fills in {name!r} of a {kind.__name__} while a program runs, so "
+                f"giving it changes nothing{hint}",
+            )
+
+
+def _is_declared_by_library(kind: type, name: str) -> bool:
+    """Whether a class of the library gives a property a meaning, as `Human` does for `speed`."""
+    return any(
+        _is_librarys(base) and name in base.__dict__.get("_scenic_properties", {})
+        for base in kind.__mro__
+    )
 
 
 def _given_property(item: Any, name: str, text: ProgramText) -> Iterator[Lint]:

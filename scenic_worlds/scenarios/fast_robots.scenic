@@ -1,7 +1,7 @@
-"""Robots that may drive up to 1.5 m/s, in a long corridor with people and beds.
+"""Robots that drive up to 1.5 m/s, in a long corridor with people and a trolley.
 
-Stresses stopping distances: the limits of speed and acceleration differ from robot to robot. The
-default stack cruises at 0.75 m/s; `--set cruise_speed=1.5` lets it use what the robots can do.
+Stresses stopping distances: on straight ways the robots cruise at up to twice the usual speed, and
+their limits of acceleration differ.
 """
 from scenic_worlds.floors import hospital
 
@@ -12,7 +12,7 @@ model scenic_worlds.model
 
 for i in range(3):
     new Robot with name f'robot{i + 1}', with start_room i,
-        with max_speed Range(0.6, 1.5), with max_acceleration Range(0.6, 1.2)
+        with cruise_speed Range(0.9, 1.5), with max_acceleration Range(0.6, 1.2)
 
 for i in range(2):
     new Human with name f'walker{i + 1}', with route random_route(2), with speed Range(0.5, 1.4)

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.config import CRUISE
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import Traffic, fill_box
 from mrta_falsify.stack.control.manoeuvres import (
     CHOICE,

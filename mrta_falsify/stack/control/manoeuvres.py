@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.config import CRUISE
 from mrta_falsify.core.polyline import project_on_path
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import (
     Traffic,
     first_conflict,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.config import CRUISE
 from mrta_falsify.core.protocols import ControlView
+from mrta_falsify.core.world import CRUISE
 
 SECTORS = 36  #: directions in which a seen point is kept, 10 degrees each
 RANGE = 3.0  # m, farther points never matter: a robot stops within 1.5 m
