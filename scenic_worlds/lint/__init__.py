@@ -8,6 +8,8 @@ Each lint has a code:
 ``dynamic-property``
     `with speed VALUE` and the like: properties that Scenic fills in while a program runs. To give
     one to a robot or a piece of furniture changes nothing.
+``undriven-speed``
+    A `max_speed` above the `cruise_speed` of the robot: it is never driven.
 ``unknown-param``
     A global parameter that neither the library nor the program reads.
 ``no-model-line``
@@ -42,6 +44,7 @@ from mrta_falsify.core.candidate import SearchSpace
 from scenic_worlds.lint.misspelt import (
     given_dynamic_properties,
     missing_model_line,
+    undriven_speeds,
     unknown_params,
     unknown_properties,
 )
@@ -73,6 +76,7 @@ def lint_program(scenario: Scenario, path: Path, space: SearchSpace) -> tuple[Li
     found = {
         *unknown_properties(scenario, text),
         *given_dynamic_properties(scenario, text),
+        *undriven_speeds(scenario, text),
         *unknown_params(scenario, text),
         *missing_model_line(scenario, text),
         *only_in_requirements(scenario, text),

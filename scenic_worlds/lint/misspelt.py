@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scenic.core.distributions import needsSampling
+from scenic.core.distributions import needsSampling, supportInterval
 from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 
+from mrta_falsify.core.world import RobotSpec
 from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import drawn_values, required_values
 from scenic_worlds.lint.scenic_habits import SAMPLER_PARAMS
@@ -74,6 +75,31 @@ def given_dynamic_properties(scenario: Scenario, text: ProgramText) -> Iterator[
                 message=f"Scenic fills in {name!r} of a {kind.__name__} while a program runs, so "
                 f"giving it changes nothing{hint}",
             )
+
+
+def undriven_speeds(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
+    """Find speed limits of robots that are above the speed at which they are driven."""
+    if not text.find(r"\bmax_speed\b"):
+        return
+    default = RobotSpec.__dataclass_fields__["max_speed"].default
+    for item in scenario._instances:
+        if getattr(item, "kind", "") != "robot" or not hasattr(item, "cruise_speed"):
+            continue
+        limit, cruise = item.max_speed, item.cruise_speed
+        least, most = supportInterval(limit)[0], supportInterval(cruise)[1]
+        if least is None or most is None or least < most or _is_number(limit, default):
+            continue
+        yield Lint(
+            where=text.specifier(item, "max_speed"),
+            code="undriven-speed",
+            name=f"{type(item).__name__}.max_speed",
+            message=f"max_speed is at least {least:g} m/s, but the robot cruises at {most:g} m/s at "
+            "most, so it changes nothing; give cruise_speed too",
+        )
+
+
+def _is_number(value: Any, number: float) -> bool:
+    return not needsSampling(value) and bool(value == number)
 
 
 def _is_declared_by_library(kind: type, name: str) -> bool:
