@@ -93,8 +93,8 @@ def undriven_speeds(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
             where=text.specifier(item, "max_speed"),
             code="undriven-speed",
             name=f"{type(item).__name__}.max_speed",
-            message=f"max_speed is at least {least:g} m/s, but the robot cruises at {most:g} m/s at "
-            "most, so it changes nothing; give cruise_speed too",
+            message=f"max_speed is at least {least:g} m/s, but the robot cruises at {most:g} m/s "
+            "at most, so it changes nothing; give cruise_speed too",
         )
 
 
