@@ -56,11 +56,12 @@ def verify(answer: Allocation, problem: AllocationProblem) -> tuple[Fault, ...]:
         if problem.commitment == "keep":
             faults += _kept_faults(plan, itinerary)
         for stop in itinerary:
+            is_new = stop.task not in owner
             first = owner.setdefault(stop.task, plan.robot)
             if first != plan.robot:
                 what = f"task {stop.task} is given to robots {first} and {plan.robot}"
                 faults.append(Fault(what=what, task=stop.task))
-            elif stop.task in tasks and not tasks[stop.task].allows(plan.robot):
+            if is_new and stop.task in tasks and not tasks[stop.task].allows(plan.robot):
                 named = tasks[stop.task].robot
                 what = f"task {stop.task} is given to robot {plan.robot}; it names robot {named}"
                 faults.append(Fault(what=what, task=stop.task))
