@@ -32,7 +32,7 @@ new Corridor with name 'bottleneck', at (middle, 0), facing 90 deg,
 
 param horizon = 200
 param tasks = [
-    delivery(Range(0, 10), start, end, slack=(105, 180), robot=f'robot{robot}')
+    delivery(Range(0, 10), start, end, slack=(120, 190), robot=f'robot{robot}')
     for robot, start, end in [
         (1, 0, Uniform(2, 3)), (2, 1, Uniform(2, 3)), (3, 2, Uniform(0, 1)), (4, 3, Uniform(0, 1)),
         (1, Uniform(2, 3), 0), (3, Uniform(0, 1), 2),
