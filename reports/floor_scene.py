@@ -17,7 +17,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.trace import Trace
-from mrta_falsify.core.world import Blockage, World
+from mrta_falsify.core.world import Blockage, Resource, World
 from reports.furnishing import fixed_outlines, movable_outlines
 
 FLOOR_MARGIN = 0.6  # m of floor shown around everything that is drawn
@@ -114,6 +114,7 @@ def floor_scene(world: World, furniture: Sequence[Array] | None = None) -> tuple
     return (
         *(Shape(role=Role.LANE, points=way) for way in ways),
         *(Shape(role=Role.ROOM_AREA, points=r.area) for r in world.rooms if len(r.area) >= 3),
+        *(Shape(role=Role.ROOM_AREA, points=r.release_area) for r in world.resources if _passed(r)),
         *(Shape(role=Role.FURNITURE, points=outline) for outline in furniture),
         *(Shape(role=Role.WALL, points=wall.polygon) for wall in world.walls),
         *(_blockage(event) for event in world.events if isinstance(event, Blockage)),
@@ -126,6 +127,11 @@ def floor_at(world: World, trace: Trace, tick: int) -> tuple[Shape, ...]:
     """Describe the floor at a tick (-1: the last one), with furniture where it was pushed to."""
     furniture = fixed_outlines(world) + movable_outlines(world, trace, tick)
     return floor_scene(world, furniture)
+
+
+def _passed(resource: Resource) -> bool:
+    """Whether robots pass a resource on their way: a corridor, door, lift or charger."""
+    return resource.kind != "room"
 
 
 def _blockage(event: Blockage) -> Shape:

@@ -10,7 +10,8 @@
 Global parameters, all of them readable and searchable when random:
     layout: name of a shipped floor, path of a floor, or a random floor; give it before the
         `model` line. 'aws_hospital' by default.
-    tasks: list of (arrival_s, start_room, end_room, deadline_s[, pickup_s[, dropoff_s[, active]]]).
+    tasks: list of (arrival_s, start_room, end_room, deadline_s[, pickup_s[, dropoff_s[, active
+        [, robot]]]]).
     horizon: the episode ends at this time at the latest [s], 900.
     ray_noise: standard deviation of measured obstacle distances [m], 0.
     noise_seed: of all noise inside the episode; the candidate's own by default.
@@ -18,9 +19,10 @@ Global parameters, all of them readable and searchable when random:
         ignores it.
 Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `room(i)`, `near(i)`, `along_wall(i)`,
     `doorway(i)`, `queue_area(i)`, `route(i, j)`, `beside(thing)`, `room_point(i)`.
-Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`.
-Streams: `burst`, `poisson`, `hot_room`, `tight_deadlines`, `delivery`, `any_room`,
-    `another_room`; routes: `random_route`, `random_visits`.
+Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`;
+    `Corridor`, `Door`, `Lift`, `Charger`, `RoomUse` for what robots use in turn.
+Streams: `burst`, `poisson`, `hot_room`, `tight_deadlines`, `delivery`, `for_robot`,
+    `any_room`, `another_room`; routes: `random_route`, `random_visits`.
 Lengths in metres, speeds in m/s, times in seconds. Scenic's heading 0 points to +y (north).
 The reference with pictures is docs/scenic-library.md.
 """
@@ -33,6 +35,7 @@ from scenic_worlds.robots import *
 from scenic_worlds.people import *
 from scenic_worlds.behaviors import *
 from scenic_worlds.events import *
+from scenic_worlds.resources import *
 from scenic_worlds.tasks import *
 from scenic_worlds.verifai_names import VerifaiDiscreteRange, VerifaiOptions, VerifaiRange
 

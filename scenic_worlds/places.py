@@ -36,8 +36,8 @@ from scenic_worlds.shapes import (
     wall_segments,
     wall_strip,
 )
+from simulator_interface.formats.floor_resources import ROOM_REACH
 
-ROOM_REACH = 3.0  # m around the room point that counts as the room, where no outline is known
 TRAFFIC_REACH = 2.0  # m from a roadway that still counts as corridor
 KEPT_CLEAR = 0.45  # m around room points, waiting spots and parking: a robot of 0.22 m turns there
 DOORWAY_DEPTH = 0.8  # m on either side of a door that counts as the doorway

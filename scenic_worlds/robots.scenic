@@ -14,6 +14,7 @@ class Robot(FloorObject):
         start_room: room number or name.
         model: robot model of the engine, 'waffle' or 'burger', or a model file.
         body_radius, max_speed, max_acceleration, max_turn_rate, capacity.
+        cruise_speed: on a straight way, up to max_speed.
         joins_at: takes no task before this time [s].
         position_noise [m], heading_noise [rad]: of localisation, standard deviations.
         wheel_slip: standard deviation of the relative loss of wheel speed.
@@ -28,6 +29,7 @@ class Robot(FloorObject):
     model: 'waffle'
     body_radius: 0.22
     max_speed: 1.5
+    cruise_speed: 0.75
     max_acceleration: 1.0
     max_turn_rate: 2.0
     capacity: 2

@@ -1,4 +1,4 @@
-"""Furniture, robots, people and events of a world as the statements that make them."""
+"""Furniture, robots, people, resources and events of a world as the statements that make them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,18 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from mrta_falsify.core import directives, geometry
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.directives import Directive
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.world import Blockage, CommsOutage, Event, Furniture, HumanSpec, RobotSpec
+from mrta_falsify.core.world import (
+    Blockage,
+    CommsOutage,
+    Event,
+    Furniture,
+    HumanSpec,
+    Resource,
+    RobotSpec,
+)
 from scenic_worlds.exact_numbers import Box, box_of, heading_text, number_text, point_text
 from scenic_worlds.shipped import LIBRARY
 
@@ -75,6 +84,7 @@ ROBOT_VALUES = {
     "wheel_slip": "wheel_slip",
     "command_latency": "command_latency",
     "joins_at": "joins_at",
+    "cruise_speed": "cruise_speed",
 }
 HUMAN_VALUES = {
     "speed": "speed",
@@ -162,6 +172,39 @@ _WRITERS: dict[type, Callable[..., str]] = {
 
 def _directive(directive: Directive) -> str:
     return _WRITERS[type(directive)](directive)
+
+
+#: class of resources.scenic for each kind that robots pass on their way
+RESOURCE_CLASSES = {
+    "corridor": "Corridor",
+    "door": "Door",
+    "elevator": "Lift",
+    "charger": "Charger",
+}
+
+
+def resource_text(resource: Resource) -> str:
+    """Write a corridor, door, lift or charger, or how a room is used."""
+    values = [
+        ("capacity", str(resource.capacity)),
+        ("service_time", number_text(resource.service_time)),
+        ("hold", repr(resource.hold)),
+    ]
+    areas = [
+        f"with area {_points(resource.release_area)}",
+        f"with request_area {_points(resource.request_area)}",
+        f"with spots {_points(resource.spots)}",
+    ]
+    if resource.kind == "room":
+        entry = f"with entry {_points(resource.entry)}"
+        return _lines(f"new RoomUse with room {resource.room}", _withs(values), *areas, entry)
+    x, y = resource.release_area.mean(axis=0)
+    first = f"new {RESOURCE_CLASSES[resource.kind]} with name {resource.name!r}"
+    return _lines(f"{first}, at ({number_text(x)}, {number_text(y)})", _withs(values), *areas)
+
+
+def _points(points: Array) -> str:
+    return f"[{', '.join(map(point_text, points))}]"
 
 
 def event_text(event: Event) -> str:

@@ -7,6 +7,7 @@ loop over random counts, so the last entry of a tuple switches its task off.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from scenic.core.distributions import DiscreteRange, Options, Range
@@ -20,8 +21,8 @@ from scenic_worlds.random_places import (
     travel_time,
 )
 
-#: arrival, start, end, deadline, pick-up time, drop-off time, active; each may be random
-TaskEntry = tuple[Any, Any, Any, Any, Any, Any, Any]
+#: arrival, start, end, deadline, pick-up time, drop-off time, active[, robot]; may be random
+TaskEntry = tuple[Any, ...]
 #: a number, or the limits it is drawn between
 Span = Any
 
@@ -59,6 +60,7 @@ class Streams:
         slack: Span = (150, 300),
         service: Span = 0,
         active: Any = True,
+        robot: Any = "",
     ) -> TaskEntry:
         """One task.
 
@@ -69,10 +71,17 @@ class Streams:
             slack: from arrival to deadline [s].
             service: that picking up and dropping off take [s].
             active: False leaves the task out of the world.
+            robot: the only robot that may serve it, by name or as an object; any if empty.
         """
         first, last = self._rooms(start, end)
         at_start, at_end = _span(service), _span(service)
-        return (arrival, first, last, arrival + _span(slack), at_start, at_end, active)
+        entry = (arrival, first, last, arrival + _span(slack), at_start, at_end, active)
+        return entry if isinstance(robot, str) and not robot else (*entry, robot)
+
+    def for_robot(self, robot: Any, tasks: Sequence[TaskEntry]) -> list[TaskEntry]:
+        """``tasks``, to be served by ``robot`` alone: its name, or the object itself."""
+        defaults = (0.0, 0.0, True)
+        return [(*(*task, *defaults[len(task) - 4 :])[:7], robot) for task in tasks]
 
     def burst(
         self,

@@ -1,9 +1,11 @@
 """Task streams: lists of tuples for `param tasks`.
 
-A task is `(arrival_s, start_room, end_room, deadline_s[, pickup_s[, dropoff_s[, active]]])`,
-any entry random; `active` False leaves it out. Streams are joined with `+`::
+A task is `(arrival_s, start_room, end_room, deadline_s[, pickup_s[, dropoff_s[, active[, robot]]]])`,
+any entry random; `active` False leaves it out, `robot` is the only one that may serve it. Streams
+are joined with `+`::
 
     param tasks = burst(4, begin=Range(0, 60)) + poisson(1/60, between=(60, 600))
+    param tasks = for_robot('robot1', burst(2)) + burst(2)
 
 The functions are described in streams.py.
 """
@@ -19,3 +21,4 @@ burst = _streams.burst
 poisson = _streams.poisson
 hot_room = _streams.hot_room
 tight_deadlines = _streams.tight_deadlines
+for_robot = _streams.for_robot

@@ -17,10 +17,16 @@ import numpy as np
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.world import Task, World, without_actors, write_world
+from mrta_falsify.core.world import Resource, Task, World, without_actors, write_world
 from scenic_worlds.exact_numbers import box_of, number_text
 from scenic_worlds.layouts import layout_names, load_layout
-from scenic_worlds.statements import event_text, furniture_text, human_text, robot_text
+from scenic_worlds.statements import (
+    event_text,
+    furniture_text,
+    human_text,
+    resource_text,
+    robot_text,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +85,7 @@ def program_of(world: World, *, layout_file: str, comment: str = "") -> WrittenP
         [f"param layout = {name!r}" if name else f"param layout = localPath({layout_file!r})"],
         ["model scenic_worlds.model"],
         list(_params(world)),
+        [resource_text(item) for item in (_changed_resources(world, name) or () if name else ())],
         [furniture_text(piece) for piece in world.furniture[kept:]],
         [robot_text(robot) for robot in world.robots],
         [human_text(human) for human in world.humans],
@@ -111,15 +118,47 @@ def _shipped_layout(world: World) -> str:
 def _is_layout(world: World, name: str, *, bare: bool = False) -> bool:
     """Whether the building of ``world`` is a shipped one; ``bare``: apart from the furniture."""
     first, second = (_building(w, bare=bare) for w in (world, load_layout(name)))
-    return codec.digest(first) == codec.digest(second)
+    same = codec.digest(first) == codec.digest(second)
+    return same and _changed_resources(world, name) is not None
 
 
 def _building(world: World, *, bare: bool) -> World:
     """Leave out what the program itself gives."""
     named = dataclasses.replace(
-        without_actors(world), name="", horizon=1.0, ray_noise=0.0, seed=0, scripted=""
+        without_actors(world),
+        name="",
+        horizon=1.0,
+        ray_noise=0.0,
+        seed=0,
+        scripted="",
+        resources=(),
     )
     return dataclasses.replace(named, furniture=()) if bare else named
+
+
+def _changed_resources(world: World, name: str) -> list[Resource] | None:
+    """List the resources that a program must give beside those of a shipped layout.
+
+    None if statements cannot give them: one of the layout's is missing, or another one guards a
+    room that the layout guards.
+    """
+    layout = load_layout(name)
+    own, added = world.resources[: len(layout.resources)], world.resources[len(layout.resources) :]
+    if len(own) < len(layout.resources) or any(
+        (ours.name, ours.kind, ours.room) != (theirs.name, theirs.kind, theirs.room)
+        for ours, theirs in zip(own, layout.resources, strict=True)
+    ):
+        return None
+    changed = [
+        ours
+        for ours, theirs in zip(own, layout.resources, strict=True)
+        if codec.digest(ours) != codec.digest(theirs)
+    ]
+    if any(resource.kind != "room" for resource in changed):
+        return None
+    if any(resource.kind == "room" or len(resource.entry) for resource in added):
+        return None
+    return [*changed, *added]
 
 
 def _layout_pieces(world: World, shipped: str) -> int:
@@ -156,6 +195,8 @@ def _tasks(tasks: Iterable[Task]) -> str:
 
 def _task(task: Task) -> str:
     values = [number_text(task.arrival), str(task.start), str(task.end), number_text(task.deadline)]
-    if task.pickup_time or task.dropoff_time:
+    if task.pickup_time or task.dropoff_time or task.robot:
         values += [number_text(task.pickup_time), number_text(task.dropoff_time)]
+    if task.robot:
+        values += ["True", repr(task.robot)]
     return f"({', '.join(values)})"

@@ -34,6 +34,11 @@ class OpenTask:
     deadline: float  #: [s], absolute
     pickup_time: float = 0.0  #: service [s]
     dropoff_time: float = 0.0  #: service [s]
+    robot: int = -1  #: number of the only robot that may serve it; -1: any. A robot of the problem
+
+    def allows(self, robot: int) -> bool:
+        """Whether the robot of that number may serve the task."""
+        return self.robot in (-1, robot)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,13 +66,17 @@ def quantity(
     allow_infinite: bool = False,
     default: Any = dataclasses.MISSING,
     text: str = "",
+    came_later: bool = False,
 ) -> Any:
     """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen.
 
-    A field with ``text`` is an option of the command line, and ``text`` its help.
+    A field with ``text`` is an option of the command line, and ``text`` its help. One that
+    ``came_later`` is written as :func:`later` says.
     """
     rule = Rule(shape, low, above, high, unit, allow_infinite)
     metadata: dict[str, Any] = {"rule": rule, "text": text} if text else {"rule": rule}
+    if came_later:
+        metadata["later"] = True
     if default is dataclasses.MISSING:
         return dataclasses.field(metadata=metadata)
     if isinstance(default, (list, np.ndarray)):

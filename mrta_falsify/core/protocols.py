@@ -130,6 +130,9 @@ class ControlView:
     max_speed: Array  #: (N,) [m/s]
     max_acceleration: Array  #: (N,) [m/s^2]
     max_turn_rate: Array  #: (N,) [rad/s]
+    cruise: Array | None = (
+        None  #: (N,) speed driven at if nothing is in the way [m/s]; None: CRUISE
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

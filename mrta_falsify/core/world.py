@@ -26,6 +26,8 @@ from mrta_falsify.core.world_checks import check_world
 
 SCHEMA_VERSION = 1
 
+CRUISE = 0.75  # m/s, MRTA-Sim's nominal law: its gain of 1.5 1/s times the look-ahead of 0.5 m
+
 #: what a communication outage can cut
 LINKS = ("dispatcher", "planner", "states", "leader")
 Link = Literal["dispatcher", "planner", "states", "leader"]
@@ -125,6 +127,8 @@ class RobotSpec:
     )  #: std of relative wheel speed loss
     command_latency: float = quantity(low=0.0, high=2.0, unit="s", default=0.0)
     joins_at: float = quantity(low=0.0, unit="s", default=0.0)  #: takes no task before this time
+    #: speed on a straight way, up to ``max_speed``
+    cruise_speed: float = quantity(above=0.0, unit="m/s", default=CRUISE, came_later=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -160,6 +164,7 @@ class Task:
     deadline: float = quantity(low=0.0, unit="s")  #: absolute time of the drop-off
     pickup_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
     dropoff_time: float = quantity(low=0.0, unit="s", default=0.0)  #: service time
+    robot: str = later("")  #: name of the only robot that may serve it, empty: any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -37,7 +37,10 @@ def check_world(world: World) -> None:
 
 def _check_tasks(world: World) -> None:
     rooms = len(world.rooms)
+    robots = {robot.name for robot in world.robots}
     for i, task in enumerate(world.tasks):
+        if task.robot and task.robot not in robots:
+            raise UnknownNameError("robot", task.robot, robots, where=f"tasks[{i}].robot")
         for field in ("start", "end"):
             number = getattr(task, field)
             if number >= rooms:

@@ -95,6 +95,8 @@ class Dispatcher:
         self._order = sorted(range(len(world.tasks)), key=lambda i: (world.tasks[i].arrival, i))
         self._allocator = allocator
         self._capacity = [robot.capacity for robot in world.robots]
+        numbers = {robot.name: number for number, robot in enumerate(world.robots)}
+        self._named = [numbers.get(task.robot, -1) for task in world.tasks]
         # The border of the allocators: whole seconds, rounded so that no promise is too early.
         self._times = np.ceil(closed_travel_times(world.travel_times) - ROUNDING)
         self._points = frozen_array([room.point for room in world.rooms]) if world.rooms else None
@@ -274,6 +276,8 @@ class Dispatcher:
                 gone |= {stop.task for stop in report.itinerary}
             elif report.itinerary and report.itinerary[0].action == "dropoff":
                 gone.add(report.itinerary[0].task)
+        # A task whose robot cannot be reached waits for it.
+        gone |= {k for k in state.open if self._named[k] not in (-1, *robots)}
         return AllocationProblem(
             now=_up(time),
             robots=tuple(self._plan(i, time, fleet[i], keep_plans) for i in robots),
@@ -312,6 +316,7 @@ class Dispatcher:
             deadline=math.floor(task.deadline + ROUNDING),
             pickup_time=_up(task.pickup_time),
             dropoff_time=_up(task.dropoff_time),
+            robot=self._named[number],
         )
 
     @staticmethod

@@ -11,6 +11,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.polyline import cut_path, look_along
+from mrta_falsify.stack.cruising import Cruise, look_ahead_of, pace_of
 from mrta_falsify.stack.route import LOOK_AHEAD, Way
 
 
@@ -21,6 +22,8 @@ class Views:
     rest: Sequence[Array]  #: N polylines (L, 2) [m], empty: none
     target: Array  #: (N, 2) point to steer for [m], nan: none
     length: Array  #: (N,) of ``rest`` [m], inf: none
+    pace: Array  #: (N,) speed that the way ahead allows [m/s]
+    cruise: Sequence[Cruise]  #: what the N robots do on a straight way
 
     def shortened(self, limits: Mapping[int, float], pose: Array) -> Views:
         """End the ways of some robots after their limits [m]; ``pose`` is ``(N, 3)``."""
@@ -31,13 +34,15 @@ class Views:
         ]
         if not cut:
             return self
-        rest, target, length = list(self.rest), self.target.copy(), self.length.copy()
+        rest, target = list(self.rest), self.target.copy()
+        length, pace = self.length.copy(), self.pace.copy()
         for robot in cut:
             kept = cut_path(rest[robot], limits[robot])
             x, y = pose[robot, 0], pose[robot, 1]
-            rest[robot], *aim, length[robot] = look_along(kept, x, y, LOOK_AHEAD)
-            target[robot] = aim
-        return Views(rest, target, length)
+            sight = _see(kept, x, y, self.cruise[robot])
+            rest[robot], target[robot] = sight.rest, sight.target
+            length[robot], pace[robot] = sight.length, sight.pace
+        return Views(rest, target, length, pace, self.cruise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,16 +55,29 @@ class _Sight:
     rest: Array
     target: tuple[float, float]
     length: float
+    pace: float
 
 
-NOTHING = _Sight(NO_POINTS, math.nan, math.nan, NO_POINTS, (math.nan, math.nan), math.inf)
+NOTHING = _Sight(NO_POINTS, math.nan, math.nan, NO_POINTS, (math.nan, math.nan), math.inf, 0.0)
+
+
+def _see(path: Array, x: float, y: float, cruise: Cruise) -> _Sight:
+    """Look along a path ``(L, 2)`` [m] from (x, y) [m]: the faster the way, the farther ahead."""
+    rest, target_x, target_y, length = look_along(path, x, y, LOOK_AHEAD)
+    pace = pace_of(rest, x, y, cruise)
+    ahead = look_ahead_of(pace)
+    if ahead > LOOK_AHEAD:
+        _, target_x, target_y, _ = look_along(path, x, y, ahead)
+    return _Sight(path, x, y, rest, (target_x, target_y), length, pace)
 
 
 class Outlook:
     """Looks along the robots' paths, and remembers what a robot saw that stands still."""
 
-    def __init__(self, robots: int) -> None:
-        self._last = [NOTHING] * robots
+    def __init__(self, cruise: Sequence[Cruise]) -> None:
+        """Look for robots that drive as ``cruise`` says on a straight way."""
+        self._cruise = tuple(cruise)
+        self._last = [NOTHING] * len(self._cruise)
 
     def views(self, ways: Sequence[Way], pose: Array) -> Views:
         """Look along the paths of all robots from ``pose`` ``(N, 3)``."""
@@ -71,12 +89,13 @@ class Outlook:
             rest=[sight.rest for sight in sights],
             target=np.array([sight.target for sight in sights]).reshape(-1, 2),
             length=np.array([sight.length for sight in sights]),
+            pace=np.array([sight.pace for sight in sights]),
+            cruise=self._cruise,
         )
 
     def _look(self, robot: int, path: Array, x: float, y: float) -> _Sight:
         last = self._last[robot]
         if last.path is not path or last.x != x or last.y != y:
-            rest, target_x, target_y, length = look_along(path, x, y, LOOK_AHEAD)
-            last = _Sight(path, x, y, rest, (target_x, target_y), length)
+            last = _see(path, x, y, self._cruise[robot])
             self._last[robot] = last
         return last

@@ -31,6 +31,7 @@ from mrta_falsify.core.protocols import (
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Idle, Off, Serving, Waiting
 from mrta_falsify.stack.comms import Links, LinkTimetable
+from mrta_falsify.stack.cruising import BRAKING_SHARE, Cruise
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
 from mrta_falsify.stack.intent import Declaration
 from mrta_falsify.stack.itinerary import ItineraryFollower
@@ -91,7 +92,15 @@ class Stack:
         self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
         self._nowhere = np.full((len(robots), 2), np.nan)
         # What follows only saves work: it holds nothing that the memory does not say as well.
-        self._outlook = Outlook(len(robots))
+        self._outlook = Outlook(
+            [
+                Cruise(
+                    min(robot.max_speed, robot.cruise_speed),
+                    BRAKING_SHARE * robot.max_acceleration,
+                )
+                for robot in robots
+            ]
+        )
         self._declaration = Declaration(world, self._rooms)
 
     def forget_after(self, state: StackState, time: float) -> None:
@@ -305,6 +314,7 @@ class Stack:
             max_speed=self._max_speed,
             max_acceleration=self._max_acceleration,
             max_turn_rate=self._max_turn_rate,
+            cruise=views.pace,
         )
         result = state.controller.control(view)
         return result.command, self._declaration.intent(missions, state.queues, waypoint, result)

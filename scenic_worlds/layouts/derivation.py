@@ -7,6 +7,8 @@ the doors, where lanes still pass; parking keeps away from all of it.
 from __future__ import annotations
 
 import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
@@ -48,6 +50,7 @@ def derive_layout(floor: Floor) -> World:
     )
     routes = RouteMap(solid)
     part = _check_reachable(routes, floor)
+    _check_spots(routes, floor, part)
     points = [np.asarray(room.point) for room in floor.rooms]
     entrances, middles = _entrances(routes, floor, points)
     queues, sites = _queues(routes, floor, entrances, middles, part)
@@ -71,7 +74,8 @@ def derive_layout(floor: Floor) -> World:
         taken = np.vstack([*queues, *(e.front[None] for e in entrances)])
         gap = routes.gap(sites.points, routes.distance_to(driven))
         wanted = min(MOST_PARKING, len(points) + 2)
-        parking = choose_parking(sites, gap, taken, wanted)
+        open_floor = ~shapely.contains_xy(_areas(floor), sites.points)
+        parking = choose_parking(sites.taking(open_floor), gap[open_floor], taken, wanted)
     times = floor.travel_times if floor.travel_times.size else lane_travel_times(derived, points)
     return World(
         name=floor.name,
@@ -83,8 +87,9 @@ def derive_layout(floor: Floor) -> World:
             for room, entrance in zip(floor.rooms, entrances, strict=True)
         ),
         lanes=tuple(derived),
-        resources=tuple(
-            _resource(floor, i, entrance, queues[i]) for i, entrance in enumerate(entrances)
+        resources=(
+            *(_resource(floor, i, entrance, queues[i]) for i, entrance in enumerate(entrances)),
+            *floor.resources,
         ),
         parking=frozen_array(parking.reshape(-1, 2)),
         travel_times=frozen_array(times),
@@ -117,6 +122,26 @@ def _check_reachable(routes: RouteMap, floor: Floor) -> int:
             "0.6 m wide"
         )
     return main
+
+
+def _areas(floor: Floor) -> MultiPolygon:
+    """Collect the areas of corridors, doors, lifts and chargers."""
+    return MultiPolygon([Polygon(resource.release_area) for resource in floor.resources])
+
+
+def _check_spots(routes: RouteMap, floor: Floor, part: int) -> None:
+    """Refuse waiting spots of corridors, doors, lifts and chargers that no robot can reach.
+
+    Raises:
+        WorldError: names the resource and the spot.
+    """
+    for resource in floor.resources:
+        for k, spot in enumerate(resource.spots):
+            if routes.part[routes.cell(spot)] != part:
+                raise WorldError(
+                    f"{floor.name}: resource {resource.name!r}: spots[{k}] is {spot.tolist()} m, "
+                    f"where no robot of {ROBOT_RADIUS} m radius can come (move the spot)"
+                )
 
 
 def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
@@ -275,8 +300,9 @@ def _resource(floor: Floor, number: int, entrance: Entrance, queue: Array) -> Re
         room=number,
         capacity=room.capacity,
         spots=frozen_array(queue.reshape(-1, 2)),
-        entry=entrance.entry,
-        request_area=corners((x1, y1, x2, y2)),
-        release_area=entrance.release_area,
+        entry=room.entry if len(room.entry) else entrance.entry,
+        request_area=room.request_area if len(room.request_area) else corners((x1, y1, x2, y2)),
+        release_area=room.release_area if len(room.release_area) else entrance.release_area,
+        hold=room.hold,
         service_time=room.service_time,
     )

@@ -5,6 +5,11 @@ Each lint has a code:
 ``unknown-property``
     `with NAME VALUE` gives an object a property that its class does not have and the program
     does not read. Scenic accepts any name, so a misspelt one leaves the default in force.
+``dynamic-property``
+    `with speed VALUE` and the like: properties that Scenic fills in while a program runs. To give
+    one to a robot or a piece of furniture changes nothing.
+``undriven-speed``
+    A `max_speed` above the `cruise_speed` of the robot: it is never driven.
 ``unknown-param``
     A global parameter that neither the library nor the program reads.
 ``no-model-line``
@@ -36,7 +41,13 @@ from pathlib import Path
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.candidate import SearchSpace
-from scenic_worlds.lint.misspelt import missing_model_line, unknown_params, unknown_properties
+from scenic_worlds.lint.misspelt import (
+    given_dynamic_properties,
+    missing_model_line,
+    undriven_speeds,
+    unknown_params,
+    unknown_properties,
+)
 from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import (
     only_in_requirements,
@@ -64,6 +75,8 @@ def lint_program(scenario: Scenario, path: Path, space: SearchSpace) -> tuple[Li
     text = ProgramText(path)
     found = {
         *unknown_properties(scenario, text),
+        *given_dynamic_properties(scenario, text),
+        *undriven_speeds(scenario, text),
         *unknown_params(scenario, text),
         *missing_model_line(scenario, text),
         *only_in_requirements(scenario, text),

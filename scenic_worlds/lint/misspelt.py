@@ -6,9 +6,12 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from scenic.core.distributions import needsSampling, supportInterval
 from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 
+from mrta_falsify.core.world import RobotSpec
 from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import drawn_values, required_values
 from scenic_worlds.lint.scenic_habits import SAMPLER_PARAMS
@@ -29,6 +32,13 @@ WORLD_PARAMS = (
 RUN_PARAMS = ("stack", "settings", "engine", "specs", "seed", "output")
 
 SCENIC_READS = frozenset({"name"})  # a property that Scenic reads and no class declares
+#: properties that Scenic fills in while a program runs, and what gives a robot the like
+DYNAMIC = {
+    "speed": "max_speed",
+    "velocity": "max_speed",
+    "angularSpeed": "max_turn_rate",
+    "angularVelocity": "max_turn_rate",
+}
 SURE = 0.8  # similarity from which a new property of a user's class is taken for a misspelt one
 
 
@@ -44,6 +54,60 @@ def unknown_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
     for kind in {kind for item in scenario._instances for kind in type(item).__mro__}:
         if issubclass(kind, Constructible) and not _is_scenics(kind) and not _is_librarys(kind):
             yield from _declared_properties(kind, text)
+
+
+def given_dynamic_properties(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
+    """Find properties such as `speed` that a program gives where only Scenic writes them."""
+    given = [name for name in DYNAMIC if text.find(rf"\bwith\s+{name}\b|^\s+{name}\s*:")]
+    for item in scenario._instances if given else ():
+        kind = type(item)
+        for name in given:
+            if not any(map(_is_librarys, kind.__mro__)) or _is_declared_by_library(kind, name):
+                continue
+            value = getattr(item, name)
+            if not needsSampling(value) and np.array_equal(value, 0.0 * value):
+                continue
+            hint = f"; did you mean {DYNAMIC[name]!r}?" if hasattr(item, DYNAMIC[name]) else ""
+            yield Lint(
+                where=text.specifier(item, name),
+                code="dynamic-property",
+                name=f"{kind.__name__}.{name}",
+                message=f"Scenic fills in {name!r} of a {kind.__name__} while a program runs, so "
+                f"giving it changes nothing{hint}",
+            )
+
+
+def undriven_speeds(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
+    """Find speed limits of robots that are above the speed at which they are driven."""
+    if not text.find(r"\bmax_speed\b"):
+        return
+    default = RobotSpec.__dataclass_fields__["max_speed"].default
+    for item in scenario._instances:
+        if getattr(item, "kind", "") != "robot" or not hasattr(item, "cruise_speed"):
+            continue
+        limit, cruise = item.max_speed, item.cruise_speed
+        least, most = supportInterval(limit)[0], supportInterval(cruise)[1]
+        if least is None or most is None or least < most or _is_number(limit, default):
+            continue
+        yield Lint(
+            where=text.specifier(item, "max_speed"),
+            code="undriven-speed",
+            name=f"{type(item).__name__}.max_speed",
+            message=f"max_speed is at least {least:g} m/s, but the robot cruises at {most:g} m/s "
+            "at most, so it changes nothing; give cruise_speed too",
+        )
+
+
+def _is_number(value: Any, number: float) -> bool:
+    return not needsSampling(value) and bool(value == number)
+
+
+def _is_declared_by_library(kind: type, name: str) -> bool:
+    """Whether a class of the library gives a property a meaning, as `Human` does for `speed`."""
+    return any(
+        _is_librarys(base) and name in base.__dict__.get("_scenic_properties", {})
+        for base in kind.__mro__
+    )
 
 
 def _given_property(item: Any, name: str, text: ProgramText) -> Iterator[Lint]:

@@ -22,7 +22,7 @@ param layout = hospital(
 model scenic_worlds.model
 
 for i in range(4):
-    new Robot with name f'robot{i + 1}', with start_room i, with max_speed Range(0.8, 1.5)
+    new Robot with name f'robot{i + 1}', with start_room i, with cruise_speed Range(0.6, 1.2)
 
 side = Uniform(-1, 1)
 for i in range(2):

@@ -82,6 +82,9 @@ def check_rooms(described: FloorFile, where: str) -> None:
                 f"{where}: rooms[{i}].door has {len(room.door)} points; it must have 2, the "
                 "posts of the door"
             )
+        for field in ("release_area", "request_area"):
+            if len(getattr(room, field)):
+                checked_polygon(getattr(room, field), f"{where}: rooms[{i}].{field}")
         if len(room.area):
             shape = checked_polygon(room.area, f"{where}: rooms[{i}].area")
             if not shape.covers(shapely.Point(room.point)):

@@ -11,6 +11,8 @@ from mrta_falsify.core.codec import quantity
 EXAMPLE = "rooms: [{name: lab, point: [2.0, 3.5]}, {name: store, point: [9.0, 1.5]}]"
 
 Unknown = Literal["solid", "free"]
+Hold = Literal["until_left", "until_served"]
+ResourceKind = Literal["room", "corridor", "door", "elevator", "charger"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,6 +26,28 @@ class FloorRoom:
     queue: Array = quantity(shape=("S", 2), unit="m", default=[])  #: waiting spots, head first
     capacity: int = quantity(low=1, default=1)
     service_time: float = quantity(low=0.0, unit="s", default=0.0)
+    hold: Hold = "until_left"
+    entry: Array = quantity(shape=("K", 2), unit="m", default=[])  #: from the door to the point
+    release_area: Array = quantity(shape=("V", 2), unit="m", default=[])  #: free when left
+    request_area: Array = quantity(shape=("V", 2), unit="m", default=[])  #: where robots ask
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FloorResource:
+    """A corridor, door, lift or charger that robots pass on their way.
+
+    Its area is exactly one of ``area`` and ``box``.
+    """
+
+    name: str
+    kind: ResourceKind
+    area: Array = quantity(shape=("V", 2), unit="m", default=[])
+    box: Array = quantity(shape=("B",), unit="m", default=[])  #: x min, y min, x max, y max
+    spots: Array = quantity(shape=("S", 2), unit="m", default=[])  #: waiting spots, head first
+    capacity: int = quantity(low=1, default=1)
+    service_time: float = quantity(low=0.0, unit="s", default=0.0)
+    hold: Hold = "until_left"
+    request_area: Array = quantity(shape=("V", 2), unit="m", default=[])  #: where robots ask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +88,7 @@ class FloorFile:
     furniture: tuple[FloorShape, ...] = ()
     rooms: tuple[FloorRoom, ...] = ()
     lanes: tuple[FloorLane, ...] = ()
+    resources: tuple[FloorResource, ...] = ()
     parking: Array = quantity(shape=("P", 2), unit="m", default=[])
     travel_times: Array = quantity(shape=("R", "R"), low=0.0, unit="s", default=[])
     spots: int = quantity(low=0, high=10, default=3)

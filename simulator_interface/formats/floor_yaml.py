@@ -16,7 +16,7 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.core.world import Furniture, Wall
+from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import nav2, sdf
 from simulator_interface.formats.floor_checks import (
     check_lanes,
@@ -25,6 +25,7 @@ from simulator_interface.formats.floor_checks import (
     checked_times,
 )
 from simulator_interface.formats.floor_fields import EXAMPLE, FloorFile, FloorLane, FloorRoom
+from simulator_interface.formats.floor_resources import resources_of
 from simulator_interface.formats.floor_shapes import furniture_of_shapes, walls_of_shapes
 
 ROOMS_ENDING = ".rooms.yaml"  # of the file beside a map or SDF world
@@ -40,6 +41,7 @@ class Floor:
     furniture: tuple[Furniture, ...]
     rooms: tuple[FloorRoom, ...]
     lanes: tuple[FloorLane, ...] = ()
+    resources: tuple[Resource, ...] = ()  #: beside those of the rooms
     parking: Array  #: (P, 2) [m], empty: derive
     travel_times: Array  #: (R, R) [s], empty: derive
     spots: int  #: waiting spots wanted per room
@@ -157,6 +159,7 @@ def _assembled(
         ),
         rooms=described.rooms,
         lanes=described.lanes,
+        resources=resources_of(described, where),
         parking=described.parking,
         travel_times=checked_times(described, where),
         spots=described.spots,

@@ -84,6 +84,7 @@ def read_robot(item: Any, name: str) -> RobotSpec:
         wheel_slip=read_property(item, "wheel_slip"),
         command_latency=read_property(item, "command_latency"),
         joins_at=read_property(item, "joins_at"),
+        cruise_speed=read_property(item, "cruise_speed"),
     )
 
 

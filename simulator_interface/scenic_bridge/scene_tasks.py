@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from mrta_falsify.core.errors import WorldError
@@ -9,11 +10,19 @@ from mrta_falsify.core.world import Task
 from simulator_interface.scenic_bridge.scene_contract import ScenePlaces
 from simulator_interface.scenic_bridge.scene_values import SceneRejected, naming, read_number
 
-TASK_FORM = "(arrival, start room, end room, deadline[, pickup s[, dropoff s[, active]]])"
+TASK_FORM = "(arrival, start room, end room, deadline[, pickup s[, dropoff s[, active[, robot]]]])"
 
 
-def read_tasks(entries: Any, places: ScenePlaces) -> tuple[Task, ...]:
+def read_tasks(
+    entries: Any, places: ScenePlaces, names: Mapping[int, str], absent: Collection[str] = ()
+) -> tuple[Task, ...]:
     """Read the tasks of a program; those that are not active are left out.
+
+    Args:
+        entries: what the program gives.
+        places: of the floor.
+        names: of all objects, by ``id``; a task may name its robot by the object.
+        absent: robots that are not active; their tasks are left out.
 
     Raises:
         SceneRejected: a deadline comes before its arrival.
@@ -21,15 +30,15 @@ def read_tasks(entries: Any, places: ScenePlaces) -> tuple[Task, ...]:
     """
     if isinstance(entries, str) or not hasattr(entries, "__len__"):
         raise WorldError(f"param tasks is {entries!r}; it must be a list of {TASK_FORM}")
-    tasks = (_task(f"param tasks[{i}]", entry, places) for i, entry in enumerate(entries))
-    return tuple(task for task in tasks if task is not None)
+    tasks = (_task(f"param tasks[{i}]", entry, places, names) for i, entry in enumerate(entries))
+    return tuple(task for task in tasks if task is not None and task.robot not in absent)
 
 
-def _task(where: str, entry: Any, places: ScenePlaces) -> Task | None:
+def _task(where: str, entry: Any, places: ScenePlaces, names: Mapping[int, str]) -> Task | None:
     """One task; None if it is not active."""
-    if not isinstance(entry, (tuple, list)) or not 4 <= len(entry) <= 7:
+    if not isinstance(entry, (tuple, list)) or not 4 <= len(entry) <= 8:
         raise WorldError(f"{where} is {entry!r}; it must be {TASK_FORM}")
-    if len(entry) == 7 and not entry[6]:
+    if len(entry) >= 7 and not entry[6]:
         return None
     arrival = read_number(entry[0], f"{where}: arrival")
     deadline = read_number(entry[3], f"{where}: deadline")
@@ -50,4 +59,14 @@ def _task(where: str, entry: Any, places: ScenePlaces) -> Task | None:
         deadline=deadline,
         pickup_time=pickup,
         dropoff_time=dropoff,
+        robot=_robot(entry[7], where, names) if len(entry) == 8 else "",
     )
+
+
+def _robot(given: Any, where: str, names: Mapping[int, str]) -> str:
+    """Name of the robot that a task names by its name or as an object; empty: none."""
+    if given is None or isinstance(given, str):
+        return given or ""
+    if getattr(given, "kind", "") != "robot":
+        raise WorldError(f"{where}: robot is {given!r}; it must be a Robot or the name of one")
+    return names[id(given)]

@@ -11,7 +11,16 @@ from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.directives import StandStill
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.world import Blockage, Event, Furniture, HumanSpec, RobotSpec, World
+from mrta_falsify.core.world import (
+    Blockage,
+    Event,
+    Furniture,
+    HumanSpec,
+    Resource,
+    RobotSpec,
+    Task,
+    World,
+)
 from simulator_interface.scenic_bridge.behaviors import BehaviorReader
 from simulator_interface.scenic_bridge.scene_contract import MODEL, places_of_scene
 from simulator_interface.scenic_bridge.scene_objects import (
@@ -27,6 +36,12 @@ from simulator_interface.scenic_bridge.scene_people import (
     read_human,
     scripted_person,
     with_late_people,
+)
+from simulator_interface.scenic_bridge.scene_resources import (
+    check_waiting_spots,
+    is_resource,
+    read_resource,
+    use_room,
 )
 from simulator_interface.scenic_bridge.scene_tasks import read_tasks
 from simulator_interface.scenic_bridge.scene_values import (
@@ -44,6 +59,7 @@ class _Contents:
     """What the objects of a scene put into a world."""
 
     furniture: list[Furniture]
+    resources: list[Resource]
     robots: list[RobotSpec] = field(default_factory=list)
     humans: list[HumanSpec] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
@@ -75,18 +91,27 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
         places.layout,
         name=name,
         furniture=_movable_where_pushed(contents),
+        resources=tuple(contents.resources),
         robots=tuple(contents.robots),
         humans=tuple(contents.humans),
         scripted=_scripted(scene, contents.own_behaviors),
-        tasks=read_tasks(params["tasks"], places),
+        tasks=_tasks(scene),
         events=tuple(contents.events),
         horizon=read_number(params["horizon"], "param horizon"),
         ray_noise=read_number(params.get("ray_noise", 0.0), "param ray_noise"),
         seed=read_seed(params.get("noise_seed"), seed),
     )
     _check_blocked_starts(world)
+    check_waiting_spots(world, places.layout)
     late = params.get("late_people", LATE_PEOPLE if is_composed(scene) else 0)
     return with_late_people(world, int(read_number(late, "param late_people")))
+
+
+def _tasks(scene: Scene) -> tuple[Task, ...]:
+    objects = world_objects(scene)
+    names = names_in_world(objects)
+    absent = {names[id(item)] for item in objects if item.kind == "robot" and not item.active}
+    return read_tasks(scene.params["tasks"], places_of_scene(scene), names, absent)
 
 
 def is_composed(scene: Scene) -> bool:
@@ -116,7 +141,7 @@ def _read_objects(scene: Scene) -> _Contents:
     places, objects = places_of_scene(scene), world_objects(scene)
     names = names_in_world(objects)
     reader = BehaviorReader(places, names)
-    contents = _Contents(list(places.layout.furniture))
+    contents = _Contents(list(places.layout.furniture), list(places.layout.resources))
     for item in objects:
         if not item.active:
             continue
@@ -132,6 +157,10 @@ def _read_objects(scene: Scene) -> _Contents:
                 contents.events.append(read_blockage(item, name))
             elif item.kind == "comms_outage":
                 contents.events.append(read_outage(item, name, names, objects))
+            elif item.kind == "room_use":
+                contents.resources = use_room(contents.resources, item, name, places)
+            elif is_resource(item):
+                contents.resources.append(read_resource(item, name, places))
             else:
                 contents.furniture.append(read_furniture(item, name))
     return contents

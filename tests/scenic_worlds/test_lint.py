@@ -267,3 +267,61 @@ def _params_read(tree):
         name = getattr(holder, "attr", getattr(holder, "id", ""))
         if name == "params" and isinstance(key, ast.Constant) and isinstance(key.value, str):
             yield key.value
+
+
+# --- speeds of robots --------------------------------------------------------------------------
+
+ROBOT = "model scenic_worlds.model\nnew Robot with name 'robot1', with start_room 1{more}\n"
+
+
+@pytest.fixture
+def lints_of_robot(tmp_path):
+    def lint(more: str, after: str = ""):
+        path = tmp_path / "program.scenic"
+        path.write_text(ROBOT.format(more=more) + after + "param tasks = [(0, 1, 2, 150)]\n")
+        program = compile_program(path)
+        return lint_program(program.scenario, path, program.space)
+
+    return lint
+
+
+@pytest.mark.parametrize("value", ["1.2", "Range(0.5, 1)"])
+def test_a_speed_given_to_a_robot_is_reported_with_the_property_that_is_meant(
+    value, lints_of_robot
+):
+    (lint,) = lints_of_robot(f", with speed {value}")
+    assert (lint.code, lint.name) == ("dynamic-property", "Robot.speed")
+    assert lint.where.endswith("program.scenic:2")
+    assert "changes nothing; did you mean 'max_speed'?" in lint.message
+
+
+def test_a_turn_rate_given_as_scenics_own_is_reported(lints_of_robot):
+    (lint,) = lints_of_robot(", with angularSpeed 0.5")
+    assert "did you mean 'max_turn_rate'?" in lint.message
+
+
+def test_a_speed_given_to_furniture_is_reported_and_one_to_a_person_is_not(lints_of_robot):
+    found = lints_of_robot(
+        "", "new Trolley in corridors, with speed 1\nnew Human with route [0, 2], with speed 1.2\n"
+    )
+    assert [(lint.code, lint.name) for lint in found] == [("dynamic-property", "Trolley.speed")]
+
+
+@pytest.mark.parametrize("value", ["1.2", "Range(0.8, 1.5)"])
+def test_a_speed_limit_that_is_never_driven_is_reported(value, lints_of_robot):
+    (lint,) = lints_of_robot(f", with max_speed {value}")
+    assert (lint.code, lint.name) == ("undriven-speed", "Robot.max_speed")
+    assert "cruises at 0.75 m/s at most" in lint.message
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ", with max_speed 0.5",
+        ", with max_speed Range(0.6, 1.5)",
+        ", with max_speed 1.2, with cruise_speed 1.5",
+        ", with cruise_speed Range(0.5, 1.5)",
+    ],
+)
+def test_a_speed_limit_that_matters_is_not_reported(more, lints_of_robot):
+    assert lints_of_robot(more) == ()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
+import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -10,8 +13,10 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 import mrta_falsify as mf
-from mrta_falsify.core.config import StackConfig, apply_setting
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting
 from mrta_falsify.core.protocols import Plan
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.verbs.run import run
 from mrta_falsify.verbs.stacks import costmap_of
 from scenic_worlds.program import compile_program
@@ -25,7 +30,18 @@ WANTED = {
     "hospital_day", "crowded_corridor", "narrow_doors", "opposing_flows", "hot_room",
     "bed_in_the_doorway", "blockage_mid_run", "communication_outage", "burst_of_tasks",
     "rush_of_visitors", "parametric_hospital", "bookshelf", "warehouse_shift",
+    "single_file_corridor", "slow_doors", "lifts_and_chargers", "parked_robots",
+    "crowded_refuges", "fast_robots", "holonomic_fleet",
 }  # fmt: skip
+#: kinds of resource that a run of a scenario must grant, and the least number of grants
+REACHED = {
+    "single_file_corridor": {"corridor": 4},
+    "slow_doors": {"door": 6},
+    "lifts_and_chargers": {"elevator": 1, "charger": 2},
+}
+LIBRARY = SCENARIO_DIR.parent.parent / "docs" / "scenic-library.md"
+#: rows of the table of layers: scenario, and the setting that exchanges one
+OTHER_LAYERS = re.findall(r"^\| `(\w+)` \| `--set (\S+)` \|$", LIBRARY.read_text(), re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
@@ -76,13 +92,88 @@ def test_a_scenario_runs_to_an_end(programs, name):
     assert outcome.sim_time > 10.0
 
 
+# --- what the scenarios reach -----------------------------------------------------------------
+
+
+def driven(world, *settings, horizon=900.0):
+    """The trace of a world on the kinematic engine."""
+    config = StackConfig()
+    for setting in ("engine=kinematic", *settings):
+        config = apply_setting(config, setting)
+    world = dataclasses.replace(world, horizon=min(world.horizon, horizon))
+    return run(world, config).trace
+
+
+@pytest.mark.parametrize("name", REACHED)
+def test_the_resources_of_a_scenario_are_used_in_its_runs(programs, name):
+    world = programs(name).sample(0)
+    kinds = {resource.name: resource.kind for resource in world.resources}
+    granted = Counter(
+        kinds[event.resource] for event in driven(world).events if event.kind == "granted"
+    )
+    assert all(granted[kind] >= least for kind, least in REACHED[name].items())
+
+
+@pytest.mark.parametrize("name", ["parked_robots", "crowded_refuges"])
+def test_robots_without_work_leave_what_others_want(programs, name):
+    trace = driven(programs(name).sample(1))
+    assert sum(event.kind == "makes-room" for event in trace.events) >= 3
+
+
+def test_fast_robots_drive_faster_than_the_usual_speed(programs):
+    world = programs("fast_robots").sample(0)
+    fast = driven(world, horizon=60.0).columns["velocity"][:, :, 0].max(axis=0)
+    assert (fast > 1.2 * CRUISE).any()
+    assert (fast <= [robot.cruise_speed + 0.01 for robot in world.robots]).all()
+
+
+def test_a_holonomic_fleet_moves_sideways_if_its_stack_knows_how(programs):
+    world = programs("holonomic_fleet").sample(0)
+    trace = driven(world, "controller.dynamics=holonomic", horizon=20.0)
+    assert np.abs(trace.columns["velocity"][:, :, 1]).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ["opposing_flows", "fast_robots"])
+def test_the_speed_that_a_scenario_samples_is_driven(programs, name):
+    slowest, fastest = (
+        dataclasses.replace(
+            world, robots=tuple(dataclasses.replace(r, cruise_speed=c) for r in world.robots)
+        )
+        for world, c in ((programs(name).sample(0), 0.6), (programs(name).sample(0), 1.2))
+    )
+    ends = [driven(world, horizon=15.0).columns["pose"][-1] for world in (slowest, fastest)]
+    assert np.abs(ends[0] - ends[1]).max() > 0.5
+
+
+def test_each_alternative_layer_has_a_run_in_the_documents():
+    chosen = {}
+    for _, setting in OTHER_LAYERS:
+        layer, _, name = setting.partition("=")
+        chosen.setdefault(layer, set()).add(name)
+    for layer in LAYERS:
+        if layer == "engine":
+            continue
+        others = set(registry.names(layer)) - {getattr(StackConfig(), layer).name}
+        assert others == chosen.get(layer, set()), layer
+    assert chosen["controller.dynamics"] == set(registry.names("dynamics")) - {"unicycle"}
+
+
+@pytest.mark.parametrize(("name", "setting"), OTHER_LAYERS)
+def test_a_scenario_runs_with_another_layer(programs, name, setting):
+    for extra, module in (("=smt", "z3"), ("=tsp", "ortools")):
+        if setting.endswith(extra):
+            pytest.importorskip(module)
+    trace = driven(programs(name).sample(0), setting, horizon=25.0)
+    moved = np.hypot(*np.ptp(trace.columns["pose"][:, :, :2], axis=0).T)
+    assert (moved > 1.0).any()
+    assert any(event.kind == "assigned" for event in trace.events)
+
+
 # --- the example of the paper ----------------------------------------------------------------
 
 
 def planned(world, start, goal) -> Plan:
     """What the default planner answers on the default costmap of ``world``."""
-    from mrta_falsify.core import registry
-
     planner = registry.build("planner", StackConfig().planner)
     planner.use(costmap_of(world))
     return planner.plan(np.array(start), np.array(goal))

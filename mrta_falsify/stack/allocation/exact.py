@@ -149,7 +149,8 @@ def core_in_words(problem: AllocationProblem, proof: Proof) -> str:
     task, travel = tasks[0], problem.travel_times
     carriers = [plan for plan in problem.robots if task.number in plan.onboard]
     ends = []
-    for plan in carriers or problem.robots:
+    able = [plan for plan in problem.robots if task.allows(plan.robot)]
+    for plan in carriers or able:
         time, room = max(plan.free_at, problem.now), plan.room
         if not carriers:
             time = max(time, task.arrival) + float(travel[room, task.start]) + task.pickup_time
@@ -161,7 +162,7 @@ def core_in_words(problem: AllocationProblem, proof: Proof) -> str:
             f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s, since every "
             "robot must first make room for it"
         )
-    who = "its robot" if carriers else "the robot that could be first"
+    who = "the robot that could be first" if not carriers and task.robot < 0 else "its robot"
     return (
         f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s: "
         f"{who}, {robot}, is there at {end:g} s"

@@ -40,7 +40,8 @@ class Nearest:
         for task in sorted(problem.tasks, key=lambda task: (task.deadline, task.number)):
             if task.number in given:
                 continue
-            r = min(range(len(routes)), key=lambda r: self._distance(problem, r, routes[r], task))
+            allowed = [r for r, plan in enumerate(problem.robots) if task.allows(plan.robot)]
+            r = min(allowed, key=lambda r: self._distance(problem, r, routes[r], task))
             routes[r] += [pickup_of(task), dropoff_of(task)]
         return timed_allocation(problem, routes)
 

@@ -39,7 +39,8 @@ def completion_bound(problem: AllocationProblem) -> float:
     carrier = {number: plan for plan in problem.robots for number in plan.onboard}
     for task in problem.tasks:
         ends = []
-        for plan in [carrier[task.number]] if task.number in carrier else problem.robots:
+        able = [plan for plan in problem.robots if task.allows(plan.robot)]
+        for plan in [carrier[task.number]] if task.number in carrier else able:
             time, room = max(plan.free_at, problem.now), plan.room
             if task.number not in carrier:
                 time = max(time, task.arrival) + float(travel[room, task.start])

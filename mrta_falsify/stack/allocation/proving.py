@@ -83,9 +83,9 @@ class Prover:
     def _build(self) -> None:
         alone = np.zeros((self.n, self.m), np.bool_)
         for k in range(self.m):
-            carrier = self._robots.carrier.get(k)
+            only = self._robots.only.get(k)
             for r in range(self.n):
-                alone[r, k] = carrier in (None, r) and self._robots.accepts(r, 1 << k)
+                alone[r, k] = only in (None, r) and self._robots.accepts(r, 1 << k)
             able = [self._has(k, r) for r in range(self.n) if alone[r, k]]
             self._solver.add_clause([self._lost(k), *able])
             for r in range(self.n):
@@ -162,7 +162,7 @@ class Prover:
         for other in range(self.n):
             kind = self._robots.kind[other]
             if kind not in verdict:
-                alien = any(self._robots.carrier.get(k, other) != other for k in chosen)
+                alien = any(self._robots.only.get(k, other) != other for k in chosen)
                 verdict[kind] = alien or self._robots.accepts(other, tasks)
             if not verdict[kind]:
                 self._solver.add_clause([-self._has(k, other) for k in chosen])

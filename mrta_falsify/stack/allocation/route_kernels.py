@@ -53,6 +53,7 @@ TASK = np.dtype(
             [
                 ("owner", np.int64),  # robot, FREE or GONE
                 ("aboard", np.int64),  # 1: picked up already, only the drop is in the route
+                ("only", np.int64),  # the robot that must serve it, FREE: any
             ],
             align=True,
         ),
@@ -153,6 +154,8 @@ def cheapest_slot(  # noqa: PLR0915 - one loop, split would cost calls per place
         blink: probability to overlook a place.
         seed: (1,) state of the random numbers.
     """
+    if w.task[k].only not in (FREE, r):
+        return Slot(np.inf, NONE, NONE)
     n = len(w.capacity)
     pick, drop = w.node[n + 2 * k], w.node[n + 2 * k + 1]
     limit = w.capacity[r]

@@ -66,6 +66,10 @@ class SingleRobots:
         self._travel = np.ascontiguousarray(problem.travel_times, dtype=np.float64)
         self.onboard = [tuple(sorted(position[k] for k in plan.onboard)) for plan in robots]
         self.carrier = {k: r for r, carried in enumerate(self.onboard) for k in carried}
+        numbers = {plan.robot: r for r, plan in enumerate(robots)}
+        named = {k: numbers[task.robot] for k, task in enumerate(tasks) if task.robot >= 0}
+        #: robot by task, where only one robot may serve it: it carries it, or is named
+        self.only = {**named, **self.carrier}
         self.kind = self._kinds()
         self._by_due = sorted(range(self.m), key=lambda k: (tasks[k].deadline, k))
         self._known: dict[tuple[int, Bits], bool] = {}
@@ -73,7 +77,7 @@ class SingleRobots:
     def _kinds(self) -> list[int]:
         """Robots that cannot be told apart share a number: their first one's."""
         seen: dict[object, int] = {}
-        s = self._starts
+        s, apart = self._starts, set(self.only.values())
         return [
             seen.setdefault(
                 (
@@ -81,7 +85,7 @@ class SingleRobots:
                     s.time[r],
                     s.capacity[r],
                     self.onboard[r],
-                    r if self.onboard[r] else -1,
+                    r if r in apart else -1,
                 ),
                 r,
             )
@@ -164,7 +168,7 @@ class SingleRobots:
             allowed = [
                 k
                 for k in range(self.m)
-                if self.carrier.get(k, kind) == kind and self.accepts(kind, 1 << k)
+                if self.only.get(k, kind) == kind and self.accepts(kind, 1 << k)
             ]
             complete, found, nodes = feasible_sets(
                 self._travel,

@@ -128,6 +128,7 @@ class _Query:
     def _facts(self) -> None:
         problem, add = self._problem, self._solver.add
         rooms = set()
+        numbers = [plan.robot for plan in problem.robots]
         for i, plan in enumerate(problem.robots):
             add(self._room(-2 - i) == plan.room)
             rooms.add(plan.room)
@@ -140,6 +141,8 @@ class _Query:
                 add(self._service(action) == math.ceil(service))
                 rooms.add(room)
             add(self._robot_of[k] >= 0, self._robot_of[k] < self._n)
+            if task.robot >= 0:
+                add(self._robot_of[k] == numbers.index(task.robot))
             if k in self._carrier:
                 add(self._robot_of[k] == self._carrier[k], self._pick_at[k] == 0)
             else:

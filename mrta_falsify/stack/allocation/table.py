@@ -42,7 +42,7 @@ def _empty_routes(travel: Array, capacity: IntArray, m: int) -> Routes:
         node[field] = np.inf
     for field in ("after", "before"):
         node[field] = NONE
-    task["owner"] = GONE
+    task["owner"], task["only"] = GONE, FREE
     return Routes(travel=travel, capacity=capacity, node=node, task=task)
 
 
@@ -70,6 +70,7 @@ class RouteTable:
         self.w.node["room"][: self.n] = rooms
         self.tasks: list[OpenTask] = []
         self.index: dict[int, int] = {}
+        self._position = {robot: robot for robot in range(self.n)}  # of a robot, by its number
         self._log = self._empty_log(max(1, room_for))
         self._logged = 0
 
@@ -84,6 +85,7 @@ class RouteTable:
             [plan.capacity for plan in problem.robots],
             room_for=len(problem.tasks),
         )
+        table._position = {plan.robot: r for r, plan in enumerate(problem.robots)}
         table.add(problem.tasks)
         w = table.w
         for r, plan in enumerate(problem.robots):
@@ -108,11 +110,15 @@ class RouteTable:
         carried = {self.index[number] for number in onboard}
         picked: set[int] = set()
         visits: list[int] = []
+
+        def allows(k: int) -> bool:
+            return bool(w.task["only"][k] in (FREE, r))
+
         for stop in stops:
             k = self.index.get(stop.task, NONE)
             if k == NONE:
                 continue
-            if stop.action == "pickup" and owner[k] == FREE and aboard[k] == 0:
+            if stop.action == "pickup" and owner[k] == FREE and aboard[k] == 0 and allows(k):
                 picked.add(k)
                 visits.append(n + 2 * k)
                 owner[k] = r
@@ -224,6 +230,7 @@ class RouteTable:
             service[pick], service[drop] = task.pickup_time, task.dropoff_time
             release[pick], due[drop] = task.arrival, task.deadline
             self.index[task.number] = first + i
+            self.w.task["only"][first + i] = self._position.get(task.robot, FREE)
         self.w.task["owner"][first : first + count] = FREE
         self.tasks.extend(tasks)
         return np.arange(first, first + count)

@@ -75,6 +75,7 @@ class Tsp:
         service = [0] * n + [
             round(time) for task in tasks for time in (task.pickup_time, task.dropoff_time)
         ]
+        numbers = [plan.robot for plan in problem.robots]
         home = len(rooms)  # routes are open: going there costs nothing
         manager = pywrapcp.RoutingIndexManager(home + 1, n, list(range(n)), [home] * n)
         routing = pywrapcp.RoutingModel(manager)
@@ -98,6 +99,8 @@ class Tsp:
             solver = routing.solver()
             solver.Add(routing.VehicleVar(pick) == routing.VehicleVar(drop))
             solver.Add(time.CumulVar(pick) <= time.CumulVar(drop))
+            if task.robot >= 0:
+                solver.Add(routing.VehicleVar(pick) == numbers.index(task.robot))
             time.SetCumulVarSoftUpperBound(drop, max(0, round(task.deadline)), LATE_COST)
             routing.AddVariableMinimizedByFinalizer(time.CumulVar(drop))
         how = pywrapcp.DefaultRoutingSearchParameters()

@@ -36,6 +36,7 @@ def verify(answer: Allocation, problem: AllocationProblem) -> tuple[Fault, ...]:
 
     - There is one itinerary per robot, with stops of open tasks in the right rooms.
     - Each task is served by one robot, picked up once before it is dropped once.
+    - A task that names its robot is served by that one.
     - Loads on board are dropped by their robot, and no robot carries more than its capacity.
     - No time is earlier than travel, service and arrival allow.
     - The kept plan of a ``keep`` problem is part of the answer.
@@ -55,9 +56,14 @@ def verify(answer: Allocation, problem: AllocationProblem) -> tuple[Fault, ...]:
         if problem.commitment == "keep":
             faults += _kept_faults(plan, itinerary)
         for stop in itinerary:
+            is_new = stop.task not in owner
             first = owner.setdefault(stop.task, plan.robot)
             if first != plan.robot:
                 what = f"task {stop.task} is given to robots {first} and {plan.robot}"
+                faults.append(Fault(what=what, task=stop.task))
+            if is_new and stop.task in tasks and not tasks[stop.task].allows(plan.robot):
+                named = tasks[stop.task].robot
+                what = f"task {stop.task} is given to robot {plan.robot}; it names robot {named}"
                 faults.append(Fault(what=what, task=stop.task))
             is_drop = stop.action == "dropoff" and stop.task in tasks
             if is_drop and stop.time > tasks[stop.task].deadline:

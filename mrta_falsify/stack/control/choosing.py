@@ -15,6 +15,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import Traffic, fill_box
 from mrta_falsify.stack.control.manoeuvres import (
     CHOICE,
@@ -32,7 +33,7 @@ from mrta_falsify.stack.control.obstacles import HUMAN_RADIUS, Clearances, Peopl
 from mrta_falsify.stack.control.predicted_motions import SAMPLES, fill_drift, fill_stop
 from mrta_falsify.stack.control.state import Crew
 
-COMPANY = 6.0  # m, robots farther apart cannot meet within the predicted time
+COMPANY = 6.0  # m, robots that drive at CRUISE and are farther apart cannot meet in time
 NEAR = 3.5  # m, people farther from a robot than this do not matter to its choice
 STANDING = 0.15  # m/s, slower people are passed like furniture
 PEOPLE_MARGIN = 0.1  # m, beyond the gap to people, so that no barrier row stops a pass halfway
@@ -52,7 +53,8 @@ def _has_company(i: int, crew: Crew) -> bool:
     for j in range(crew.shape[0]):
         if j != i and crew[j].present:
             dx, dy = crew[j].pose[0] - x, crew[j].pose[1] - y
-            if dx * dx + dy * dy < COMPANY * COMPANY:
+            reach = COMPANY * max(1.0, max(crew[i].cruise, crew[j].cruise) / CRUISE)
+            if dx * dx + dy * dy < reach * reach:
                 return True
     return False
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.polyline import project_on_path
+from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import (
     Traffic,
     first_conflict,
@@ -47,15 +48,14 @@ CHOICE = np.dtype(
 )
 Choices = NDArray[np.void]  #: (N,) of CHOICE
 
-CRUISE = 0.75  # m/s, the nominal law's: its gain of 1.5 1/s times the look-ahead of 0.5 m
-SLOW_SHARE = 0.4  # of the cruising speed, when going on slowly
+SLOW_SHARE = 0.4  # of CRUISE, when going on slowly
 SOON = 4.5  # s, a robot on its way does not care about conflicts later than this
 EARLIER = 1e-9  # s, conflicts that differ by less are at the same time
 
 PASS_STEPS = 4  # directions tried on each side of the path's
 PASS_ANGLE = np.pi / 8.0  # rad, between them
 PASS_LENGTHS = (0.9, 0.4)  # m, the long leg first
-PASS_SPEED, PASS_LIMIT = 0.5, 0.6  # of the cruising speed: predicted, allowed
+PASS_SPEED, PASS_LIMIT = 0.5, 0.6  # of CRUISE: predicted, allowed
 PASS_MARGIN = 0.03  # m, beyond the gap to obstacles, so that no barrier row stops it halfway
 PASS_TURN_COST = 0.5  # per rad of turning on the spot; a rad of detour costs 1
 SHORT_COST = 0.1  # rad, of the shorter leg: the long one is preferred
@@ -93,9 +93,8 @@ def try_going_on(
     trial = np.empty((SAMPLES, 2))
     stands = False
     segment, share = project_on_path(path, robot.pose[0], robot.pose[1], 0)
-    cruise = min(robot.max_speed, CRUISE)
     for kind in (GO, SLOW):
-        pace = cruise if kind == GO else SLOW_SHARE * cruise
+        pace = robot.cruise if kind == GO else SLOW_SHARE * min(robot.max_speed, CRUISE)
         fill_pursuit(robot, path, segment, share, pace, trial)
         t, fixed = first_conflict(i, trial, traffic)
         if kind == GO and t >= SOON:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
+from mrta_falsify.core.world import CRUISE
 
 SECTORS = 36  #: directions in which a seen point is kept, 10 degrees each
 RANGE = 3.0  # m, farther points never matter: a robot stops within 1.5 m
@@ -32,6 +33,7 @@ ROBOT_RECORD = np.dtype(
                 # told by the view
                 ("target", np.float64, (2,)),  # look-ahead point [m], nan: nowhere to go
                 ("max_speed", np.float64),  # [m/s]
+                ("cruise", np.float64),  # speed if nothing is in the way [m/s]
                 ("max_acceleration", np.float64),  # [m/s^2]
                 # remembered
                 ("anchor", np.float64, (2,)),  # where it last counted as making progress [m]
@@ -75,6 +77,7 @@ class CrewView(NamedTuple):
     leader_link: BoolArray  #: (N,)
     max_speed: Array  #: (N,)
     max_acceleration: Array  #: (N,)
+    cruise: Array  #: (N,)
 
 
 def crew_view(view: ControlView) -> CrewView:
@@ -92,6 +95,7 @@ def crew_view(view: ControlView) -> CrewView:
         view.leader_link,
         view.max_speed,
         view.max_acceleration,
+        np.full(len(view.pose), CRUISE) if view.cruise is None else view.cruise,
     )
 
 
@@ -136,6 +140,7 @@ def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]
         robot.active, robot.present = told.active[i], told.present[i]
         robot.heard = told.present[i] and told.states_link[i]
         robot.max_speed = told.max_speed[i]
+        robot.cruise = min(told.max_speed[i], told.cruise[i])
         robot.max_acceleration = told.max_acceleration[i]
         robot.target[0], robot.target[1] = told.target[i, 0], told.target[i, 1]
         if robot.heard or is_first:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from mrta_falsify.core.errors import InputError
@@ -29,8 +29,10 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
     """
     changes: dict[str, Any] = {group: _others(getattr(world, group), gone)}
     if group == "robots":
-        changes["tasks"] = _others(world.tasks, had)
-        changes["events"] = events_without(world, {robot.name for robot in changes["robots"]})
+        names = {robot.name for robot in changes["robots"]}
+        orphans = [i for i, task in enumerate(world.tasks) if task.robot not in {"", *names}]
+        changes["tasks"] = _others(world.tasks, {*had, *orphans})
+        changes["events"] = events_without(world, names)
     try:
         smaller = dataclasses.replace(world, **changes)
     except InputError:
@@ -38,7 +40,7 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
     return smaller if smaller.robots and smaller.tasks else None
 
 
-def _others(items: Sequence[Any], gone: Sequence[int]) -> tuple[Any, ...]:
+def _others(items: Sequence[Any], gone: Collection[int]) -> tuple[Any, ...]:
     left_out = set(gone)
     return tuple(item for i, item in enumerate(items) if i not in left_out)
 
