@@ -26,6 +26,7 @@ from mrta_falsify.core.record import Jittered, Screening, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from scenic_worlds.variation import jittered_worlds
@@ -102,6 +103,9 @@ class TrialRunner:
             attempts=realised.attempts,
             scene_s=time.perf_counter() - began,
         )
+        impossible = why_impossible(realised.world, specifications_of(settings))
+        if impossible:
+            return dataclasses.replace(record, status="impossible", error=impossible)
         return self._simulate(realised.world, record, realised.scene)
 
     def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:

@@ -51,13 +51,14 @@ class Progress:
     told: int = 0  #: proposals
     ran: int = 0  #: simulated candidates
     rejected: int = 0
+    impossible: int = 0  #: worlds that no stack can do, set apart
     errors: int = 0
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
     first_failure: int | None = None  #: simulated candidates until it, itself included
     best: float = float("inf")  #: smallest score
     by_specification: dict[str, int] = field(default_factory=dict)  #: violations
-    rejected_in_a_row: int = 0
+    rejected_in_a_row: int = 0  #: impossible ones included
     sim_time: float = 0.0  #: simulated [s]
 
     @property
@@ -68,8 +69,9 @@ class Progress:
     def take(self, record: TrialRecord) -> None:
         """Count a told record."""
         self.told += 1
-        if record.status == "rejected":
-            self.rejected += 1
+        if not record.was_run:
+            self.rejected += record.status == "rejected"
+            self.impossible += record.status == "impossible"
             self.rejected_in_a_row += 1
             return
         self.rejected_in_a_row = 0
@@ -231,8 +233,8 @@ class _Loop:
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 raise InputError(
                     f"{self._store.settings.trials.scenario}: the last "
-                    f"{progress.rejected_in_a_row} proposals gave no scene; the last one: "
-                    f"{record.error}"
+                    f"{progress.rejected_in_a_row} proposals gave no world that can be done; "
+                    f"the last one: {record.error}"
                 )
 
     def _ask(self) -> None:

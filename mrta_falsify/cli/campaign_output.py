@@ -61,10 +61,10 @@ class CampaignWatch:
         """Show how far the campaign is."""
         budget = counts.limits.budget
         if self._ran_before is None:
-            self._ran_before = counts.ran - (record.status != "rejected")
+            self._ran_before = counts.ran - record.was_run
         if sys.stderr.isatty():
             self._show_bar(counts, budget)
-        elif counts.ran % max(1, budget // LINES) == 0 and record.status != "rejected":
+        elif counts.ran % max(1, budget // LINES) == 0 and record.was_run:
             done, total = counts.ran - self._ran_before, budget - self._ran_before
             left = output.time_left(done, total, time.monotonic() - self._began)
             self._say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
@@ -105,6 +105,8 @@ def _count_text(counts: Progress) -> str:
     parts = [f"{counts.failed} failed" + (f" ({failures})" if failures else ""), best]
     if counts.rejected:
         parts.append(f"{counts.rejected} rejected")
+    if counts.impossible:
+        parts.append(f"{counts.impossible} impossible")
     if counts.errors:
         parts.append(f"{counts.errors} errors")
     return ", ".join(parts)
@@ -131,7 +133,8 @@ def print_campaign(result: CampaignResult) -> None:
     data = summarise_campaign(result)
     out.print(
         f"{data.ran} trials ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s), "
-        f"{data.failed} failed, {data.rejected} scenes rejected, {data.errors} errors; "
+        f"{data.failed} failed, {data.rejected} scenes rejected, {data.impossible} impossible, "
+        f"{data.errors} errors; "
         f"ended: {data.ended}"
     )
     if data.screening is not None:

@@ -169,6 +169,13 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
     if summary.rejections:
         out.print()
         _print_rejecters(summary)
+    if summary.impossible:
+        out.print()
+        first = summary.impossible[0]
+        out.print(
+            f"impossible  {len(summary.impossible)} of {summary.scenes} worlds, which a campaign "
+            f"sets apart; {first.number:03d}: {first.reason}"
+        )
     out.print()
     table = output.new_table("dimension", "kind", "values")
     for dimension in summary.dimensions:

@@ -12,7 +12,8 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.verdict import Verdict
 
 #: ok: simulated and judged; rejected: no scene; crashed, timeout: the toolkit failed
-Status = Literal["ok", "rejected", "crashed", "timeout"]
+#: ``impossible``: no stack can keep the specifications in this world, so it was not run
+Status = Literal["ok", "rejected", "impossible", "crashed", "timeout"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +77,7 @@ class TrialRecord:
     wall_s: float = 0.0  #: measured time to simulate and judge [s]
     attempts: int = 0  #: scenes tried until one was accepted
     versions: dict[str, str] = field(default_factory=dict)
-    error: str = ""  #: for rejected, crashed and timeout: why
+    error: str = ""  #: for every status but ok: why
 
     @property
     def number(self) -> int:
@@ -87,6 +88,11 @@ class TrialRecord:
     def id(self) -> str:
         """Name of the trial in its campaign, as ``0042``."""
         return f"{self.number:04d}"
+
+    @property
+    def was_run(self) -> bool:
+        """Whether there was a world to run, and one that a stack can do."""
+        return self.status not in ("rejected", "impossible")
 
     @property
     def failed(self) -> bool:

@@ -163,7 +163,7 @@ def _own_budget(store: Store, on_note: OnNote) -> int:
     if store.settings.budget:
         on_note(f"budget {store.settings.budget}, as the campaign began; change it by --budget")
         return store.settings.budget
-    ran = sum(record.status != "rejected" for record in store.finished.values())
+    ran = sum(record.was_run for record in store.finished.values())
     kept = f"the {ran} trials it has run are kept" if ran else "the default is taken"
     on_note(
         f"{store.directory}: recorded no budget (an older version wrote it); {kept} as budget "

@@ -53,6 +53,7 @@ class CampaignSummary:
     failed: int
     robust: int | None  #: failures that most copies share; None where no copies were run
     rejected: int
+    impossible: int  #: worlds that no stack can do
     errors: int
     first_failure_at: int | None
     modes: tuple[FailureMode, ...]
@@ -81,6 +82,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         failed=progress.failed,
         robust=progress.wanted if campaign.settings.trials.jittered else None,
         rejected=progress.rejected,
+        impossible=progress.impossible,
         errors=progress.errors,
         first_failure_at=progress.first_failure,
         modes=modes(campaign),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import statistics
 import time
@@ -30,7 +31,15 @@ if TYPE_CHECKING:
 SHEET_WORLDS = 24  # worlds on a contact sheet at most
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImpossibleWorld:
+    """A sampled world that no stack can do."""
+
+    number: int  #: of the candidate
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ProgramCheck:
     """What is known of a program after it was compiled and sampled."""
 
@@ -46,6 +55,20 @@ class ProgramCheck:
     def worlds(self) -> tuple[World, ...]:
         """The sampled worlds, in order."""
         return tuple(item.world for item in self.drawn if item.world is not None)
+
+    @functools.cached_property
+    def impossible(self) -> tuple[ImpossibleWorld, ...]:
+        """The sampled worlds that no stack can do, by the default specifications of a campaign."""
+        from mrta_falsify.possibility import why_impossible  # noqa: PLC0415 - loads the engines
+        from mrta_falsify.trial import campaign_specifications  # noqa: PLC0415
+
+        specifications = campaign_specifications()
+        found = [
+            ImpossibleWorld(number=item.number, reason=why_impossible(item.world, specifications))
+            for item in self.drawn
+            if item.world is not None
+        ]
+        return tuple(world for world in found if world.reason)
 
     @property
     def acceptance(self) -> float:
@@ -151,6 +174,7 @@ class CheckSummary:
     scenes: int
     failed: int  #: candidates without a valid scene
     rejections: tuple[Rejecter, ...]
+    impossible: tuple[ImpossibleWorld, ...]
     lint: tuple[Lint, ...]
 
 
@@ -173,6 +197,7 @@ def summarise_check(done: ProgramCheck) -> CheckSummary:
         scenes=scenes,
         failed=len(done.drawn) - scenes,
         rejections=tuple(Rejecter(who=who, count=count) for who, count in done.rejections),
+        impossible=done.impossible,
         lint=done.lint,
     )
 

@@ -31,7 +31,7 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
     found: tuple[SearchCost, SearchCost] | None = None
     for record in campaign.records:
         seconds += record.scene_s + record.wall_s
-        if record.status == "rejected":
+        if not record.was_run:
             continue
         simulations += 1
         if record.failed if knife_edges else record.wanted:

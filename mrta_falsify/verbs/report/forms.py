@@ -22,7 +22,7 @@ def markdown_report(campaign: Campaign, *, against: Campaign | None = None) -> s
 
 def junit_report(campaign: Campaign) -> str:
     """Write the trials as JUnit XML: a failure is a violation, an error one of the toolkit."""
-    judged = [record for record in campaign.records if record.status != "rejected"]
+    judged = [record for record in campaign.records if record.was_run]
     name = Path(campaign.settings.trials.scenario).stem
     return render_junit(name, [_test_result(campaign, record) for record in judged])
 

@@ -38,6 +38,7 @@ def facts_of(
         ("failures", str(len(failed))),
         ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
         ("scenes rejected", str(statuses["rejected"])),
+        ("impossible worlds", str(statuses["impossible"])),
         ("errors of the toolkit", str(statuses["crashed"] + statuses["timeout"])),
         ("sampler", settings.sampler.name),
         ("search dimensions", str(settings.cube.dimensions)),
