@@ -30,6 +30,7 @@ CHECK_EVERY = 10.0  # s between two looks whether the poses repeat themselves
 WINDOW = 10.0  # s over which a robot's speed is taken
 #: of its top speed; who makes less way than this stands or creeps (4 cm/s for a Waffle)
 CREEPING = 0.03
+PLACE = 0.5  # m, two bodies' radii; who stays within this of one place for good stands as well
 NEVER = -1.0
 
 
@@ -91,11 +92,12 @@ class Run:
         self.is_over = self._episode.all_done and not self.count.wants.any()
 
     def still_since(self) -> Array:
-        """Since when each robot stands or creeps ``(N,)``, up to now [s]."""
+        """Since when each robot stands or creeps, or stays at one place ``(N,)``, up to now [s]."""
         position = np.array([pose[:, :2] for pose in self._poses])
         last, dt = len(position) - 1, self._episode.dt
         later = np.minimum(np.arange(last + 1) + round(WINDOW / dt), last)
         moves = np.hypot(*(position[later] - position).transpose(2, 0, 1)) > self._slowest * WINDOW
+        moves &= np.hypot(*(position - position[last]).transpose(2, 0, 1)) > PLACE
         behind = np.argmax(moves[::-1], axis=0)
         return np.where(moves.any(axis=0), last - behind + 1, 0) * dt
 
