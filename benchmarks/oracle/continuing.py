@@ -61,8 +61,15 @@ class Fate:
 class Run:
     """A case run to a moment; its continuations are forks of the process."""
 
-    def __init__(self, world: World, config: StackConfig) -> None:
-        self.world, self.config = world, config
+    def __init__(self, world: World, config: StackConfig, *, thorough: bool = False) -> None:
+        """Begin a run.
+
+        Args:
+            world: what to simulate.
+            config: the stack under test.
+            thorough: continuations last to their limit, even if the poses repeat themselves.
+        """
+        self.world, self.config, self.thorough = world, config, thorough
         self._episode = ShiftingEpisode(world, config)
         self._frames = self._episode.frames()
         self._poses: list[Array] = []
@@ -163,7 +170,7 @@ class Run:
                 settled = max(settled, self.time)
             if self.time >= check:
                 check = self.time + CHECK_EVERY
-                proved = self._repeats_itself(began, settled)
+                proved = not self.thorough and self._repeats_itself(began, settled)
                 if proved:
                     break
                 if os.getppid() != self._parent:

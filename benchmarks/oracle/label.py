@@ -8,6 +8,7 @@ Rows are appended as they come. Ctrl-C loses the cases in progress only; a secon
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 from pathlib import Path
@@ -17,15 +18,16 @@ from benchmarks.oracle.rows import Row, append_rows, cpu_seconds
 from benchmarks.oracle.worlds import KINDS, case_named, cases
 
 
-def label_row(name: str) -> Row:
+def label_row(name: str, *, thorough: bool = False) -> Row:
     """Label one case.
 
     Args:
         name: kind and seed, as ``niches/10003``.
+        thorough: see :func:`benchmarks.oracle.labels.label`.
     """
     began = cpu_seconds()
     made = case_named(name)
-    truth = label(made.world, made.config)
+    truth = label(made.world, made.config, thorough=thorough)
     robots = [robot.name for robot in made.world.robots]
     return {
         "case": name,
@@ -89,9 +91,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_case_options(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("oracle_labels.jsonl"))
+    parser.add_argument("--thorough", action="store_true", help="simulate all 3,600 s")
     arguments = parser.parse_args()
+    make = functools.partial(label_row, thorough=arguments.thorough)
     try:
-        rows = append_rows(arguments.output, label_row, chosen_cases(arguments), arguments.workers)
+        rows = append_rows(arguments.output, make, chosen_cases(arguments), arguments.workers)
     except KeyboardInterrupt:
         print("interrupted; the same call goes on with the rest", file=sys.stderr)
         return 130

@@ -82,9 +82,15 @@ class Votes:
         return max(self.fates, key=lambda fate: len(fate.stuck & self.stuck))
 
 
-def label(world: World, config: StackConfig) -> Label:
-    """Find all deadlocks of a run up to the world's horizon."""
-    run = Run(world, config)
+def label(world: World, config: StackConfig, *, thorough: bool = False) -> Label:
+    """Find all deadlocks of a run up to the world's horizon.
+
+    Args:
+        world: what to simulate.
+        config: the stack under test.
+        thorough: simulate all 3,600 s, even if the poses repeat themselves.
+    """
+    run = Run(world, config, thorough=thorough)
     found: list[Deadlock] = []
     doubtful, continued = False, 0.0
     try:
@@ -210,7 +216,7 @@ def _sealed(run: Run, group: Group, standing: float) -> float | None:
 
 def _lets_through(run: Run, group: Group, needed: IntArray, time: float) -> bool:
     """Whether most continuations from a fork at ``time`` [s] let a member through."""
-    again = Run(run.world, run.config)
+    again = Run(run.world, run.config, thorough=run.thorough)
     try:
         again.advance(time)
         majority = FORKS // 2 + 1
@@ -237,7 +243,7 @@ def _events_between(world: World, start: float, end: float) -> bool:
 
 def _group_at(run: Run, votes: Votes, group: Group, time: float) -> Group:
     """The group as removals at ``time`` [s] show it, before outside events changed it."""
-    again = Run(run.world, run.config)
+    again = Run(run.world, run.config, thorough=run.thorough)
     try:
         again.advance(time)
         same = (again.count.reached == run.count.reached) & again.count.wants

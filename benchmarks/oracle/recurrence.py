@@ -16,6 +16,9 @@ SHORTEST = 20.0  # s, smallest shift at which they are compared, a multiple of t
 LONGEST = 80.0  # s, largest
 #: m or rad between two repetitions: rounding. Over 3,600 s it adds up to less than a micrometre.
 SAME = 1e-9
+#: m or rad; what differs by more must not drift apart: a robot creeps off an unstable balance
+#: by ever larger steps
+ROUNDING = 1e-12
 
 
 def repeats_itself(poses: Array, dt: float) -> bool:
@@ -33,7 +36,9 @@ def repeats_itself(poses: Array, dt: float) -> bool:
     is_same = _apart(poses[len(poses) - 1 - shifts], poses[-1]).max(axis=(1, 2)) <= SAME
     last = poses[-window:]
     for shift in shifts[is_same][:10].tolist():
-        if _apart(poses[-window - shift : len(poses) - shift], last).max() <= SAME:
+        apart = _apart(poses[-window - shift : len(poses) - shift], last)
+        before, lately = apart[: window // 2].max(), apart[window // 2 :].max()
+        if max(before, lately) <= SAME and lately <= max(2.0 * before, ROUNDING):
             return True
     return False
 

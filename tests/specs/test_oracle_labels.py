@@ -150,7 +150,7 @@ def test_waiting_for_a_long_service_is_no_deadlock():
     assert label(world, stack(allocator=IN_TURN)).deadlocks == ()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_pair_that_creeps_is_stuck():
     """Nearer by a millimetre a second is no way to a stop (share 0.5: none gives way)."""
     world = two_rooms(box(-3.0, -0.35, 3.0, 0.35), side=0.7, gap=6.0)
@@ -162,14 +162,28 @@ def test_a_pair_that_creeps_is_stuck():
     assert {i for deadlock in found for i in deadlock.group} == {0, 1}
 
 
-def test_the_end_by_repetition_agrees_with_the_whole_continuation():
+def test_a_continuation_ends_once_the_poses_repeat_themselves():
     run = Run(cut_off(1e6), stack())
     run.advance(15.0)
-    short = run.fate()
-    assert short.proved
-    assert short.outcomes == (Outcome.STUCK,)
-    assert short.ended < 120.0
+    fate = run.fate()
+    assert fate.proved
+    assert fate.outcomes == (Outcome.STUCK,)
+    assert fate.ended < 120.0
     run.close()
+
+
+@pytest.mark.slow
+def test_the_early_end_of_a_continuation_does_not_change_its_outcome():
+    fates = []
+    for thorough in (False, True):
+        run = Run(head_on(), stack(BRAKE, allocator=IN_TURN), thorough=thorough)
+        run.advance(20.0)
+        fates.append(run.fate(limit=900.0))
+        run.close()
+    short, whole = fates
+    assert short.outcomes == whole.outcomes
+    assert short.still_since == whole.still_since
+    assert short.ended < 200.0 < 919.0 < whole.ended
 
 
 def test_small_differences_are_small_and_repeatable():
@@ -191,6 +205,9 @@ def test_poses_that_go_on_do_not_repeat_themselves():
     turning[:, 0, 2] = (2 * np.pi * time / 5.0) % (2 * np.pi)
     creeping = still.copy()
     creeping[:, 0, 0] = 1e-6 * time
+    balance = still.copy()
+    balance[:, 0, 0] = 1e-13 * 2.0 ** (time / 12.0)
+    assert not repeats_itself(balance, 0.1)
     assert repeats_itself(still, 0.1)
     assert repeats_itself(turning, 0.1)
     assert not repeats_itself(creeping, 0.1)
