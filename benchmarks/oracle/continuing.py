@@ -48,7 +48,8 @@ class Fate:
 
     outcomes: tuple[Outcome, ...]  #: N
     freed_at: tuple[float, ...]  #: N when each reached its next stop [s], -1: never
-    still_since: tuple[float, ...]  #: N since when each stands or creeps, up to the end [s]
+    #: N since when each stands or creeps, up to the end or to 600 s after the fork [s]
+    still_since: tuple[float, ...]
     ended: float  #: [s]
     proved: bool  #: it ended because the poses repeated themselves
 
@@ -98,9 +99,14 @@ class Run:
         self._poses.append(frame.sensed.pose)
         self.is_over = self._episode.all_done and not self.count.wants.any()
 
-    def still_since(self) -> Array:
-        """Since when each robot stands or creeps, or stays at one place ``(N,)``, up to now [s]."""
-        position = np.array([pose[:, :2] for pose in self._poses])
+    def still_since(self, until: float | None = None) -> Array:
+        """Since when each robot stands or creeps, or stays at one place ``(N,)`` [s].
+
+        Args:
+            until: up to when [s]; None: up to now.
+        """
+        kept = len(self._poses) if until is None else round(until / self._episode.dt) + 1
+        position = np.array([pose[:, :2] for pose in self._poses[:kept]])
         last, dt = len(position) - 1, self._episode.dt
         later = np.minimum(np.arange(last + 1) + round(WINDOW / dt), last)
         moves = np.hypot(*(position[later] - position).transpose(2, 0, 1)) > self._slowest * WINDOW
@@ -153,6 +159,7 @@ class Run:
         began, settled, count = len(self._poses), self._settled(limit), self.count
         freed_at = np.full(len(goal), NEVER)
         end, check, proved = self.time + limit, self.time + CHECK_EVERY, False
+        settled_by = self.time + CREPT
         waiting = np.isin(np.arange(len(goal)), sorted(asked))
         crept = np.zeros(len(goal), dtype=np.bool_)
         for frame in self._frames:
@@ -180,7 +187,7 @@ class Run:
         return {
             "outcomes": names.tolist(),
             "freed_at": freed_at.tolist(),
-            "still_since": self.still_since().tolist(),
+            "still_since": self.still_since(settled_by).tolist(),
             "ended": self.time,
             "proved": proved,
         }

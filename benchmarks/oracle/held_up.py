@@ -11,10 +11,10 @@ from shapely.geometry import box
 from benchmarks.oracle.floors import floor, robot, two_rooms
 from benchmarks.oracle.sampled import FOR_GOOD, Scene
 from benchmarks.oracle.scripted import swap_tasks
-from benchmarks.oracle.stacks import BRAKE, IN_TURN, SHARED, SYMMETRIC, any_stack, stack
+from benchmarks.oracle.stacks import BRAKE, IN_TURN, SHARED, SYMMETRIC, mixed_stack, stack
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.geometry import rectangle
-from mrta_falsify.core.world import Blockage, CommsOutage, Event, Task
+from mrta_falsify.core.world import Blockage, CommsOutage, Event, Task, World
 
 DEADLINE = 900.0  # s; ``worlds.case`` moves it beyond all continuations
 
@@ -68,7 +68,7 @@ def chain(random: np.random.Generator) -> Scene:
     )
     event = _stopper(random, mouth, width)
     world = dataclasses.replace(world, robots=robots, tasks=tasks, events=(event,))
-    return world, any_stack(random, allocator=IN_TURN)
+    return world, mixed_stack(random, allocator=IN_TURN)
 
 
 def _stopper(random: np.random.Generator, mouth: float, width: float) -> Event:
@@ -112,7 +112,7 @@ def loop(random: np.random.Generator) -> Scene:
     return _exchange(random, dataclasses.replace(world, robots=robots))
 
 
-def _exchange(random: np.random.Generator, world) -> Scene:
+def _exchange(random: np.random.Generator, world: World) -> Scene:
     """Let each robot load where it stands, and deliver at the next one's place, or the last's."""
     count = len(world.robots)
     turns = 1 if random.random() < 0.7 else count - 1
@@ -127,4 +127,4 @@ def _exchange(random: np.random.Generator, world) -> Scene:
         )
         for i in range(count)
     )
-    return dataclasses.replace(world, tasks=tasks), any_stack(random, allocator=IN_TURN)
+    return dataclasses.replace(world, tasks=tasks), mixed_stack(random, allocator=IN_TURN)

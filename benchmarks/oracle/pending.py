@@ -14,7 +14,7 @@ from shapely.geometry import box
 from benchmarks.oracle.floors import floor, robot, two_rooms
 from benchmarks.oracle.sampled import FOR_GOOD, Scene
 from benchmarks.oracle.scripted import swap_tasks, swap_world
-from benchmarks.oracle.stacks import IN_TURN, any_stack, stack
+from benchmarks.oracle.stacks import IN_TURN, any_stack, mixed_stack, stack
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, HumanSpec, Resource, Task, World
 
@@ -98,7 +98,7 @@ def late_escape(random: np.random.Generator) -> Scene:
     world = two_rooms(passage, side=width, gap=2.0 * half)
     robots = (robot(0, -half, 0.0, 0.0), robot(1, half, 0.0, np.pi))
     world = dataclasses.replace(world, robots=robots, tasks=swap_tasks(random))
-    return world, any_stack(random, allocator=IN_TURN)
+    return world, mixed_stack(random, allocator=IN_TURN)
 
 
 def slow_arrival(random: np.random.Generator) -> Scene:
@@ -143,7 +143,7 @@ def refuges(random: np.random.Generator) -> Scene:
         for i in range(count - idle)
     )
     world = dataclasses.replace(world, robots=robots, tasks=tasks)
-    return world, any_stack(random, allocator=IN_TURN)
+    return world, mixed_stack(random, allocator=IN_TURN)
 
 
 def parked_in_file(random: np.random.Generator) -> Scene:
@@ -159,7 +159,7 @@ def parked_in_file(random: np.random.Generator) -> Scene:
     )
     parking = np.array([[6.2, 0.0]]) if random.random() < 0.4 else np.zeros((0, 2))
     world = dataclasses.replace(world, robots=tuple(robots), tasks=tasks, parking=parking)
-    return world, any_stack(random, allocator=IN_TURN)
+    return world, mixed_stack(random, allocator=IN_TURN)
 
 
 def _file(width: float, side: float) -> World:
