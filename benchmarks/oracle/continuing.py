@@ -30,7 +30,7 @@ CHECK_EVERY = 10.0  # s between two looks whether the poses repeat themselves
 WINDOW = 10.0  # s over which a robot's speed is taken
 #: of its top speed; who makes less way than this stands or creeps (4 cm/s for a Waffle)
 CREEPING = 0.03
-PLACE = 0.5  # m, two bodies' radii; who stays within this of one place for good stands as well
+PLACE = 0.25  # m, about a robot's radius; who stays within this of one place for good stands too
 NEVER = -1.0
 
 
