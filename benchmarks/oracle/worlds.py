@@ -67,7 +67,8 @@ KINDS = SCRIPTED | HELD_UP | PENDING | SAMPLED
 NO_DEADLINE = 1e5  # s; no deadline falls into a continuation, so all clocks there are short
 #: cases of a kind for each case of the others: kinds in which robots do get stuck more often
 WEIGHTS = {"niches": 2, "cork": 2, "blocked": 2}
-WEIGHTS |= dict.fromkeys(SAMPLED, 2) | {"sampled_events": 5, "maze_weak": 4, "maze_brake": 4}
+WEIGHTS |= {"creeping": 2, "chain": 3, "late_escape": 3, "parked_in_file": 3}
+WEIGHTS |= dict.fromkeys(SAMPLED, 2) | {"sampled_events": 5, "maze_weak": 4, "maze_brake": 6}
 
 
 @dataclass(frozen=True)
