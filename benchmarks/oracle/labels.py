@@ -1,238 +1,257 @@
-"""Labels by continuation: what never resolves is a deadlock, whoever may claim what.
+"""Labels by continuation: what never reaches its next stop is stuck, whoever may claim what.
 
-Nothing here uses blocked-by edges or the oracle's claims. Both share two definitions: what
-counts as progress (``progress_clock``) and who is a member (``counterfactual.stuck_groups``).
-From the moment under question on, no outside event happens any more (no new task, blockage or
-outage; those in force run their course, people walk on), and the same run continues for 600 s.
-Robots that then still have a goal and made no progress in all that time are stuck. One of them
-is a *member* if the others it is stuck with go free once it is gone; the rest are victims.
+Nothing here uses the oracle or any of its parts: no blocked-by edge, no clock of its progress, no
+rule of who is a member. What counts are motion and the stops that robots reach.
 
-The *onset* of a deadlock is the earliest time from which none of its members ever makes
-progress again or goes anywhere: the last time at which a member got nearer to its goal, or
-was more than 0.5 m from the place where it stands for good. Before that some member was still
-trying something. Members that never come to rest are a livelock (``stands`` is false).
-
-The run is continued once; each "what if robot j were not there" is a fork of the process at
-the moment, so that nothing is simulated twice.
+- A robot is *stuck* at a moment if it does not reach its next stop (of an idle robot on its way
+  to a parking spot: the spot) in most of five continuations of 3,600 s without outside events. The
+  first one is the run itself; in the others all robots are shifted by up to 3 mm. One that gets
+  through only after it has stood or crept for 600 s counts as stuck, and its label is *borderline*.
+- Members and victims: see :mod:`benchmarks.oracle.membership`.
+- The *onset* of a deadlock is the later one of two moments. *Sealed*: the latest fork time from
+  which most of three continuations with small differences still let a member through. *Standing*:
+  since when each member stands or creeps for good on the way to this stop.
 """
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.fleet import Frame
+from benchmarks.oracle.continuing import CONTINUE, Fate, Outcome, Run
+from benchmarks.oracle.membership import Group, groups_of
+from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.counterfactual import stuck_groups
-from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
-from simulator_interface.episode import Episode
-from simulator_interface.forking import run_in_copy
 
-CONTINUE = 600.0  # s
-FREE_WITHIN = 120.0  # s in which the rest must go free once a member is gone
-LEFT = 1.0  # m, a robot farther from its place than this went free
-SETTLED = 30.0  # s in which a deadlock may still shift before it stands for good
-#: s without any motion after which nothing will move any more: six times the
-#: longest waiting time in the stack (10 s before a lead passes on); checked by ``--thorough``
-AT_REST_FOR = 60.0
-GHOST_AT_REST_FOR = 30.0  # s, the same for what-if runs
-SAME_POSE = 1e-3  # m, rad
-EVERY = 2  # ticks between two looks
-BODY = 0.25  # m nearer to the goal: more than this in what is left of the run is going on
-PLACE = 0.5  # m, a robot that stays within this of one place stands
+CONTINUATIONS = 5  # the run itself, and four with small differences
+FORKS = 3  # continuations with small differences from each fork time
+FREE_WITHIN = 300.0  # s in which others must get through once a robot is gone: 13 m at 5 cm/s
+STALLED_FOR = 8.0  # s of standing that make a moment before an outside event worth a label
+WANDERING_FOR = 60.0  # s on the way to one stop that do so as well
+JUST_BEFORE = 0.2  # s; two ticks
+RESOLUTION = 0.5  # s of fork times
+LOOK_BACK = 8.0  # s before the members stand; whether the deadlock was sealed earlier still is open
+AFTER_ONSET = 2.0  # s; when robots are removed, if outside events come between
+SETTLED = 60.0  # s after a moment; robots that come to rest later are on the move
 
 
 @dataclass(frozen=True)
 class Deadlock:
-    """One group of robots that never goes on."""
+    """Robots that keep each other, or something keeps, from ever reaching their next stops."""
 
-    members: tuple[int, ...]  #: without each of whom the others go free
-    group: tuple[int, ...]  #: members and victims
-    settled: float  #: last time a member got nearer by a body's radius [s]
-    onset: float  #: since when its members neither progress nor leave their places [s]
-    stands: bool  #: all members stand; else some move about in vain, and onset is the progress's
+    members: tuple[int, ...]
+    victims: tuple[int, ...]
+    onset: float  #: [s]
+    sealed: float | None  #: latest fork time that lets a member through [s]; None: before 8 s ...
+    #: ... before the members stand
+    is_moving: bool  #: a member drives about in vain for good
+    is_borderline: bool  #: continuations differ, a robot creeps through late, or members move
+    moment: float  #: from which it was found [s]
+
+    @property
+    def group(self) -> tuple[int, ...]:
+        """Members and victims."""
+        return tuple(sorted(self.members + self.victims))
 
 
 @dataclass(frozen=True)
 class Label:
-    """What became of a moment."""
+    """What became of a run."""
 
     deadlocks: tuple[Deadlock, ...]
-    continued: float  #: simulated after the moment [s]
+    is_borderline: bool  #: there is none, but in some continuations there is
+    ended: float  #: end of the run [s]
+    continued: float  #: simulated in all continuations of votes [s]
 
 
 @dataclass(frozen=True)
-class _Fate:
-    """How the continuation ended."""
+class Votes:
+    """What several continuations from one moment say."""
 
-    stuck: list[int]  #: robots with a goal and without progress
-    progress: list[float]  #: N last progress [s]
-    settled: list[float]  #: N the same by a body's radius [s]
-    arrived: list[float]  #: N since when each has been within 0.5 m of its last place [s]
-    ended: float  #: [s]
+    moment: float
+    stuck: frozenset[int]  #: in most of them
+    doubtful: frozenset[int]  #: the continuations differ, or it crept through
+    fates: tuple[Fate, ...]
 
-
-class _RestClock:
-    """Since when has nobody moved at all?"""
-
-    def __init__(self) -> None:
-        self._pose: Array | None = None
-        self._since = 0.0
-
-    def lasts(self, frame: Frame) -> float:
-        """For how long [s]; 0 while people walk."""
-        pose, time = frame.sensed.pose, frame.sensed.time
-        walks = bool((np.abs(frame.sensed.human_velocity) > 1e-3).any())
-        if self._pose is None or walks or np.abs(pose - self._pose).max() > SAME_POSE:
-            self._pose, self._since = pose.copy(), time
-        return time - self._since
+    @property
+    def reference(self) -> Fate:
+        """The first continuation in which most of the stuck robots are."""
+        return max(self.fates, key=lambda fate: len(fate.stuck & self.stuck))
 
 
-def label(
-    world: World,
-    config: StackConfig,
-    moment: float,
-    *,
-    standing_only: bool = True,
-    thorough: bool = False,
-) -> Label:
-    """Label of the run of ``world`` at ``moment`` [s].
+def label(world: World, config: StackConfig, *, thorough: bool = False) -> Label:
+    """Find all deadlocks of a run up to the world's horizon.
 
     Args:
-        world: what was run.
+        world: what to simulate.
         config: the stack under test.
-        moment: claimed onset [s].
-        standing_only: robots that never come to rest are of no interest (a livelock is another
-            specification's business); otherwise they are labelled as well.
-        thorough: simulate all 600 s, even if nothing moves.
+        thorough: simulate all 3,600 s, even if the poses repeat themselves.
     """
-    still = stopped(world, moment)
-    episode = Episode(still, dataclasses.replace(config, engine=Choice("kinematic")))
-    frames = episode.frames()
-    progress, coarse = ProgressClock(still), ProgressClock(still, step=BODY)
-    history: list[Array] = []
-    for frame in frames:
-        if frame.sensed.tick % EVERY == 0:
-            progress.update(frame)
-            coarse.update(frame)
-            history.append(frame.sensed.pose[:, :2].copy())
-        if frame.sensed.time >= moment:
+    run = Run(world, config, thorough=thorough)
+    found: list[Deadlock] = []
+    doubtful, continued = False, 0.0
+    try:
+        for moment in _moments(world):
+            run.advance(moment)
+            if run.is_over:
+                break
+            known = {i for deadlock in found for i in deadlock.group}
+            if not _suspects(run) - known:
+                continue
+            votes = vote(run)
+            continued += sum(fate.ended - run.time for fate in votes.fates)
+            doubtful = doubtful or bool(votes.doubtful)
+            new = [d for d in _deadlocks(run, votes) if not _is_known(d, found)]
+            found += new
+        ended = run.time
+    finally:
+        run.close()
+    return Label(tuple(found), doubtful and not found, ended, continued)
+
+
+def vote(run: Run) -> Votes:
+    """Let several continuations say who is stuck, until no further one can change the majority.
+
+    Two that last all of the 3,600 s and agree are enough.
+    """
+    fates: list[Fate] = []
+    majority = CONTINUATIONS // 2 + 1
+    for shift in range(CONTINUATIONS):
+        fates.append(run.fate(shift=shift))
+        stuck, free = _ballots(fates)
+        whole = sum(fate.ended - run.time >= CONTINUE - 1.0 for fate in fates)
+        enough = 2 if whole >= 2 else majority
+        if (np.maximum(stuck, free) >= enough).all() and (stuck * free == 0).all():
             break
-    parts = _Forks(episode, frames, moment)
-    fate = parts.main((progress, coarse), history, standing_only, thorough)
-    stuck = set(fate.stuck)
-    # Who wanders about in vain anyway leaves its place without anybody's absence.
-    standing = {i for i in stuck if fate.arrived[i] <= moment + SETTLED}
-    freed = {i: parts.without(i, standing) if len(stuck) > 1 else set() for i in sorted(stuck)}
-    frames.close()
-    found = []
-    for members, group in stuck_groups(stuck, freed):
-        arrived = max(fate.arrived[i] for i in members)
-        stands = arrived <= moment + SETTLED
-        onset = max(fate.progress[i] for i in members)
-        onset = max(onset, arrived) if stands else onset
-        settled = max(fate.settled[i] for i in members)
-        found.append(
-            Deadlock(members=members, group=group, settled=settled, onset=onset, stands=stands)
+        if (np.maximum(stuck, free) >= majority).all():
+            break
+    crept = {i for fate in fates for i, o in enumerate(fate.outcomes) if o is Outcome.CREPT}
+    split = set(np.flatnonzero((stuck > 0) & (free > 0)).tolist())
+    won = frozenset(np.flatnonzero(stuck > free).tolist())
+    return Votes(run.time, won, frozenset(split | crept), tuple(fates))
+
+
+def _ballots(fates: list[Fate]) -> tuple[IntArray, IntArray]:
+    """In how many continuations each robot is stuck, and free ``(N,)``."""
+    stuck = np.array([[o is not Outcome.FREE for o in fate.outcomes] for fate in fates])
+    return stuck.sum(axis=0), (~stuck).sum(axis=0)
+
+
+def _moments(world: World) -> Iterator[float]:
+    """When to look: before each outside event, and at the end."""
+    times = {task.arrival for task in world.tasks} | {event.start for event in world.events}
+    yield from sorted(t - JUST_BEFORE for t in times if STALLED_FOR < t < world.horizon)
+    yield world.horizon
+
+
+def _suspects(run: Run) -> set[int]:
+    """Robots that have made no way to their next stop for long."""
+    waited = run.time - run.count.waiting_since
+    stood = np.minimum(waited, run.time - run.still_since())
+    slow = (stood >= STALLED_FOR) | (waited >= WANDERING_FOR)
+    return set(np.flatnonzero(slow & run.count.wants).tolist())
+
+
+def _is_known(deadlock: Deadlock, found: list[Deadlock]) -> bool:
+    return any(set(deadlock.members) & set(known.group) for known in found)
+
+
+def _deadlocks(run: Run, votes: Votes) -> Iterator[Deadlock]:
+    """Find groups, onsets and members of the robots that are stuck at a moment."""
+    for group in groups_of(votes.stuck, _removals(run, votes.stuck)):
+        standing = _standing(run, votes, group)
+        is_moving = standing > votes.moment + SETTLED
+        sealed = None if is_moving else _sealed(run, group, standing)
+        onset = votes.moment if is_moving else max(standing, sealed or 0.0)
+        final = group
+        if not is_moving and _events_between(run.world, onset + AFTER_ONSET, votes.moment):
+            final = _group_at(run, votes, group, onset + AFTER_ONSET)
+        yield Deadlock(
+            members=final.members,
+            victims=final.victims,
+            onset=onset,
+            sealed=sealed,
+            is_moving=is_moving,
+            is_borderline=is_moving or bool(set(group.members) & votes.doubtful),
+            moment=votes.moment,
         )
-    return Label(tuple(found), fate.ended - moment)
 
 
-def stopped(world: World, moment: float) -> World:
-    """``world`` in which nothing new comes from outside after ``moment`` [s]."""
-    arrivals = [task.arrival for task in world.tasks]
-    assert arrivals == sorted(arrivals), "dropping later tasks must not renumber earlier ones"
-    tasks = tuple(task for task in world.tasks if task.arrival <= moment)
-    events = tuple(event for event in world.events if event.start <= moment)
-    return dataclasses.replace(world, tasks=tasks, events=events, horizon=moment + CONTINUE)
+def _removals(run: Run, stuck: frozenset[int]):
+    """A trial of removals from the run's moment."""
+
+    def freed_without(gone: tuple[int, ...]) -> set[int]:
+        fate = run.fate(without=gone, among=stuck - set(gone), limit=FREE_WITHIN)
+        return set(stuck) - fate.stuck - set(gone)
+
+    return freed_without
 
 
-class _Forks:
-    """Continuations of one run, each in a process of its own, one after the other."""
+def _standing(run: Run, votes: Votes, group: Group) -> float:
+    """Since when all members stand or creep on the way to their stops [s]."""
+    still, since = votes.reference.still_since, run.count.waiting_since
+    return max(max(still[i], float(since[i])) for i in group.members)
 
-    def __init__(self, episode: Episode, frames, moment: float) -> None:
-        self._episode = episode
-        self._frames = frames
-        self._moment = moment
-        # Blockages and outages in force that end: nothing is settled before that.
-        ends = [e.end for e in episode.world.events if e.end < episode.world.horizon]
-        leaves = [h.leaves_at for h in episode.world.humans]
-        ends += [time for time in leaves if time < episode.world.horizon]
-        self._settled = max([moment, *ends])
 
-    def main(
-        self,
-        clocks: tuple[ProgressClock, ProgressClock],
-        history: list[Array],
-        standing_only: bool,
-        thorough: bool,
-    ) -> _Fate:
-        """What becomes of everybody if nothing is changed; ``clocks`` are fine and coarse."""
-        progress, coarse = clocks
+def _sealed(run: Run, group: Group, standing: float) -> float | None:
+    """Latest fork time [s] that lets a member through, to 0.5 s; None: before all others."""
+    needed = run.count.reached + 1
+    low, high = max(0.0, standing - LOOK_BACK), standing
+    step = RESOLUTION
+    while high < run.time and _lets_through(run, group, needed, high):
+        low, high, step = high, min(high + step, run.time), 2.0 * step
+    if low < standing and not _lets_through(run, group, needed, low):
+        return None
+    while high - low > RESOLUTION:
+        middle = 0.5 * (low + high)
+        if _lets_through(run, group, needed, middle):
+            low = middle
+        else:
+            high = middle
+    return low
 
-        def run() -> dict[str, object]:
-            rest, place = _RestClock(), None
-            left = np.zeros(len(progress.last), dtype=np.bool_)
-            horizon = self._episode.world.horizon
-            for frame in self._frames:
-                time = frame.sensed.time
-                resting = rest.lasts(frame)
-                if frame.sensed.tick % EVERY:
-                    continue
-                progress.update(frame)
-                coarse.update(frame)
-                history.append(frame.sensed.pose[:, :2].copy())
-                with_goal = np.isfinite(frame.intent.goal).all(axis=1)
-                if self._episode.all_done and not with_goal.any():
-                    break
-                if not thorough and time >= self._settled and resting >= AT_REST_FOR:
-                    break
-                if time >= self._moment + SETTLED:
-                    place = frame.sensed.pose[:, :2] if place is None else place
-                    if standing_only:
-                        left |= np.hypot(*(frame.sensed.pose[:, :2] - place).T) > 2.0 * PLACE
-                    went_on = coarse.last > self._moment + SETTLED
-                    if not thorough and (left | went_on | ~with_goal).all():
-                        break
-                if time >= horizon:
-                    break
-            stuck = with_goal & ~left & (coarse.last <= self._moment + SETTLED)
-            way = np.array(history)
-            away = np.hypot(*(way - way[-1]).transpose(2, 0, 1)) > PLACE
-            looks = np.where(away.any(axis=0), len(way) - np.argmax(away[::-1], axis=0), 0)
-            return {
-                "stuck": np.flatnonzero(stuck).tolist(),
-                "progress": progress.last.tolist(),
-                "settled": coarse.last.tolist(),
-                "arrived": (looks * EVERY * self._episode.dt).tolist(),
-                "ended": time,
-            }
 
-        return _Fate(**run_in_copy(run))
+def _lets_through(run: Run, group: Group, needed: IntArray, time: float) -> bool:
+    """Whether most continuations from a fork at ``time`` [s] let a member through."""
+    again = Run(run.world, run.config, thorough=run.thorough)
+    try:
+        again.advance(time)
+        majority = FORKS // 2 + 1
+        through = blocked = 0
+        for shift in range(1, FORKS + 1):
+            fate = again.fate(
+                shift=shift, needed=needed, among=set(group.members), limit=FREE_WITHIN
+            )
+            if set(group.members) - fate.stuck:
+                through += 1
+            else:
+                blocked += 1
+            if max(through, blocked) >= majority:
+                break
+        return through >= majority
+    finally:
+        again.close()
 
-    def without(self, gone: int, stuck: set[int]) -> set[int]:
-        """Stuck robots that leave their place once ``gone`` has vanished."""
-        rest = stuck - {gone}
 
-        def run() -> dict[str, object]:
-            self._episode.remove(gone)
-            freed: set[int] = set()
-            place: Array | None = None
-            resting = _RestClock()
-            for frame in self._frames:
-                time = frame.sensed.time
-                if place is None:
-                    place = frame.sensed.pose[:, :2].copy()
-                away = np.hypot(*(frame.sensed.pose[:, :2] - place).T)
-                goal = np.isfinite(frame.intent.goal[:, 0])
-                freed |= {i for i in rest if away[i] > LEFT or not goal[i]}
-                at_rest = time >= self._settled and resting.lasts(frame) >= GHOST_AT_REST_FOR
-                if freed == rest or at_rest or time >= self._moment + FREE_WITHIN:
-                    break
-            return {"freed": sorted(freed)}
+def _events_between(world: World, start: float, end: float) -> bool:
+    times = [task.arrival for task in world.tasks] + [event.start for event in world.events]
+    return any(start < time <= end for time in times)
 
-        return set(run_in_copy(run)["freed"])
+
+def _group_at(run: Run, votes: Votes, group: Group, time: float) -> Group:
+    """The group as removals at ``time`` [s] show it, before outside events changed it."""
+    again = Run(run.world, run.config, thorough=run.thorough)
+    try:
+        again.advance(time)
+        same = (again.count.reached == run.count.reached) & again.count.wants
+        asked = frozenset(i for i in votes.stuck if same[i])
+        stuck = again.fate(among=asked).stuck & asked
+        for other in groups_of(stuck, _removals(again, frozenset(stuck))):
+            if set(other.members) & set(group.members):
+                return other
+        return group
+    finally:
+        again.close()

@@ -42,3 +42,8 @@ def any_stack(random: np.random.Generator, **layers: Choice) -> StackConfig:
 def weak_stack(random: np.random.Generator, **layers: Choice) -> StackConfig:
     """One of the controllers that do not plan for others."""
     return stack((BRAKE, SHARED, SYMMETRIC, ALONE)[int(random.integers(4))], **layers)
+
+
+def mixed_stack(random: np.random.Generator, **layers: Choice) -> StackConfig:
+    """Mostly one of the controllers that do not plan for others: robots get stuck more often."""
+    return (weak_stack if random.random() < 0.65 else any_stack)(random, **layers)

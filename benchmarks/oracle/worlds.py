@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.oracle import sampled, scripted
+from benchmarks.oracle import held_up, pending, sampled, scripted
 from benchmarks.oracle.sampled import Scene
 from mrta_falsify.core import seeding
 from mrta_falsify.core.config import StackConfig
@@ -39,6 +39,21 @@ SCRIPTED: dict[str, Maker] = {
     "long_resource": scripted.long_resource,
     "plants": scripted.plants,
 }
+HELD_UP: dict[str, Maker] = {
+    "creeping": held_up.creeping,
+    "chain": held_up.chain,
+    "ring_of_niches": held_up.ring_of_niches,
+    "loop": held_up.loop,
+}
+PENDING: dict[str, Maker] = {
+    "pending_service": pending.pending_service,
+    "pending_opening": pending.pending_opening,
+    "pending_person": pending.pending_person,
+    "late_escape": pending.late_escape,
+    "slow_arrival": pending.slow_arrival,
+    "refuges": pending.refuges,
+    "parked_in_file": pending.parked_in_file,
+}
 SAMPLED: dict[str, Maker] = {
     "sampled": sampled.sampled,
     "sampled_weak": sampled.sampled_weak,
@@ -48,10 +63,12 @@ SAMPLED: dict[str, Maker] = {
     "maze_weak": sampled.maze_weak,
     "maze_brake": sampled.maze_brake,
 }
-KINDS = SCRIPTED | SAMPLED
+KINDS = SCRIPTED | HELD_UP | PENDING | SAMPLED
+NO_DEADLINE = 1e5  # s; no deadline falls into a continuation, so all clocks there are short
 #: cases of a kind for each case of the others: kinds in which robots do get stuck more often
 WEIGHTS = {"niches": 2, "cork": 2, "blocked": 2}
-WEIGHTS |= dict.fromkeys(SAMPLED, 2) | {"sampled_events": 5, "maze_weak": 4, "maze_brake": 4}
+WEIGHTS |= {"creeping": 2, "chain": 3, "late_escape": 3, "parked_in_file": 3}
+WEIGHTS |= dict.fromkeys(SAMPLED, 2) | {"sampled_events": 5, "maze_weak": 4, "maze_brake": 6}
 
 
 @dataclass(frozen=True)
@@ -64,8 +81,8 @@ class Case:
     config: StackConfig
 
 
-def cases(rounds: int = 5, kinds: tuple[str, ...] = (), first: int = 0) -> Iterator[Case]:
-    """``rounds`` times ``WEIGHTS`` cases of each kind, kinds in turn.
+def cases(rounds: int = 5, kinds: tuple[str, ...] = (), first: int = 0) -> Iterator[str]:
+    """Name ``rounds`` times ``WEIGHTS`` cases of each kind, kinds in turn.
 
     Args:
         rounds: how many.
@@ -76,12 +93,19 @@ def cases(rounds: int = 5, kinds: tuple[str, ...] = (), first: int = 0) -> Itera
         for kind in kinds or tuple(KINDS):
             weight = WEIGHTS.get(kind, 1)
             for k in range(weight):
-                yield case(kind, first + number * weight + k)
+                yield f"{kind}/{first + number * weight + k}"
+
+
+def case_named(name: str) -> Case:
+    """Make the case of a name: kind and seed, as ``niches/10003``."""
+    kind, _, number = name.partition("/")
+    return case(kind, int(number))
 
 
 def case(kind: str, number: int) -> Case:
-    """Case ``number`` of ``kind``."""
+    """Make case ``number`` of ``kind``."""
     world, config = KINDS[kind](seeding.stream(number, f"oracle/{kind}"))
-    tasks = tuple(sorted(world.tasks, key=lambda task: task.arrival))
-    world = dataclasses.replace(world, seed=number, tasks=tasks)
+    tasks = sorted(world.tasks, key=lambda task: task.arrival)
+    late = tuple(dataclasses.replace(task, deadline=NO_DEADLINE) for task in tasks)
+    world = dataclasses.replace(world, seed=number, tasks=late)
     return Case(f"{kind}/{number}", kind, world, config)

@@ -231,9 +231,10 @@ class _Loop:
             if progress.has_enough:
                 return "stop-after"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
+                none = "scene" if record.status == "rejected" else "world that can be done"
                 raise InputError(
                     f"{self._store.settings.trials.scenario}: the last "
-                    f"{progress.rejected_in_a_row} proposals gave no world that can be done; "
+                    f"{progress.rejected_in_a_row} proposals gave no {none}; "
                     f"the last one: {record.error}"
                 )
 

@@ -1,0 +1,220 @@
+"""Runs of a case to a moment, and what becomes of its robots from there on.
+
+A continuation is a fork of the run in which nothing comes from outside any more: no task
+arrives, no blockage or outage begins. Those in force run their course and people walk on.
+"""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.oracle.recurrence import LONGEST, REPEATED, repeats_itself
+from benchmarks.oracle.shifting import ShiftingEpisode
+from benchmarks.oracle.stops import StopCount
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.fleet import Frame, Phase
+from mrta_falsify.core.world import World
+from simulator_interface.forking import run_in_copy
+
+CONTINUE = 3600.0  # s, as issue 15 says
+CREPT = 600.0  # s; who stood or crept for so long before it got through got through by creeping
+LOOK_BACK = LONGEST + REPEATED  # s of poses that are compared
+CHECK_EVERY = 10.0  # s between two looks whether the poses repeat themselves
+WINDOW = 10.0  # s over which a robot's speed is taken
+#: of its top speed; who makes less way than this stands or creeps (4 cm/s for a Waffle)
+CREEPING = 0.03
+PLACE = 0.25  # m, about a robot's radius; who stays within this of one place for good stands too
+NEVER = -1.0
+
+
+class Outcome(enum.StrEnum):
+    """What became of a robot in a continuation."""
+
+    FREE = "free"  #: reached its next stop, or wants none
+    CREPT = "crept"  #: reached it after it had stood or crept for 600 s
+    STUCK = "stuck"  #: never reached it
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What became of all robots in a continuation."""
+
+    outcomes: tuple[Outcome, ...]  #: N
+    freed_at: tuple[float, ...]  #: N when each reached its next stop [s], -1: never
+    #: N since when each stands or creeps, up to the end or to 600 s after the fork [s]
+    still_since: tuple[float, ...]
+    ended: float  #: [s]
+    proved: bool  #: it ended because the poses repeated themselves
+
+    @property
+    def stuck(self) -> frozenset[int]:
+        """Robots that did not get through other than by creeping."""
+        return frozenset(i for i, o in enumerate(self.outcomes) if o is not Outcome.FREE)
+
+
+class Run:
+    """A case run to a moment; its continuations are forks of the process."""
+
+    def __init__(self, world: World, config: StackConfig, *, thorough: bool = False) -> None:
+        """Begin a run.
+
+        Args:
+            world: what to simulate.
+            config: the stack under test.
+            thorough: continuations last to their limit, even if the poses repeat themselves.
+        """
+        self.world, self.config, self.thorough = world, config, thorough
+        self._episode = ShiftingEpisode(world, config)
+        self._frames = self._episode.frames()
+        self._poses: list[Array] = []
+        self._slowest = CREEPING * np.array([robot.max_speed for robot in world.robots])
+        self.count = StopCount(world)
+        self.time = 0.0
+        self._parent = os.getpid()
+        self.is_over = False  #: all is delivered, and no robot wants anything
+
+    def close(self) -> None:
+        """Free the engine."""
+        self._frames.close()
+
+    def advance(self, until: float) -> None:
+        """Go on until ``until`` [s], or until all is delivered."""
+        if self._poses and self.time >= until - 1e-9:
+            return
+        for frame in self._frames:
+            self._take(frame)
+            if self.is_over or self.time >= until - 1e-9:
+                return
+
+    def _take(self, frame: Frame) -> None:
+        self.count.update(frame)
+        self.time = frame.sensed.time
+        self._poses.append(frame.sensed.pose)
+        self.is_over = self._episode.all_done and not self.count.wants.any()
+
+    def still_since(self, until: float | None = None) -> Array:
+        """Since when each robot stands or creeps, or stays at one place ``(N,)`` [s].
+
+        Args:
+            until: up to when [s]; None: up to now.
+        """
+        kept = len(self._poses) if until is None else round(until / self._episode.dt) + 1
+        position = np.array([pose[:, :2] for pose in self._poses[:kept]])
+        last, dt = len(position) - 1, self._episode.dt
+        later = np.minimum(np.arange(last + 1) + round(WINDOW / dt), last)
+        moves = np.hypot(*(position[later] - position).transpose(2, 0, 1)) > self._slowest * WINDOW
+        moves &= np.hypot(*(position - position[last]).transpose(2, 0, 1)) > PLACE
+        behind = np.argmax(moves[::-1], axis=0)
+        return np.where(moves.any(axis=0), last - behind + 1, 0) * dt
+
+    def fate(
+        self,
+        *,
+        shift: int = 0,
+        without: Collection[int] = (),
+        needed: IntArray | None = None,
+        among: Collection[int] | None = None,
+        limit: float = CONTINUE,
+    ) -> Fate:
+        """Find out what becomes of the robots in a continuation.
+
+        Args:
+            shift: seed of the small differences, 0: none.
+            without: robots that are taken away.
+            needed: ``(N,)`` stops that a robot must have reached to be free; None: one more.
+            among: robots of interest; None: all that want something now. Others count as free.
+            limit: how long the continuation lasts at most [s].
+        """
+        self._parent = os.getpid()
+        goal = self.count.reached + 1 if needed is None else needed
+        asked = set(np.flatnonzero(self.count.wants).tolist() if among is None else among)
+
+        def run() -> dict[str, object]:
+            self._episode.forget_events()
+            self._episode.shift(shift)
+            for robot in without:
+                self._episode.remove(robot)
+            return self._continue(asked - set(without), goal, needed is None, limit)
+
+        answer = run_in_copy(run)
+        return Fate(
+            outcomes=tuple(Outcome(outcome) for outcome in answer["outcomes"]),
+            freed_at=tuple(answer["freed_at"]),
+            still_since=tuple(answer["still_since"]),
+            ended=answer["ended"],
+            proved=answer["proved"],
+        )
+
+    def _continue(
+        self, asked: set[int], goal: IntArray, idle_is_free: bool, limit: float
+    ) -> dict[str, object]:
+        """Go on in this copy until the fate of all ``asked`` is known."""
+        began, settled, count = len(self._poses), self._settled(limit), self.count
+        freed_at = np.full(len(goal), NEVER)
+        end, check, proved = self.time + limit, self.time + CHECK_EVERY, False
+        settled_by = self.time + CREPT
+        waiting = np.isin(np.arange(len(goal)), sorted(asked))
+        crept = np.zeros(len(goal), dtype=np.bool_)
+        for frame in self._frames:
+            self._take(frame)
+            is_free = count.reached >= goal
+            is_free |= ~count.wants & (idle_is_free or self.is_over)
+            new = waiting & is_free
+            if new.any():
+                crept |= new & self._has_crept(began)
+                freed_at[new] = self.time
+                waiting &= ~new
+            if not waiting.any() or self.time >= end:
+                break
+            if self._is_served(frame):
+                settled = max(settled, self.time)
+            if self.time >= check:
+                check = self.time + CHECK_EVERY
+                proved = not self.thorough and self._repeats_itself(began, settled)
+                if proved:
+                    break
+                if os.getppid() != self._parent:
+                    raise HarnessError("the process that forked it has ended")
+        names = np.where(crept, Outcome.CREPT.value, Outcome.FREE.value)
+        names[waiting & count.wants] = Outcome.STUCK.value
+        return {
+            "outcomes": names.tolist(),
+            "freed_at": freed_at.tolist(),
+            "still_since": self.still_since(settled_by).tolist(),
+            "ended": self.time,
+            "proved": proved,
+        }
+
+    def _settled(self, limit: float) -> float:
+        """When nothing is scheduled any more [s]; what lies beyond the limit does not matter."""
+        world, now = self.world, self.time
+        times = [event.end for event in world.events if event.start <= now]
+        times += [time for human in world.humans for time in (human.appears_at, human.leaves_at)]
+        times += [robot.joins_at for robot in world.robots]
+        return max([now, *(time for time in times if time <= now + limit)])
+
+    def _is_served(self, frame: Frame) -> bool:
+        """Whether a clock runs that shows in no pose: a service, or a person who walks."""
+        serves = bool((frame.intent.phase == int(Phase.SERVING)).any())
+        return serves or bool(np.abs(frame.sensed.human_velocity).max(initial=0.0) > 0.0)
+
+    def _repeats_itself(self, began: int, settled: float) -> bool:
+        """Whether the poses have repeated themselves since nothing is scheduled any more."""
+        dt = self._episode.dt
+        first = max(began, round(settled / dt) + 1)
+        return repeats_itself(np.array(self._poses[first:][-round(LOOK_BACK / dt) :]), dt)
+
+    def _has_crept(self, began: int) -> BoolArray:
+        """Which robots have stood or crept for 600 s of this continuation ``(N,)``."""
+        dt = self._episode.dt
+        position = np.array([pose[:, :2] for pose in self._poses[began:]])
+        ahead = round(WINDOW / dt)
+        away = np.hypot(*(position[ahead:] - position[:-ahead]).transpose(2, 0, 1))
+        return np.asarray((away <= self._slowest * WINDOW).sum(axis=0) * dt >= CREPT)
