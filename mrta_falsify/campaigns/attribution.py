@@ -18,7 +18,6 @@ from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
-    WaitAccount,
     WaitsFor,
     first_deadlock,
     is_kept,
@@ -38,7 +37,7 @@ LAYER_OF_CAUSE = {
     "human": "controller",
     "wall": "costmap",
     "no-path": "planner",
-    "stalled": "waypoint_generator",
+    "stalled": "waypoint_generator",  # where only time lost is known; see also _of_deadlock
 }
 #: layer that should have prevented the violation, by specification
 LAYER_OF_SPECIFICATION = {
@@ -117,28 +116,28 @@ def _of_deadlock(verdict: Verdict, trace: Trace) -> str:
     causes = {wait.cause for wait in reasons if wait.robot == root}
     spent = blocked_time(trace, _until(verdict), [root] if root in trace.robots else [])
     cause = max(sorted(causes), key=lambda name: spent.get(name, 0.0))
+    if cause == "stalled" and root == account.root and _is_at_waiting_spot(verdict):
+        return "queue_policy"  # the room is free, and whoever should grant it did not
+    if cause in ("stalled", "wall", "cluster") and _has_no_way_left(trace, root, verdict):
+        return "waypoint_generator"  # whatever stands near by, it was not told where to go on to
     if cause == "wall":
         return _of_solid(verdict, root, trace)
-    if cause == "stalled":
-        return _of_stall(verdict, root, account, trace)
-    return LAYER_OF_CAUSE.get(cause, "")
+    return "controller" if cause == "stalled" else LAYER_OF_CAUSE.get(cause, "")
 
 
 def _is_body(wait: WaitsFor) -> bool:
     return wait.cause in ("barrier", "no-path")
 
 
-def _of_stall(verdict: Verdict, robot: str, account: WaitAccount, trace: Trace) -> str:
-    """Name the layer that leaves a robot standing with nothing in its way.
-
-    At a waiting spot no grant came. With way left to drive the controller does not drive it.
-    Otherwise no one has told the robot where to go on to.
-    """
+def _is_at_waiting_spot(verdict: Verdict) -> bool:
     place = first_deadlock(verdict.evidence).get("place")
-    if isinstance(place, Mapping) and place_kind(place) == WAITING_SPOT and account.root == robot:
-        return "queue_policy"
+    return isinstance(place, Mapping) and place_kind(place) == WAITING_SPOT
+
+
+def _has_no_way_left(trace: Trace, robot: str, verdict: Verdict) -> bool:
+    """Whether a robot stands at the end of its path, or has none."""
     ahead = _path_ahead(trace, robot, tick_of(verdict, trace))
-    return "controller" if len(ahead) * PATH_STEP > WAY_LEFT else "waypoint_generator"
+    return len(ahead) * PATH_STEP <= WAY_LEFT
 
 
 def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> str:

@@ -61,14 +61,14 @@ def canonical_cycle(account: WaitAccount) -> str:
         Number of members, then their labels. If each member waits for one other member, they are
         in the order of the cycle, in its smallest rotation; otherwise they are sorted.
     """
-    members = set(account.members) or {wait.robot for wait in account.waits}
+    members = set(account.members)
     waits: dict[str, set[str]] = {}
     labels: dict[str, str] = {}
     for robot in members:
         own = account.of(robot)
         inside = [w for w in own if w.blocked_by in members and w.cause != "human"]
         waits[robot] = {wait.blocked_by for wait in inside}
-        labels[robot] = "+".join(sorted({wait.cause for wait in inside or own})) or "unexplained"
+        labels[robot] = "+".join(sorted({wait.cause for wait in inside or own}))
     if "barrier" in labels.values():
         labels = {robot: SAME_IN_A_CYCLE.get(label, label) for robot, label in labels.items()}
     ring = _ring(waits, members)

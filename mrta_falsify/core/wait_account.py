@@ -54,7 +54,9 @@ class Arrow(NamedTuple):
 class WaitAccount:
     """Who waits for whom when a failure was found."""
 
-    waits: tuple[WaitsFor, ...]  #: of the members from the root on, then of those who wait for them
+    waits: tuple[WaitsFor, ...]
+    """Of the members from the root on, then of those who wait for them. A member of which the
+    evidence has no edge is stalled: nothing is known to be in its way."""
     members: tuple[str, ...] = ()  #: of a deadlock, the root first; empty: it is none
     victims: tuple[str, ...] = ()  #: robots that are held up by the members
     blockers: tuple[str, ...] = ()  #: idle robots that stand in the way
@@ -154,6 +156,8 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
     else:
         ahead = {wait.blocked_by for wait in waits if wait.cause != "human"}
         waits += _followed(ahead | set(victims), members, verdict, trace)
+    unexplained = set(members) - {wait.robot for wait in waits}
+    waits += [WaitsFor(name, "stalled") for name in members if name in unexplained]
     place = {name: i for i, name in enumerate(members)}
     onset = found.get("onset")
     return WaitAccount(

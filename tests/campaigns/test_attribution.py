@@ -86,6 +86,13 @@ def test_who_stands_at_the_end_of_its_path_was_not_told_where_to_go_on_to():
     assert layer(verdict, path=()) == "waypoint_generator"
 
 
+@pytest.mark.parametrize("cause", ["wall", "cluster"])
+def test_what_stands_near_a_robot_without_way_left_does_not_matter(cause):
+    verdict = stuck(("robot1", cause))
+    assert layer(verdict, path=((-5.0, 0.0), (0.0, 0.0))) == "waypoint_generator"
+    assert layer(verdict) != "waypoint_generator"
+
+
 def test_robots_that_queue_behind_a_robot_held_by_a_post_do_not_make_it_the_queues_fault():
     """The showcase: robot1 holds the room and does not get past the door post."""
     chain = [

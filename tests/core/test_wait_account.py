@@ -113,3 +113,8 @@ def test_a_late_task_has_the_waits_of_the_robot_that_had_it(hall):
 def test_the_tick_of_a_violation_lies_in_the_run(hall, at, tick):
     trace = scripted_trace(hall, seconds=10.0)
     assert tick_of(stuck("robot1", at=at), trace) == tick
+
+
+def test_a_member_without_an_edge_is_stalled():
+    account = wait_account(stuck("robot1", members=["robot1"], cycle=[], chain=[]))
+    assert account.waits == (WaitsFor("robot1", "stalled"),)

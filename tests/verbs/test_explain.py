@@ -124,6 +124,13 @@ def test_a_part_that_cannot_be_exchanged_is_named_by_the_trace():
     assert suspicion_from(_found(planner=[True]), "dispatcher").layer == "dispatcher"
 
 
+def test_another_planner_on_the_same_costmap_tells_the_two_apart():
+    cured = _found(queue_policy=[True], planner=[True])
+    assert suspicion_from(cured, "costmap").layer == "planner"
+    not_cured = _found(queue_policy=[True], planner=[False])
+    assert suspicion_from(not_cured, "costmap").layer == "costmap"
+
+
 def test_on_a_knife_edge_any_change_cures_so_the_trace_decides():
     found = _found(priority_rule=[True], controller=[False])
     assert suspicion_from(found, "controller", knife_edge=True).layer == "controller"

@@ -88,11 +88,13 @@ def suspicion_from(
        guess if there are several.
     2. The guess is a part of the stack that cannot be exchanged, or the violation itself names
        the layer: the guess. A change elsewhere may keep the run away from the situation.
-    3. The failure stands on a knife edge: the guess, since any change may remove it.
-    4. Layers all of whose other implementations remove the failure, else those with one that
+    3. The guess is the costmap, of which there is one: the planner if another one on the same
+       costmap removes the failure, else the costmap.
+    4. The failure stands on a knife edge: the guess, since any change may remove it.
+    5. Layers all of whose other implementations remove the failure, else those with one that
        does: the guess if it is among them, else the first in the pipeline, since later layers
        act on what it gives them.
-    5. No change removes the failure: the guess. What all implementations of a layer share is
+    6. No change removes the failure: the guess. What all implementations of a layer share is
        not exchanged with it.
 
     Args:
@@ -109,6 +111,10 @@ def suspicion_from(
     if guess and direct:
         return Suspicion(guess, "named by the violation itself")
     cures = _cures(counterfactuals)
+    if guess == "costmap" and any(found.layer == "planner" for found in counterfactuals):
+        if any(found.layer == "planner" and found.failure_gone for found in counterfactuals):
+            return Suspicion("planner", "another planner on the same costmap removes the failure")
+        return Suspicion(guess, "another planner on the same costmap fails in the same way")
     if not cures:
         reason = "no single change removes the failure; named by what the trace shows"
         return Suspicion(guess, reason)
