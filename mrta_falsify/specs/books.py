@@ -25,7 +25,7 @@ from mrta_falsify.specs.halts import Halts
 ROOM_REACH = 1.0
 STOPPED = 0.15  # m/s; stacks load from 0.1 m/s along each axis on, which is 0.14 m/s in all
 AT_POINT = 0.3  # m; a wall this near to a room's point may cover it, and robots stop beside it
-ROUNDING = 1e-6  # s that float arithmetic may take off a service time
+ROUNDING = 1e-6  # s that float arithmetic may add to a time, or take off
 STOP_KINDS = ("picked-up", "dropped-off")
 MOST_REFUSALS = 100  # rows in the evidence of one verdict
 
@@ -239,7 +239,7 @@ class Books:
         task = self.world.tasks[event.task]
         service = task.pickup_time if event.kind == "picked-up" else task.dropoff_time
         speed = float(np.hypot(*velocity))
-        if not speed <= STOPPED:
+        if not speed <= STOPPED and not self._halts.may_be_shoved(event.robot, time):
             return f"moving: at {speed:.2f} m/s"
         # Loading begins when the robot stands there, the task is known, and the one before is done.
         begun = max(self._halts.since(event.robot), self._served_until[event.robot], task.arrival)

@@ -43,6 +43,10 @@ class Halts:
         """
         _fill_trail(pose, contact, time, self._trail, self._last, self._touched)
 
+    def may_be_shoved(self, robot: int, time: float) -> bool:
+        """Whether what ``robot`` does at ``time`` [s] may come from a touch."""
+        return bool(time - self._touched[robot] <= SHOVED_FOR)
+
     def since(self, robot: int) -> float:
         """Find since when ``robot`` has been within 0.1 m of where it is now [s]."""
         places = self._trail[robot]
