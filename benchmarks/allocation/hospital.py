@@ -15,6 +15,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import Books
 from scenic_worlds.layouts import load_world
 from simulator_interface.simulate import simulate
 
@@ -35,19 +36,19 @@ class Deliveries:
 
     def __init__(self) -> None:
         self.expected: dict[int, float] = {}
-        self.actual: dict[int, float] = {}
 
     def start(self, world: World, dt: float) -> None:
         self.deadline = [task.deadline for task in world.tasks]
+        self._books = Books(world)
+        self.actual = self._books.delivered
 
     def update(self, frame: Frame) -> None:
+        self._books.update(frame)
         for event in frame.events:
             if event.kind == "assigned" and event.task not in self.expected:
                 found = re.search(r"expected at ([\d.e+]+) s", event.detail)
                 if found:
                     self.expected[event.task] = float(found[1])
-            elif event.kind == "dropped-off":
-                self.actual[event.task] = event.time
 
     def verdict(self) -> Verdict:
         return Verdict(spec="deliveries", robustness=0.0, violated=False)

@@ -18,14 +18,13 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Task, World
-from mrta_falsify.specs.halts import Halts
+from mrta_falsify.specs.halts import STOPPED, Halts
 
 #: m from a room's point within which a stop can be served. Twice what a robot needs whose goal is
 #: covered: it stops within 0.15 m of a point up to 0.3 m away, and localises within centimetres.
 ROOM_REACH = 1.0
-STOPPED = 0.15  # m/s; stacks load from 0.1 m/s along each axis on, which is 0.14 m/s in all
 AT_POINT = 0.3  # m; a wall this near to a room's point may cover it, and robots stop beside it
-ROUNDING = 1e-6  # s that float arithmetic may take off a service time
+ROUNDING = 1e-6  # s that float arithmetic may add to a time, or take off
 STOP_KINDS = ("picked-up", "dropped-off")
 MOST_REFUSALS = 100  # rows in the evidence of one verdict
 
@@ -165,7 +164,7 @@ class Books:
             contact: ``(N, 3)`` touched a robot, a person, a solid.
             events: of the tick.
         """
-        self._halts.update(pose, contact, time)
+        self._halts.update(pose, velocity, contact, time)
         counted = []
         for event in events:
             if event.kind == "assigned":
@@ -239,12 +238,12 @@ class Books:
         task = self.world.tasks[event.task]
         service = task.pickup_time if event.kind == "picked-up" else task.dropoff_time
         speed = float(np.hypot(*velocity))
-        if not speed <= STOPPED:
+        if not speed <= STOPPED and not self._halts.may_be_shoved(event.robot, time):
             return f"moving: at {speed:.2f} m/s"
         # Loading begins when the robot stands there, the task is known, and the one before is done.
         begun = max(self._halts.since(event.robot), self._served_until[event.robot], task.arrival)
         if time - begun < service - ROUNDING:
-            return f"not long enough: {time - begun:.1f} s of {service:.1f} s"
+            return f"not long enough: {max(0.0, time - begun):.1f} s of {service:.1f} s"
         return ""
 
     def _is_walled_off(self, point: Array, position: Array) -> bool:

@@ -9,10 +9,16 @@ import numpy as np
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.books import MOST_REFUSALS, STOP_KINDS, Books, Refusals, unknown_in
+from mrta_falsify.specs.books import (
+    MOST_REFUSALS,
+    ROUNDING,
+    STOP_KINDS,
+    Books,
+    Refusals,
+    unknown_in,
+)
 
 MISDATED = 1.0  # s between an event's own time and the tick that brings it; links take less
-ROUNDING = 1e-6  # s that float arithmetic may add to a time
 
 
 class HonestEvents:

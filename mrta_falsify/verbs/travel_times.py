@@ -22,6 +22,7 @@ from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
+from mrta_falsify.specs.books import Books
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.worlds import find_world
@@ -164,19 +165,18 @@ def measure_travel_times(
 class _TripClock:
     """A specification that judges nothing, but notes when the load came on and off."""
 
-    def __init__(self) -> None:
-        self.picked_up: float | None = None
-        self.dropped_off: float | None = None
-
     def start(self, world: World, dt: float) -> None:
-        pass
+        del dt
+        self._books = Books(world)
 
     def update(self, frame: Frame) -> None:
-        for event in frame.events:
-            if event.kind == "picked-up":
-                self.picked_up = event.time
-            elif event.kind == "dropped-off":
-                self.dropped_off = event.time
+        self._books.update(frame)
+
+    @property
+    def trip(self) -> float | None:
+        """Time from pick-up to delivery [s]; None: there was none."""
+        picked, delivered = self._books.picked, self._books.delivered
+        return delivered[0] - picked[0] if delivered else None
 
     def verdict(self) -> Verdict:
         return Verdict(spec="trip", robustness=0.0, violated=False)
@@ -192,9 +192,7 @@ def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -
         keep_trace=False,
         stop=lambda frame: "decided" if _is_given_up(frame) else "",
     )
-    if clock.picked_up is None or clock.dropped_off is None:
-        return None
-    return round(clock.dropped_off - clock.picked_up, 6)
+    return None if clock.trip is None else round(clock.trip, 6)
 
 
 def _is_given_up(frame: Frame) -> bool:

@@ -207,3 +207,38 @@ def test_wrong_usage_is_one_sentence_and_exit_code_2(cli, args, expected):
     assert result.exit_code == 2
     assert expected in " ".join(result.stderr.split())
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.slow
+def test_a_campaign_of_which_nothing_can_be_judged_is_refused_before_a_trial(campaign):
+    directory, call, *_ = campaign
+    folder = directory.parent
+    hidden = ("--set", "withheld=[deliveries]")
+    refused = call(
+        "campaign", folder / "small.scenic", "-o", folder / "h", "--budget", 3, *QUICK, *hidden
+    )
+    assert refused.exit_code == 2
+    assert "none of the specifications can be judged; deadlines: the stack" in refused.stderr
+    assert not (folder / "h").exists()
+
+
+@pytest.mark.slow
+def test_a_campaign_says_what_it_could_not_judge_and_never_that_it_holds(campaign):
+    directory, call, *_ = campaign
+    folder = directory.parent
+    asked = ("--spec", "no_robot_robot_contact", "--set", "withheld=[deliveries]")
+    begun = call(
+        "campaign", folder / "small.scenic", "-o", folder / "n", "--budget", 2, "--workers", 1,
+        "--seed", 4, *QUICK, *asked, "--format", "json",
+    )  # fmt: skip
+    assert begun.exit_code == 0, begun.stderr
+    data = json.loads(begun.stdout)
+    assert data["not_judged"] == {"deadlines": 2}
+    rows = json.loads(call("list", folder / "n", "--format", "json").stdout)
+    assert [row["not_judged"] for row in rows] == [["deadlines"], ["deadlines"]]
+    shown = call("show", folder / "n", "0000").stdout
+    assert "deadlines                not judged: the stack does not tell its deliveries" in shown
+    call("report", folder / "n", "--junit", folder / "n.xml", "--markdown", folder / "n.md")
+    suite = ElementTree.parse(folder / "n.xml").getroot()
+    assert suite.get("skipped") == "2"
+    assert "deadlines was not judged in 2 trials" in (folder / "n.md").read_text()

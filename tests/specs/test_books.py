@@ -128,20 +128,32 @@ def test_a_robot_that_has_not_joined_serves_nothing():
 
 
 def test_a_robot_that_creeps_through_the_room_is_not_at_rest():
-    creeping = errand(UP, robots=[Robot(drive((-0.4, 0), (0.9, 0), 0.12)), Robot((6.0, 0.8))])
-    assert reasons(creeping)[0].startswith("not long enough: 0.")
+    tasks = [dataclasses.replace(task, pickup_time=7.0) for task in errand().tasks]
+    robots = [Robot(drive((-0.9, 0), (0.9, 0), 0.12)), Robot((6.0, 0.8))]
+    creeping = errand(event(9.0, "picked-up"), robots=robots, tasks=tasks)
+    (reason,) = reasons(creeping)
+    assert reason.startswith("not long enough: ")
+
+
+def test_a_robot_that_steps_back_from_a_person_is_still_at_rest():
+    def dodging(time):
+        return (0.0, 0.2 * np.sin(3.0 * min(time, 3.0 / 3.0 * np.pi)), 0.0)
+
+    tasks = [dataclasses.replace(task, pickup_time=4.0) for task in errand().tasks]
+    robots = [Robot(dodging), Robot((6.0, 0.8))]
+    assert reasons(errand(event(5.0, "picked-up"), robots=robots, tasks=tasks)) == []
 
 
 def test_a_robot_that_is_shoved_while_it_loads_loses_no_time():
     def shoved(time):
-        return (0.5 * min(max(time - 2.0, 0.0), 0.5), 0.0, 0.0)
+        return (1.5 * min(max(time - 2.6, 0.0), 0.5), 0.0, 0.0)
 
     script, touched = errand(UP, robots=[Robot(shoved), Robot((6.0, 0.8))]), np.zeros((2, 3), bool)
     touched[0, 1] = True
     world = script.world()
     books = {True: Books(world), False: Books(world)}
     for frame in script.frames(world):
-        at_it = 2.0 <= frame.sensed.time <= 2.6
+        at_it = 2.6 <= frame.sensed.time <= 3.2  # it loads until 3 s
         contact = touched if at_it else frame.sensed.contact
         books[True].update(
             dataclasses.replace(frame, sensed=dataclasses.replace(frame.sensed, contact=contact))
