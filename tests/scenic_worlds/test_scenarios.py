@@ -117,7 +117,7 @@ def test_the_resources_of_a_scenario_are_used_in_its_runs(programs, name):
 @pytest.mark.parametrize("name", ["parked_robots", "crowded_refuges"])
 def test_robots_without_work_leave_what_others_want(programs, name):
     trace = driven(programs(name).sample(1))
-    assert sum(event.kind == "makes-room" for event in trace.events) >= 3
+    assert sum(event.kind == "makes-room" for event in trace.events) >= 2
 
 
 def test_fast_robots_drive_faster_than_the_usual_speed(programs):
