@@ -62,10 +62,13 @@ class ForgettingPart(Protocol):
 
 @runtime_checkable
 class RemovingEngine(Protocol):
-    """An engine that can take a robot out of the building."""
+    """An engine that can take a robot out of the building, or move it a little."""
 
     def remove(self, robot: int) -> None:
         """Put ``robot`` far outside the map, in no other robot's way."""
+
+    def shift(self, offset: Array) -> None:
+        """Move robots by ``offset`` ``(N, 2)`` [m], between two steps."""
 
 
 def needs_stage(world: World) -> bool:

@@ -27,8 +27,8 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.counterfactual import stuck_groups
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.stuck_groups import stuck_groups
 from simulator_interface.episode import Episode
 from simulator_interface.forking import run_in_copy
 

@@ -58,7 +58,7 @@ def judge(case: Case, *, thorough: bool = False) -> dict[str, Any]:
         for d in found
     ]
     if claim:
-        row.update({key: claim[key] for key in ("members", "detected_at", "onset", "hard")})
+        row.update({key: claim[key] for key in ("members", "detected_at", "onset")})
         row["cycle"] = claim["cycle"]
         hits = [
             true
