@@ -198,9 +198,7 @@ class CounterfactualTest:
             standing.append(FoundDeadlock(group=group, edges=edges, last=known))
         return standing
 
-    def _freed_by(
-        self, forecast: Forecast, stuck: set[int], span: _Span
-    ) -> dict[int, set[int]]:
+    def _freed_by(self, forecast: Forecast, stuck: set[int], span: _Span) -> dict[int, set[int]]:
         """Find who goes free without each of ``stuck``; all others, if that cannot be tried."""
         freed: dict[int, set[int]] = {i: stuck - {i} for i in stuck}
         for i in sorted(stuck) if len(stuck) > 1 else ():

@@ -103,15 +103,15 @@ class LastingRest:
         return bool(self._party(i)[0] & self._drifting())
 
     def _party(self, i: int) -> tuple[set[int], bool]:
-        """Find the robots that ``i`` waits for, itself among them, and whether it awaits people.
+        """Find the robots that ``i`` waits for, itself among them, and whether people count.
 
-        Behind people, or where the edges do not explain why a robot stands, these are all robots.
+        Behind people, or where the edges do not explain why a robot stands, it waits for all.
         """
         party = {i} | awaited_by(i, range(len(self._moved)), self._edges)
         own = [edge for j in party for edge in self._edges.get(j, ())]
         people = any(edge.cause == "human" for edge in own)
         if people or not self._edges.get(i) or any(is_unexplained(edge) for edge in own):
-            return set(range(len(self._moved))), people
+            return set(range(len(self._moved))), True
         return party, people
 
     def _drifting(self) -> set[int]:

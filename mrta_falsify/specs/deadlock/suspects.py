@@ -38,7 +38,9 @@ class SuspectClock:
         self._roam_limit = ROAM_RADIUS / speed  # (N,) s
         self._spot = Standstill(robots)
         self._roam = Standstill(robots, radius=ROAM_RADIUS)
+        self._people = Standstill(len(world.humans))
         self._closed_since = np.full(robots, np.inf)  # (N,) [s]
+        self._people_stand = np.zeros(robots)  # (N,) since when those do that it waits for [s]
         self._edges: EdgesByRobot = {}
         self._time = 0.0
         self._waits: BoolArray = np.zeros(robots, dtype=np.bool_)
@@ -48,6 +50,9 @@ class SuspectClock:
         sensed = frame.sensed
         self._spot.update(sensed.pose, sensed.time, frame.intent.goal)
         self._roam.update(sensed.pose, sensed.time, frame.intent.goal)
+        if len(sensed.human_position):
+            turn = np.zeros((len(sensed.human_position), 1))
+            self._people.update(np.hstack([sensed.human_position, turn]), sensed.time)
 
     def look(self, frame: Frame, edges: EdgesByRobot) -> None:
         """Take in the wait-for graph of a tick."""
@@ -57,6 +62,7 @@ class SuspectClock:
         since = np.full(len(self._waits), np.inf)
         since[closed] = np.minimum(self._closed_since[closed], self._time)
         self._closed_since = since
+        self._people_stand[closed] = [self._people_since(i) for i in closed]
 
     def suspects(self, *, is_last: bool) -> set[int]:
         """Find the robots that may be stuck.
@@ -72,8 +78,11 @@ class SuspectClock:
         return closed | roaming | standing
 
     def closed_for(self) -> Array:
-        """Tell for how long each robot has been closed in, ``(N,)`` [s]; -inf: it is not."""
-        return np.asarray(self._time - self._closed_since)
+        """Tell for how long each robot has been closed in, ``(N,)`` [s]; -inf: it is not.
+
+        Time in which a person moved for whom it waits is left out.
+        """
+        return np.asarray(self._time - np.maximum(self._closed_since, self._people_stand))
 
     def longest_wait(self) -> float:
         """Tell for how long a robot has stood that waits for another one, at most [s]."""
@@ -88,6 +97,12 @@ class SuspectClock:
         party = {i} | self._awaited(i)
         stands = self._time - self._spot.since >= self._spot_limit
         return all(j in self._edges and stands[j] for j in party)
+
+    def _people_since(self, i: int) -> float:
+        """Find since when all people stand that ``i`` and its party wait for [s]."""
+        edges = [edge for j in {i, *self._awaited(i)} for edge in self._edges.get(j, ())]
+        people = [edge.other for edge in edges if edge.cause == "human"]
+        return float(self._people.since[people].max(initial=0.0))
 
     def _awaits_service(self, i: int) -> bool:
         party = {i} | self._awaited(i)
