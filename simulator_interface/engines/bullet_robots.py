@@ -186,8 +186,10 @@ class BulletRobots:
                     pybullet.resetJointState(body.number, joint, at[0] + move, at[1], **call)
             else:
                 position, turn = pybullet.getBasePositionAndOrientation(body.number, **call)
+                linear, angular = pybullet.getBaseVelocity(body.number, **call)
                 x, y = position[:2] + offset[i]
                 self._client.place(body.number, (x, y, position[2]), turn)
+                pybullet.resetBaseVelocity(body.number, linear, angular, **call)
 
     # --- what they touch -----------------------------------------------------------------
 
