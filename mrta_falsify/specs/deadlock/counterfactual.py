@@ -8,7 +8,6 @@ with small differences vote.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.arrays import Array, IntArray
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
@@ -34,7 +32,6 @@ LATE = 60.0  # s without progress in a continuation, after which going free need
 NUDGED_COPIES = 2  # further continuations that vote then, each with poses moved by millimetres
 ASK_SOONEST = 1.0  # s between two questions about a robot; doubled while it makes no progress
 ASK_LATEST = 60.0  # s, the longest time between them
-RECORDED_LOOKS = 2400  # looks that are kept of the past: ten minutes
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 
 
@@ -45,15 +42,6 @@ class FoundDeadlock:
     group: StuckGroup
     edges: EdgesByRobot  #: at the end of the continuation
     last: dict[int, float]  #: last progress of each robot of the group [s]
-
-
-class _Past(NamedTuple):
-    """What the progress clock needs to know of one look at the run."""
-
-    time: float  #: [s]
-    position: Array  #: (N, 2) [m]
-    goal: Array  #: (N, 2) [m]
-    stops_left: IntArray  #: (N,)
 
 
 class _Span(NamedTuple):
@@ -68,16 +56,15 @@ class CounterfactualTest:
 
     Args:
         world: of the episode.
+        progress: of the run so far; kept up to date by its owner.
         look_ahead: how long the robots may stand once no event is awaited [s].
     """
 
-    def __init__(self, world: World, look_ahead: float) -> None:
+    def __init__(self, world: World, progress: ProgressClock, look_ahead: float) -> None:
         robots = len(world.robots)
         self._world = world
         self._look_ahead = look_ahead
-        self._progress = ProgressClock(world)
-        self._caught_up = -1.0  # s, up to when the clock knows the past
-        self._past: deque[_Past] = deque(maxlen=RECORDED_LOOKS)
+        self._progress = progress
         self._events = _begin_times(world)
         self._begun = 0  # of the events
         #: (N,) until then a robot is known to be no part of a deadlock [s]
@@ -85,12 +72,9 @@ class CounterfactualTest:
         self._pause = np.full(robots, ASK_SOONEST)  # (N,) until the next question [s]
         self._asked_at = np.full(robots, -np.inf)  # (N,) [s]
 
-    def update(self, frame: Frame) -> None:
-        """Keep what the progress clock will need; forget forecasts that an event overtakes."""
-        sensed, intent = frame.sensed, frame.intent
-        position, goal = sensed.pose[:, :2].copy(), intent.goal.copy()
-        self._past.append(_Past(sensed.time, position, goal, intent.tasks_left))
-        begun = int(np.searchsorted(self._events, sensed.time, side="right"))
+    def note_time(self, time: float) -> None:
+        """Forget the forecasts that an event overtakes which has begun by ``time`` [s]."""
+        begun = int(np.searchsorted(self._events, time, side="right"))
         if begun != self._begun:
             self._begun = begun
             self.free_until[:] = -np.inf
@@ -109,7 +93,6 @@ class CounterfactualTest:
         """
         settled = self._settled(time)
         span = _Span(settled, settled + self._look_ahead)
-        self._catch_up(time)
         self._lengthen_pauses(asked, time)
         seen = self._continue(forecast, asked, span)
         last = {int(i): progress for i, progress in seen.stuck.items()}
@@ -210,19 +193,6 @@ class CounterfactualTest:
                 break
             freed[i] = set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
         return freed
-
-    def _catch_up(self, time: float) -> None:
-        """Advance the progress clock to ``time`` [s]; it knows all since each robot's last stop."""
-        now = self._past[-1]
-        for i in range(len(self.free_until)):
-            begin = len(self._past)
-            while begin > 0 and self._past[begin - 1].stops_left[i] == now.stops_left[i]:
-                begin -= 1
-            for k in range(begin, len(self._past)):
-                at, position, goal, left = self._past[k]
-                if at > self._caught_up:
-                    self._progress.advance(i, at, position[i], goal[i], int(left[i]))
-        self._caught_up = time
 
     def _settled(self, time: float) -> float:
         """Find when blockages and outages in force, and people who leave, will have gone [s]."""

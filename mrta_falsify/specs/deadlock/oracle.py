@@ -26,6 +26,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
 from mrta_falsify.specs.deadlock.counterfactual import CounterfactualTest, FoundDeadlock
 from mrta_falsify.specs.deadlock.evidence import Deadlock, DeadlockEvidence, describe
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
 from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
@@ -65,8 +66,9 @@ class NoDeadlock:
         """Begin an episode."""
         self._world = world
         self._stride = max(1, round(EDGES_EVERY / dt))
-        self._suspects = SuspectClock(world)
-        self._test = CounterfactualTest(world, self._options.look_ahead)
+        self._progress = ProgressClock(world)
+        self._suspects = SuspectClock(world, self._progress)
+        self._test = CounterfactualTest(world, self._progress, self._options.look_ahead)
         self._forecast: Forecast | None = None
         self._lost = 0.0  # largest share of the robustness
         self._found: list[Deadlock] = []
@@ -87,12 +89,12 @@ class NoDeadlock:
         if frame.sensed.tick % self._stride:
             return
         edges = edges_by_robot(frame.blocked_by)
+        self._progress.update(frame)
         self._suspects.look(frame, edges)
         self._note_loss()
         if self._forecast is None:
             self._suspect(edges, frame)
             return
-        self._test.update(frame)
         self._ask(self._forecast, edges, frame)
 
     def verdict(self) -> Verdict:
@@ -132,6 +134,7 @@ class NoDeadlock:
     def _ask(self, forecast: Forecast, edges: EdgesByRobot, frame: Frame) -> None:
         """Ask for a forecast if a robot may be stuck about which nothing is known yet."""
         time = frame.sensed.time
+        self._test.note_time(time)
         known = {i for deadlock in self._found for i in deadlock.robots}
         is_last = time > self._world.horizon - EDGES_EVERY
         asked = {

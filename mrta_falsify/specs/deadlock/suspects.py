@@ -2,42 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.progress_clock import has_stop_to_reach
+from mrta_falsify.specs.deadlock.progress_clock import (
+    PROGRESS_STEP,
+    ProgressClock,
+    has_stop_to_reach,
+)
 from mrta_falsify.specs.deadlock.rest import SERVED_AFTER
 from mrta_falsify.specs.deadlock.standstill import SPOT_RADIUS, Standstill
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by
 
-#: of its largest speed; a robot that takes longer to leave a place is slower than driving in a
-#: crowd makes it: 1.3 s for its spot of 0.1 m at 1.5 m/s
+#: of its largest speed; a robot that is slower than this is held up by more than a crowd. At
+#: 1.5 m/s it has 1.3 s to leave its spot of 0.1 m, and 3.3 s to come nearer by 0.25 m
 CROWD_SHARE = 0.05
-ROAM_RADIUS = 0.5  # m; a robot that moves to and fro within this gets nowhere
+BEHIND_PROGRESS = 3.0  # times as long is granted to a robot that waits for one that gets on
 
 
 class SuspectClock:
     """Finds the robots that may be stuck, by motion and wait-for graph; one object per episode.
 
     A robot is *closed in* if it stands, and so does all that it waits for, directly or through
-    other robots, and none of it is being served. A robot *roams* if it has not left its
-    surroundings for longer than a crowd would keep it.
+    other robots, and none of it is being served. A robot is *held up* if it has made no progress
+    for longer than a crowd would keep it.
 
     Args:
         world: of the episode.
+        progress: of the run; kept up to date by its owner.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, progress: ProgressClock) -> None:
         robots = len(world.robots)
         speed = CROWD_SHARE * np.array([robot.max_speed for robot in world.robots])
         self._spot_limit = SPOT_RADIUS / speed  # (N,) s
-        self._roam_limit = ROAM_RADIUS / speed  # (N,) s
+        self._progress_limit = PROGRESS_STEP / speed  # (N,) s
+        self._progress = progress
         self._spot = Standstill(robots)
-        self._roam = Standstill(robots, radius=ROAM_RADIUS)
         self._people = Standstill(len(world.humans))
         self._closed_since = np.full(robots, np.inf)  # (N,) [s]
         self._people_stand = np.zeros(robots)  # (N,) since when those do that it waits for [s]
@@ -49,7 +52,6 @@ class SuspectClock:
         """Take in a tick's motion."""
         sensed = frame.sensed
         self._spot.update(sensed.pose, sensed.time, frame.intent.goal)
-        self._roam.update(sensed.pose, sensed.time, frame.intent.goal)
         if len(sensed.human_position):
             turn = np.zeros((len(sensed.human_position), 1))
             self._people.update(np.hstack([sensed.human_position, turn]), sensed.time)
@@ -72,10 +74,9 @@ class SuspectClock:
         """
         closed = set(np.flatnonzero(np.isfinite(self._closed_since)).tolist())
         waits = np.flatnonzero(self._waits).tolist()
-        slow = self._time - self._roam.since >= self._roam_limit
-        roaming = {i for i in waits if slow[i] and not self._awaits_service(i)}
+        held_up = {i for i in waits if self._is_held_up(i)}
         standing = {i for i in waits if is_last and i in self._edges}
-        return closed | roaming | standing
+        return closed | held_up | standing
 
     def closed_for(self) -> Array:
         """Tell for how long each robot has been closed in, ``(N,)`` [s]; -inf: it is not.
@@ -104,10 +105,18 @@ class SuspectClock:
         people = [edge.other for edge in edges if edge.cause == "human"]
         return float(self._people.since[people].max(initial=0.0))
 
+    def _is_held_up(self, i: int) -> bool:
+        without = (self._time - self._progress.last) / self._progress_limit
+        if without[i] < 1.0 or self._awaits_service(i):
+            return False
+        awaited = self._awaited(i) & set(np.flatnonzero(self._waits).tolist())
+        behind_progress = any(without[j] < 1.0 for j in awaited - {i})
+        return not behind_progress or bool(without[i] >= BEHIND_PROGRESS)
+
     def _awaits_service(self, i: int) -> bool:
         party = {i} | self._awaited(i)
         stands = self._time - self._spot.since >= SERVED_AFTER
         return any(self._waits[j] and stands[j] and j not in self._edges for j in party)
 
-    def _awaited(self, i: int) -> Collection[int]:
+    def _awaited(self, i: int) -> set[int]:
         return awaited_by(i, range(len(self._waits)), self._edges)
