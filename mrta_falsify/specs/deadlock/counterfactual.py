@@ -20,7 +20,7 @@ from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
-from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, edges_by_robot
+from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 from mrta_falsify.specs.deadlock.watches import (
     ContinuationAnswer,
     ContinuationWatch,
@@ -98,7 +98,6 @@ class CounterfactualTest:
         last = {int(i): progress for i, progress in seen.stuck.items()}
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
-        asked = asked - self._postponed(asked & set(last), last, edges, time)
         unclear = {i for i in asked if freed.get(i, 0.0) > settled + LATE}
         unclear |= asked & set(seen.drifting)
         for i, is_stuck in self._vote(forecast, unclear, set(last), span).items():
@@ -120,18 +119,6 @@ class CounterfactualTest:
         if answer is None:
             return ContinuationAnswer(stuck={}, drifting=(), freed={}, edges=())
         return codec.decode(ContinuationAnswer, answer, where="forecast")
-
-    def _postponed(
-        self, stuck: set[int], last: Mapping[int, float], edges: EdgesByRobot, time: float
-    ) -> set[int]:
-        """Put off the question about robots that wait for one that still makes progress now."""
-        later = set()
-        for i in stuck:
-            complete = max(last[j] for j in {i} | awaited_by(i, set(last), edges))
-            if complete > time:
-                self.free_until[i] = complete
-                later.add(i)
-        return later
 
     def _vote(
         self, forecast: Forecast, unclear: set[int], stuck: set[int], span: _Span
@@ -174,7 +161,8 @@ class CounterfactualTest:
         for members, robots in stuck_groups(party, {i: freed_by[i] & party for i in party}, edges):
             complete = max(last[i] for i in members)
             if complete > time:
-                self.free_until[list(robots)] = complete
+                for i in robots:
+                    self.free_until[i] = max(complete, time + self._pause[i])
                 continue
             group = StuckGroup(members, tuple(sorted(here & set(robots))))
             known = {i: last[i] for i in group.robots}
