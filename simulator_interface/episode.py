@@ -23,6 +23,7 @@ from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
+    ShiftingEngine,
     StagedEngine,
     StagedSource,
     needs_stage,
@@ -215,6 +216,11 @@ class Episode:
         self._engine.remove(robot)
         self._removed.append(robot)
 
+    @property
+    def can_nudge(self) -> bool:
+        """Whether robots can be moved a little."""
+        return isinstance(self._engine, ShiftingEngine)
+
     def nudge(self, number: int) -> None:
         """Make a copy of the run differ a little; call it between two frames.
 
@@ -224,7 +230,7 @@ class Episode:
         Args:
             number: of the copy; the same number makes the same difference.
         """
-        assert isinstance(self._engine, RemovingEngine)
+        assert isinstance(self._engine, ShiftingEngine)
         assert self._sensed is not None, "the episode has not begun"
         random = seeding.stream(self.world.seed, f"nudge {number}")
         offset = random.normal(size=(len(self.world.robots), 2)) * NUDGE

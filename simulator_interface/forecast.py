@@ -45,7 +45,9 @@ class EpisodeForecast:
         Raises:
             HarnessError: the copy failed.
         """
-        if (without >= 0 or nudge) and not self._episode.can_remove:
+        if without >= 0 and not self._episode.can_remove:
+            return None
+        if nudge and not self._episode.can_nudge:
             return None
         parent = os.getpid()
 

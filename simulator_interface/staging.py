@@ -62,10 +62,15 @@ class ForgettingPart(Protocol):
 
 @runtime_checkable
 class RemovingEngine(Protocol):
-    """An engine that can take a robot out of the building, or move it a little."""
+    """An engine that can take a robot out of the building."""
 
     def remove(self, robot: int) -> None:
         """Put ``robot`` far outside the map, in no other robot's way."""
+
+
+@runtime_checkable
+class ShiftingEngine(Protocol):
+    """An engine that can move robots a little."""
 
     def shift(self, offset: Array) -> None:
         """Move robots by ``offset`` ``(N, 2)`` [m], between two steps."""

@@ -144,7 +144,7 @@ class BulletEngine:
         self._observer.observe(self._pose, self._human)
 
     def shift(self, offset: Array) -> None:
-        """See :class:`simulator_interface.staging.RemovingEngine`."""
+        """See :class:`simulator_interface.staging.ShiftingEngine`."""
         self._robots.shift(offset)
         self._pose = self._robots.read_pose()
         self._observer.observe(self._pose, self._human)

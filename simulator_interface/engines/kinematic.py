@@ -154,7 +154,7 @@ class KinematicEngine:
         self._observer.observe(self._pose, self._human)
 
     def shift(self, offset: Array) -> None:
-        """See :class:`simulator_interface.staging.RemovingEngine`."""
+        """See :class:`simulator_interface.staging.ShiftingEngine`."""
         self._pose[:, :2] += offset
         self._observer.observe(self._pose, self._human)
 

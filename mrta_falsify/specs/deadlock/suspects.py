@@ -19,7 +19,6 @@ from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by
 #: of its largest speed; a robot that is slower than this is held up by more than a crowd. At
 #: 1.5 m/s it has 1.3 s to leave its spot of 0.1 m, and 3.3 s to come nearer by 0.25 m
 CROWD_SHARE = 0.05
-BEHIND_PROGRESS = 3.0  # times as long is granted to a robot that waits for one that gets on
 
 
 class SuspectClock:
@@ -106,12 +105,8 @@ class SuspectClock:
         return float(self._people.since[people].max(initial=0.0))
 
     def _is_held_up(self, i: int) -> bool:
-        without = (self._time - self._progress.last) / self._progress_limit
-        if without[i] < 1.0 or self._awaits_service(i):
-            return False
-        awaited = self._awaited(i) & set(np.flatnonzero(self._waits).tolist())
-        behind_progress = any(without[j] < 1.0 for j in awaited - {i})
-        return not behind_progress or bool(without[i] >= BEHIND_PROGRESS)
+        without = self._time - self._progress.last[i]
+        return bool(without >= self._progress_limit[i]) and not self._awaits_service(i)
 
     def _awaits_service(self, i: int) -> bool:
         party = {i} | self._awaited(i)
