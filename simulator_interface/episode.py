@@ -25,6 +25,7 @@ from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
+    ShiftingEngine,
     StagedEngine,
     StagedSource,
     needs_stage,
@@ -32,6 +33,9 @@ from simulator_interface.staging import (
 
 #: people need more room than a robot's disc; they see every object
 PEOPLES_MAP = Choice("layered", {"robot_radius": PEOPLES_RADIUS})
+
+NUDGE = 0.002  # m, spread of small differences along each axis: less than any localisation's noise
+NUDGE_ROOM = 0.02  # m; a robot with something nearer than this is not moved into it
 
 
 class _Localisation:
@@ -47,6 +51,10 @@ class _Localisation:
         self._human_radius = human_radius
         self._anchor = np.full((len(robots), 2), np.inf)
         self._since = np.zeros(len(robots))
+
+    def reseed(self, random: np.random.Generator) -> None:
+        """Draw all further noise from ``random``."""
+        self._random = random
 
     def fleet(self, sensed: Sensed) -> FleetState:
         """Tell the stack about ``sensed``: poses with localisation noise, and rests."""
@@ -88,6 +96,7 @@ class Episode:
         self.crowd = self._new_crowd()
         self._resting: tuple[int, ...] | None = None
         self._removed: list[int] = []
+        self._sensed: Sensed | None = None  # of the last tick, as measured
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
@@ -148,7 +157,7 @@ class Episode:
             sensed = self._engine.start(self.world, self.dt, human_position)
             self.state = self.stack.start()
             while True:
-                self.tick = sensed.tick
+                self.tick, self._sensed = sensed.tick, sensed
                 measured, sensed = sensed, self._as_staged(sensed)
                 seen = self._without_absent(sensed)
                 fleet = self._localisation.fleet(seen)
@@ -221,6 +230,29 @@ class Episode:
         assert isinstance(self._engine, RemovingEngine)
         self._engine.remove(robot)
         self._removed.append(robot)
+
+    @property
+    def can_nudge(self) -> bool:
+        """Whether robots can be moved a little."""
+        return isinstance(self._engine, ShiftingEngine)
+
+    def nudge(self, number: int) -> None:
+        """Make a copy of the run differ a little; call it between two frames.
+
+        Robots that touch nothing are moved by a few millimetres, and localisation noise falls
+        otherwise.
+
+        Args:
+            number: of the copy; the same number makes the same difference.
+        """
+        assert isinstance(self._engine, ShiftingEngine)
+        assert self._sensed is not None, "the episode has not begun"
+        random = seeding.stream(self.world.seed, f"nudge {number}")
+        offset = random.normal(size=(len(self.world.robots), 2)) * NUDGE
+        gaps = (self._sensed.gap_robot, self._sensed.gap_human, self._sensed.gap_static)
+        offset[np.min(gaps, axis=0) < NUDGE_ROOM] = 0.0
+        self._engine.shift(offset)
+        self._localisation.reseed(random)
 
     def _without_removed(self, command: Command) -> Command:
         if not self._removed:

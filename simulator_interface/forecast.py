@@ -2,7 +2,8 @@
 
 A continuation is a fork (see :mod:`.forking`) in which no task arrives any more and no blockage
 or outage begins. Those in force run their course, and people continue their routes and scripts.
-In a counterfactual one robot is taken away as well, to see which others it holds up.
+In a counterfactual one robot is taken away as well, to see which others it holds up. A nudged
+continuation differs a little: robots stand a few millimetres away, and noise falls otherwise.
 """
 
 from __future__ import annotations
@@ -28,26 +29,31 @@ class EpisodeForecast:
         self._episode = episode
         self._frames = frames
 
-    def __call__(self, watch: Watch, *, without: int = -1) -> dict[str, Any] | None:
+    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
         """Show a continuation to ``watch``.
 
         Args:
             watch: sees every frame from the next one on until it has seen enough.
             without: a robot that is taken away, -1: none.
+            nudge: number of a copy with small differences, 0: without any.
 
         Returns:
-            The watch's answer; None if the engine cannot take robots away.
+            The watch's answer; None if the engine cannot take robots away, or move them.
 
         Raises:
             HarnessError: the copy failed.
         """
         if without >= 0 and not self._episode.can_remove:
             return None
+        if nudge and not self._episode.can_nudge:
+            return None
 
         def run() -> dict[str, Any]:
             self._episode.forget_events()
             if without >= 0:
                 self._episode.remove(without)
+            if nudge:
+                self._episode.nudge(nudge)
             for frame in self._frames:
                 if watch.update(frame):
                     break

@@ -68,6 +68,14 @@ class RemovingEngine(Protocol):
         """Put ``robot`` far outside the map, in no other robot's way."""
 
 
+@runtime_checkable
+class ShiftingEngine(Protocol):
+    """An engine that can move robots a little."""
+
+    def shift(self, offset: Array) -> None:
+        """Move robots by ``offset`` ``(N, 2)`` [m], between two steps."""
+
+
 def needs_stage(world: World) -> bool:
     """Whether a world asks for more than routes: coming, going, pushing."""
     return bool(world.movable_furniture()) or any(h.directives for h in world.humans)

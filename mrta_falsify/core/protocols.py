@@ -279,8 +279,14 @@ class Watch(Protocol):
 class Forecast(Protocol):
     """Runs a continuation: a copy of the run without further outside events."""
 
-    def __call__(self, watch: Watch, *, without: int = -1) -> dict[str, Any] | None:
-        """Answer by ``watch``, without robot ``without`` if not -1; None: the engine cannot."""
+    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
+        """Answer by ``watch``; None: the engine cannot.
+
+        Args:
+            watch: sees the frames.
+            without: a robot that is taken away, -1: none.
+            nudge: number of a copy with small differences, 0: without any.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ SCALES: dict[str, float] = {
     "honest_events": 1.0,
     "all_tasks_done": 1.0,
     "deadlines": 120.0,
-    "no_deadlock": 4.0,
+    "no_deadlock": 30.0,
     "no_livelock": 60.0,
     "no_starvation": 120.0,
     "progress": 60.0,

@@ -143,6 +143,12 @@ class BulletEngine:
         self._pose = self._robots.read_pose()
         self._observer.observe(self._pose, self._human)
 
+    def shift(self, offset: Array) -> None:
+        """See :class:`simulator_interface.staging.ShiftingEngine`."""
+        self._robots.shift(offset)
+        self._pose = self._robots.read_pose()
+        self._observer.observe(self._pose, self._human)
+
     def _place_pieces(self) -> None:
         """Put movable furniture where people have pushed it."""
         poses = self._around.furniture_pose.tolist()

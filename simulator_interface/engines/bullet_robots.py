@@ -173,6 +173,24 @@ class BulletRobots:
             position, turn = pybullet.getBasePositionAndOrientation(body.number, number)
             self._client.place(body.number, (x, y, position[2]), turn)
 
+    def shift(self, offset: Array) -> None:
+        """Move robots by ``offset`` ``(N, 2)`` [m]."""
+        call = self._client.call
+        for i, body in enumerate(self._bodies):
+            if not offset[i].any():
+                continue
+            self._brake(i, hold=False)
+            if len(body.joints) == CARRIED:
+                for joint, move in zip(body.joints[:2], offset[i].tolist(), strict=True):
+                    at = pybullet.getJointState(body.number, joint, **call)
+                    pybullet.resetJointState(body.number, joint, at[0] + move, at[1], **call)
+            else:
+                position, turn = pybullet.getBasePositionAndOrientation(body.number, **call)
+                linear, angular = pybullet.getBaseVelocity(body.number, **call)
+                x, y = position[:2] + offset[i]
+                self._client.place(body.number, (x, y, position[2]), turn)
+                pybullet.resetBaseVelocity(body.number, linear, angular, **call)
+
     # --- what they touch -----------------------------------------------------------------
 
     def fill_contact(self, robots: IntArray, contact: BoolArray) -> None:

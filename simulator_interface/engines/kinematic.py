@@ -153,6 +153,11 @@ class KinematicEngine:
         self._velocity[robot] = 0.0
         self._observer.observe(self._pose, self._human)
 
+    def shift(self, offset: Array) -> None:
+        """See :class:`simulator_interface.staging.ShiftingEngine`."""
+        self._pose[:, :2] += offset
+        self._observer.observe(self._pose, self._human)
+
     def _is_taken(self, polygon: Array) -> bool:
         return self._observer.is_taken(polygon, self._pose, self._velocity, self._human)
 

@@ -137,3 +137,47 @@ def test_a_copy_that_fails_says_so_and_the_run_goes_on():
     with pytest.raises(HarnessError, match="no such thing"):
         forecast(Broken(5.0))
     assert next(frames).sensed.time == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_nudged_copy_differs_by_millimetres_each_in_its_own_way_and_the_run_stays(engine):
+    robots = (robot(0, -2.5, 0.0), robot(1, 2.5, 0.0, np.pi))
+    _, frames, forecast = begun(rooms(robots=robots), on(engine), 1.0)
+    plain, first, again, second = (
+        np.array(forecast(Looking(1.1), nudge=nudge)["seen"][0])[:, :2] for nudge in (0, 1, 1, 2)
+    )
+    away = np.hypot(*(first - plain).T)
+    assert (away > 1e-4).all()
+    assert (away < 0.02).all()
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, second)
+    assert np.array_equal(next(frames).sensed.pose[:, :2], plain)
+
+
+def head_on_in_a_lane():
+    """Two robots that meet in a lane of 0.7 m without a bay, and push each other by creep."""
+    world = two_rooms(box(-4.0, -0.35, 4.0, 0.35), side=3.0, gap=8.0)
+    tasks = (DRIVE, Task(arrival=0.0, start=1, end=0, deadline=900.0))
+    robots = (robot(0, -5.5, 0.3, 0.0), robot(1, 5.5, -0.3, np.pi))
+    world = dataclasses.replace(world, robots=robots, tasks=tasks, horizon=25.0)
+    return world, dataclasses.replace(stack(SYMMETRIC, allocator=IN_TURN), control_rate=20)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_creeping_pair_is_claimed_at_once_with_both_members_and_a_closed_cycle(engine):
+    world, config = head_on_in_a_lane()
+    outcome = simulate(
+        world,
+        on(engine, config),
+        specifications=build_specifications(("no_deadlock",)),
+    )
+    (verdict,) = outcome.verdicts
+    evidence = verdict.evidence
+    assert set(verdict.who) == {"robot1", "robot2"}
+    assert verdict.violated_at - evidence["onset"] < 5.0
+    assert evidence["confirmed"]
+    assert [(edge["robot"], edge["cause"], edge["blocked_by"]) for edge in evidence["cycle"]] == [
+        ("robot1", "barrier", "robot2"),
+        ("robot2", "barrier", "robot1"),
+    ]

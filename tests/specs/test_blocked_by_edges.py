@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from frames import DT, Human, Robot, Script, corridor, drive, room_resource
 
-from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.fleet import BlockedBy, Tells
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Resource, Task
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
@@ -199,3 +199,78 @@ def test_pushed_furniture_is_named_where_it_stands_now():
     assert named(0.8, 0.0, 0.0) == {BlockedBy(0, "wall", -1, "bed0")}
     assert named(0.8, 0.6, np.pi / 2.0) == {BlockedBy(0, "stalled")}
     assert named(0.8, 0.6, 0.0) == {BlockedBy(0, "wall", -1, "bed0")}
+
+
+def test_robots_that_swap_places_are_named_anew_for_who_has_no_path():
+    """Answers are kept by place; the robot at a place may be another one later."""
+
+    def cut_by(robot: int) -> Script:
+        rests, drives = Robot((1.0, 0)), Robot(drive((-5, 0), (-3.5, 0), 0.4))
+        return Script(
+            robots=[
+                Robot((-2, 0), goal=(4, 0), no_path=True),
+                *([rests, drives] if robot == 1 else [drives, rests]),
+            ],
+            walls=corridor(),
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+            seconds=3.0,
+        )
+
+    tracker = BlockedByTracker(cut_by(1).world(), DT)
+
+    def no_path_of(script: Script, begin: int) -> set[BlockedBy]:
+        edges: tuple[BlockedBy, ...] = ()
+        for frame in script.frames():
+            tick = begin + frame.sensed.tick
+            sensed = dataclasses.replace(frame.sensed, tick=tick, time=tick * DT)
+            edges = tracker.update(sensed, frame.command, frame.intent, ())
+        return {edge for edge in edges if edge.robot == 0}
+
+    assert no_path_of(cut_by(1), 0) == {BlockedBy(0, "no-path", 1)}
+    assert no_path_of(cut_by(2), 100) == {BlockedBy(0, "no-path", 2)}
+
+
+def no_path_past(furniture) -> set[BlockedBy]:
+    return last_edges(
+        Script(
+            robots=[Robot((-2, 0), goal=(4, 0), no_path=True)],
+            walls=corridor(),
+            furniture=furniture,
+            bounds=(-6.0, -0.7, 6.0, 0.7),
+            seconds=3.0,
+        )
+    )
+
+
+def test_the_bed_that_fills_the_only_way_is_named_where_there_is_no_path():
+    aside, across = rectangle(0.4, 0.2, (-4.0, 0.4)), rectangle(0.6, 1.0, (1.0, 0.0))
+    assert no_path_past([aside, across]) == {BlockedBy(0, "no-path", -1, "bed1")}
+
+
+def test_a_bed_that_leaves_a_gap_too_narrow_for_the_robot_is_named_as_well():
+    narrow = rectangle(0.6, 0.6, (1.0, -0.2))
+    assert no_path_past([narrow]) == {BlockedBy(0, "no-path", -1, "bed0")}
+
+
+def test_two_beds_of_which_either_closes_the_way_are_not_told_apart():
+    beds = [rectangle(0.6, 1.0, (0.5, 0.0)), rectangle(0.6, 1.0, (2.0, 0.0))]
+    assert no_path_past(beds) == {BlockedBy(0, "no-path", -1, "unreachable")}
+
+
+def test_a_stack_that_tells_no_paths_is_taken_to_drive_the_shortest_way():
+    def edges(*, paths: bool) -> set[BlockedBy]:
+        wall = rectangle(0.2, 4.0, (0.0, 0.0))
+        script = Script(
+            robots=[Robot((-0.6, 0), goal=(0.8, 0), no_path=True), Robot((-0.6, 0.8))],
+            walls=[wall],
+            bounds=(-4.0, -2.1, 4.0, 4.0),
+            seconds=3.0,
+        )
+        tracker = BlockedByTracker(script.world(), DT)
+        for frame in script.frames():
+            seen = frame.sensed, frame.command, frame.intent, frame.events
+            found = tracker.update(*seen, Tells(paths=paths))
+        return {edge for edge in found if edge.robot == 0}
+
+    assert {edge.cause for edge in edges(paths=True)} == {"no-path"}
+    assert edges(paths=False) == {BlockedBy(0, "barrier", 1)}

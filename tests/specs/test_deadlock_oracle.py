@@ -5,11 +5,13 @@ import itertools
 
 import numpy as np
 import pytest
-from frames import Human, Robot, Script, corridor, drive, judge, room_resource, stop_at
+from frames import DT, Human, Robot, Script, corridor, drive, judge, room_resource, stop_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrta_falsify.core.fleet import Tells
 from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
@@ -44,32 +46,46 @@ def queue_cycle(count: int = 3) -> Script:
     )
 
 
-def test_head_on_swap_in_a_corridor_is_found_when_neither_has_backed_off_for_a_while():
-    verdict = judge(oracle(), head_on())
-    assert verdict.violated
-    assert verdict.who == ("robot1", "robot2")
-    assert 14.0 < verdict.violated_at - 3.0 < 17.0
-    assert verdict.evidence["onset"] == pytest.approx(3.0, abs=0.3)
-    assert verdict.evidence["hard"]
+# --- what cannot be copied: suspected at most --------------------------------------------------
+
+
+def suspicion(script: Script) -> Verdict:
+    """Verdict on a script of at least 40 s; violated it never is without a forecast."""
+    script.seconds = max(script.seconds, 40.0)
+    verdict = judge(oracle(), script)
+    assert not verdict.violated
+    return verdict
+
+
+def is_suspected(verdict: Verdict) -> bool:
+    return verdict.outcome == "not_judged" and not verdict.evidence["confirmed"]
+
+
+def test_head_on_robots_that_cannot_be_copied_are_suspected_after_half_a_minute_and_no_failure():
+    early, late = judge(oracle(), head_on(seconds=30.0)), suspicion(head_on())
+    assert early.outcome == "holds"
+    assert late.outcome == "not_judged"
+    assert "suspected" in late.not_judged
+    assert late.who == ("robot1", "robot2")
+    assert late.robustness == 0.0
+    assert not late.evidence["confirmed"]
+
+
+def test_a_suspicion_is_dropped_once_a_robot_moves_on():
+    script = head_on(seconds=45.0)
+    there = drive((-0.3, 0), (-5, 0), 0.9, leave=40.0)
+    first = script.robots[0].at
+    script.robots[0].at = lambda t: first(t) if t < 40.0 else there(t)
+    assert suspicion(script).outcome == "holds"
 
 
 def test_evidence_names_cycle_and_place():
-    evidence = judge(oracle(), head_on(rooms=[(0.0, 1.0)])).evidence
+    evidence = suspicion(head_on(rooms=[(0.0, 1.0)])).evidence
     assert [edge["robot"] for edge in evidence["cycle"]] == ["robot1", "robot2"]
     assert [edge["blocked_by"] for edge in evidence["cycle"]] == ["robot2", "robot1"]
     assert {edge["cause"] for edge in evidence["cycle"]} == {"barrier"}
     assert evidence["place"]["near"] == "room0"
     assert abs(evidence["place"]["x"]) < 0.1
-
-
-def test_head_on_in_the_open_is_given_time_to_find_a_way_round():
-    script = head_on(seconds=12.0)
-    script.walls, script.bounds = [], (-6.0, -6.0, 6.0, 6.0)
-    assert not judge(oracle(), script).violated
-    script.seconds = 30.0
-    verdict = judge(oracle(), script)
-    assert verdict.violated
-    assert not verdict.evidence["hard"]
 
 
 def test_victims_behind_a_deadlock_are_not_members():
@@ -78,18 +94,18 @@ def test_victims_behind_a_deadlock_are_not_members():
         *script.robots,
         Robot(stop_at(drive((-5, 0), (5, 0), 0.9), 4.4), goal=(5, 0)),
     ]
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1", "robot2")
     assert verdict.evidence["victims"] == ["robot3"]
+    assert [edge["robot"] for edge in verdict.evidence["chain"]] == ["robot3"]
 
 
 def test_three_robots_in_a_ring_are_all_members():
-    verdict = judge(oracle(), queue_cycle(3))
-    assert verdict.who == ("robot1", "robot2", "robot3")
+    assert suspicion(queue_cycle(3)).who == ("robot1", "robot2", "robot3")
 
 
 def test_four_robots_in_a_roundabout_are_all_members():
-    assert len(judge(oracle(), queue_cycle(4)).who) == 4
+    assert len(suspicion(queue_cycle(4)).who) == 4
 
 
 def test_doorway_with_two_robots_is_found():
@@ -97,10 +113,9 @@ def test_doorway_with_two_robots_is_found():
     script = Script(
         robots=[Robot((-0.35, 0), goal=(3, 0)), Robot((0.35, 0), goal=(-3, 0))],
         walls=walls,
-        seconds=20,
         bounds=(-4.0, -4.5, 4.0, 4.5),
     )
-    assert judge(oracle(), script).who == ("robot1", "robot2")
+    assert suspicion(script).who == ("robot1", "robot2")
 
 
 def test_slow_robots_that_move_are_no_deadlock():
@@ -112,7 +127,7 @@ def test_slow_robots_that_move_are_no_deadlock():
         walls=corridor(),
         seconds=60.0,
     )
-    assert not judge(oracle(), script).violated
+    assert suspicion(script).outcome == "holds"
 
 
 def test_jitter_on_the_spot_is_no_progress():
@@ -123,37 +138,41 @@ def test_jitter_on_the_spot_is_no_progress():
         robots=[Robot(shake(-0.35), goal=(5, 0)), Robot(shake(0.35), goal=(-5, 0))],
         walls=corridor(),
     )
-    assert judge(oracle(), script).violated
+    assert is_suspected(suspicion(script))
 
 
 def test_turning_on_the_spot_for_ever_is_no_progress():
-    script = head_on(seconds=40.0)
+    script = head_on(seconds=60.0)
     first = script.robots[0].at
     script.robots[0].at = lambda t: (*first(t)[:2], max(0.0, t - 3.0) * 0.5)
-    assert judge(oracle(), script).violated
+    assert is_suspected(suspicion(script))
 
 
-def test_waiting_for_a_person_is_no_deadlock():
-    script = Script(robots=[Robot((0, 0), goal=(5, 0))], humans=[Human((0.8, 0))], seconds=25.0)
-    assert not judge(oracle(), script).violated
+def test_waiting_for_a_person_who_moves_is_no_deadlock():
+    def swaying(time):
+        return (0.8, 0.3 * np.sin(time))
+
+    script = Script(robots=[Robot((0, 0), goal=(5, 0))], humans=[Human(swaying)])
+    assert suspicion(script).outcome == "holds"
 
 
-def test_a_person_who_never_leaves_is_permanent():
+def test_a_person_who_stands_as_long_as_the_robot_is_suspected_with_it():
     script = Script(
         robots=[Robot((0, 0), goal=(5, 0))],
         humans=[Human((0.8, 0), route=[(0.8, 0)])],
         walls=corridor(),
-        seconds=25.0,
         bounds=(-6.0, -2.0, 6.0, 2.0),
     )
-    assert judge(oracle(), script).who == ("robot1",)
+    verdict = suspicion(script)
+    assert verdict.who == ("robot1",)
+    assert verdict.evidence["objects"] == [{"name": "human0", "kind": "person", "carried_by": ""}]
 
 
 def test_waiting_for_a_task_is_no_deadlock():
     script = Script(robots=[Robot((0, 0)), Robot((0.6, 0))], seconds=60.0)
-    verdict = judge(oracle(), script)
-    assert not verdict.violated
-    assert verdict.robustness == pytest.approx(4.0)
+    verdict = suspicion(script)
+    assert verdict.outcome == "holds"
+    assert verdict.robustness == pytest.approx(30.0)
 
 
 def test_time_without_a_goal_is_not_held_against_a_robot():
@@ -164,25 +183,9 @@ def test_time_without_a_goal_is_not_held_against_a_robot():
         robots=[Robot((0, 0), goal=late), Robot((0.62, 0))],
         walls=corridor(),
         bounds=(-6.0, -0.7, 6.0, 0.7),
-        seconds=45.0,
+        seconds=60.0,
     )
-    verdict = judge(oracle(), script)
-    assert verdict.evidence["onset"] == pytest.approx(20.0, abs=0.1)
-    assert 11.9 < verdict.violated_at - 20.0 < 13.0
-
-
-def test_robots_that_could_move_away_get_time_to_do_so_with_a_goal_or_without():
-    def behind(other: Robot) -> Script:
-        return Script(
-            robots=[Robot((-0.31, 0), goal=(4, 0)), other],
-            walls=corridor(),
-            bounds=(-6.0, -0.7, 6.0, 0.7),
-            seconds=26.0,
-        )
-
-    busy = judge(oracle(), behind(Robot((0.31, 0), goal=(-4, 0))))
-    idle = judge(oracle(), behind(Robot((0.31, 0))))
-    assert 11.0 < idle.violated_at < busy.violated_at < 18.0
+    assert suspicion(script).evidence["onset"] == pytest.approx(20.0, abs=2.0)
 
 
 def test_a_robot_that_another_keeps_off_its_room_is_not_being_served():
@@ -190,17 +193,16 @@ def test_a_robot_that_another_keeps_off_its_room_is_not_being_served():
         return Script(
             robots=[Robot((-distance, 0), goal=(0, 0)), Robot((0.6 - distance, 0))],
             rooms=[(0.0, 0.0)],
-            tasks=[TASK],
+            tasks=[LONG_TASK],
             walls=corridor(),
             bounds=(-6.0, -0.7, 6.0, 0.7),
-            seconds=26.0,
         )
 
-    assert judge(oracle(), script(0.5)).who == ("robot1",)
-    assert not judge(oracle(), script(0.2)).violated
+    assert suspicion(script(0.5)).who == ("robot1",)
+    assert suspicion(script(0.2)).outcome == "holds"
 
 
-def test_an_unexplained_halt_may_end_with_what_holds_up_others():
+def test_a_halt_may_end_with_an_event_that_ends():
     def script(end: float) -> Script:
         return Script(
             robots=[Robot((0, 0), goal=(4, 0), no_path=True)],
@@ -209,8 +211,8 @@ def test_an_unexplained_halt_may_end_with_what_holds_up_others():
             ],
         )
 
-    assert judge(oracle(), script(1e6)).violated
-    assert not judge(oracle(), script(60.0)).violated
+    assert is_suspected(suspicion(script(1e6)))
+    assert suspicion(script(60.0)).outcome == "holds"
 
 
 def test_turning_to_and_fro_on_one_spot_does_not_hide_a_deadlock():
@@ -221,27 +223,28 @@ def test_turning_to_and_fro_on_one_spot_does_not_hide_a_deadlock():
         robots=[Robot(swinging, goal=(4, 0)), Robot((0.31, 0), goal=(-4, 0))],
         walls=corridor(),
         bounds=(-6.0, -0.7, 6.0, 0.7),
+        seconds=60.0,
     )
-    assert judge(oracle(), script).who == ("robot1", "robot2")
+    assert suspicion(script).who == ("robot1", "robot2")
 
 
 def test_goals_that_alternate_do_not_hide_a_deadlock():
     script = head_on()
     script.robots[0].goal = lambda t: (5.0, 0.0) if t % 2.0 < 1.0 else (4.0, 0.0)
-    assert judge(oracle(), script).violated_at < 20.0
+    assert is_suspected(suspicion(script))
 
 
-def test_a_robot_blocked_by_furniture_is_found():
+def test_a_robot_blocked_by_furniture_is_found_with_the_furniture():
     script = Script(
         robots=[Robot((0, 0), goal=(4, 0))],
         walls=corridor(),
         furniture=[rectangle(0.4, 1.0, (0.6, 0))],
         bounds=(-6.0, -0.7, 6.0, 0.7),
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1",)
     assert verdict.evidence["cycle"][0]["resource"] == "bed0"
-    assert verdict.evidence["hard"]
+    assert verdict.evidence["objects"] == [{"name": "bed0", "kind": "furniture", "carried_by": ""}]
 
 
 def test_a_blockage_that_ends_before_the_horizon_is_no_deadlock():
@@ -255,8 +258,8 @@ def test_a_blockage_that_ends_before_the_horizon_is_no_deadlock():
             bounds=(-6.0, -0.7, 6.0, 0.7),
         )
 
-    assert not judge(oracle(), script(200.0)).violated
-    assert judge(oracle(), script(900.0)).violated
+    assert suspicion(script(200.0)).outcome == "holds"
+    assert is_suspected(suspicion(script(900.0)))
 
 
 def test_a_robot_cut_off_from_its_goal_is_found_without_a_path():
@@ -266,8 +269,8 @@ def test_a_robot_cut_off_from_its_goal_is_found_without_a_path():
         furniture=[rectangle(0.4, 1.0, (2.0, 0))],
         bounds=(-6.0, -0.7, 6.0, 0.7),
     )
-    verdict = judge(oracle(), script)
-    assert verdict.violated
+    verdict = suspicion(script)
+    assert is_suspected(verdict)
     assert verdict.evidence["cycle"][0]["cause"] == "no-path"
 
 
@@ -277,7 +280,7 @@ def test_no_path_because_of_a_waiting_robot_leads_to_that_robot():
         walls=corridor(),
         bounds=(-6.0, -0.7, 6.0, 0.7),
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1",)
     assert verdict.evidence["blockers"] == ["robot2"]
 
@@ -287,13 +290,14 @@ def test_an_outage_that_ends_is_no_deadlock():
         robots=[Robot((0, 0), goal=(4, 0))],
         events=[CommsOutage(name="out", robots=(), start=0.0, end=60.0)],
     )
-    assert not judge(oracle(), script).violated
+    assert suspicion(script).outcome == "holds"
     script.seconds = 90.0
-    assert judge(oracle(), script).violated
+    assert is_suspected(suspicion(script))
 
 
 SPOTS = [(2.0, 0.0), (3.0, 0.0), (4.0, 0.0)]
 TASK = Task(arrival=0.0, start=0, end=0, deadline=800.0, pickup_time=20.0)
+LONG_TASK = dataclasses.replace(TASK, pickup_time=60.0)
 
 
 def test_queueing_for_a_robot_that_is_served_is_no_deadlock():
@@ -301,10 +305,9 @@ def test_queueing_for_a_robot_that_is_served_is_no_deadlock():
         robots=[Robot((0, 0), goal=(0, 0)), Robot((2, 0), goal=(2, 0)), Robot((3, 0), goal=(3, 0))],
         rooms=[(0.0, 0.0)],
         resources=[room_resource(0, (0.0, 0.0), SPOTS)],
-        tasks=[TASK],
-        seconds=20.0,
+        tasks=[LONG_TASK],
     )
-    assert not judge(oracle(), script).violated
+    assert suspicion(script).outcome == "holds"
 
 
 def test_queueing_behind_a_robot_that_parks_in_the_room_is_a_deadlock():
@@ -314,7 +317,7 @@ def test_queueing_behind_a_robot_that_parks_in_the_room_is_a_deadlock():
         resources=[room_resource(0, (0.0, 0.0), SPOTS)],
         tasks=[TASK],
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot2",)
     assert verdict.evidence["blockers"] == ["robot1"]
     assert verdict.evidence["victims"] == ["robot3"]
@@ -328,7 +331,7 @@ def test_a_leaving_holder_and_the_waiter_in_its_way_are_a_deadlock():
         walls=corridor(1.0, 16.0),
         bounds=(-8.0, -0.7, 9.0, 0.7),
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1", "robot2")
     assert {edge["cause"] for edge in verdict.evidence["cycle"]} == {"barrier", "queue"}
 
@@ -339,7 +342,7 @@ def test_a_forgotten_waiter_is_found_later():
         rooms=[(0.0, 0.0)],
         resources=[room_resource(0, (0.0, 0.0), SPOTS)],
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1",)
     assert verdict.evidence["cycle"][0]["cause"] == "stalled"
 
@@ -351,30 +354,35 @@ def test_followers_that_wait_for_a_boxed_in_leader_are_victims():
         furniture=[rectangle(0.4, 1.0, (0.6, 0))],
         bounds=(-6.0, -0.7, 6.0, 0.7),
     )
-    verdict = judge(oracle(), script)
+    verdict = suspicion(script)
     assert verdict.who == ("robot1",)
     assert verdict.evidence["victims"] == ["robot2"]
 
 
 def test_followers_wait_while_their_leader_drives():
     script = Script(
-        robots=[Robot(drive((-9, 2), (9, 2), 0.5), goal=(9, 2)), Robot((0, 0), goal=(-5, 0))],
-        seconds=22.0,
+        robots=[Robot(drive((-9, 2), (9, 2), 0.4), goal=(9, 2)), Robot((0, 0), goal=(-5, 0))],
+        seconds=44.0,
         bounds=(-10.0, -3.0, 10.0, 3.0),
     )
-    assert not judge(oracle(), script).violated
+    assert suspicion(script).outcome == "holds"
 
 
-def test_longer_standstill_is_less_robust():
+def test_longer_standstill_is_less_robust_but_no_failure_before_it_is_confirmed():
     margins = [judge(oracle(), head_on(seconds=s)).robustness for s in (2.0, 6.0, 12.0, 19.0, 30.0)]
-    assert all(a >= b for a, b in itertools.pairwise(margins))
-    assert margins[-1] < -2.0
+    assert all(a > b for a, b in itertools.pairwise(margins))
+    assert 0.0 < margins[-1] < 0.2 * margins[0]
 
 
-def test_a_deadlock_is_reported_once_with_the_first_time():
-    short, long = judge(oracle(), head_on(seconds=22.0)), judge(oracle(), head_on(seconds=30.0))
-    assert short.violated_at == long.violated_at
-    assert long.evidence["others"] == []
+def test_where_the_stack_tells_no_goals_nothing_is_judged():
+    world, judged = head_on().world(), oracle()
+    judged.start(world, DT)
+    for frame in head_on(seconds=40.0).frames(world):
+        judged.update(dataclasses.replace(frame, tells=Tells(goals=False)))
+    verdict = judged.verdict()
+    assert verdict.outcome == "not_judged"
+    assert "going" in verdict.not_judged
+    assert not verdict.evidence
 
 
 @settings(max_examples=12, deadline=None)
@@ -396,9 +404,6 @@ def test_renaming_and_reordering_robots_does_not_change_robustness(order, second
 @given(dx=st.integers(-40, 40), dy=st.integers(-40, 40))
 def test_shifting_the_map_does_not_change_robustness(dx, dy):
     def shifted(x, y):
-        def track(t):
-            return (0.0 + x, 0.0 + y, 0.0)
-
         return Script(
             robots=[
                 Robot((x - 0.34, y), goal=(x + 5, y)),
@@ -419,32 +424,45 @@ def test_shifting_the_map_does_not_change_robustness(dx, dy):
 
 
 def foretold(script: Script, fate) -> NoDeadlock:
-    """The oracle over ``script`` when forecasts answer ``fate(watch, without)``."""
+    """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
     world, judged = script.world(), oracle()
-    judged.start(world, 0.05)
-    judged.foresee(lambda watch, *, without=-1: fate(watch, without))
+    judged.start(world, DT)
+    judged.foresee(lambda watch, *, without=-1, nudge=0: fate(watch, without, nudge))
     for frame in script.frames(world):
         judged.update(frame)
     return judged
 
 
+def shown(stuck=None, freed=None, *, drifting=(), edges=()) -> dict:
+    """The answer of a continuation: last progress of the stuck, first progress of the others."""
+    return {
+        "stuck": {str(i): at for i, at in (stuck or {}).items()},
+        "freed": {str(i): at for i, at in (freed or {}).items()},
+        "drifting": list(drifting),
+        "edges": [
+            {"robot": robot, "cause": cause, "other": other, "resource": ""}
+            for robot, cause, other in edges
+        ],
+    }
+
+
 def test_a_set_that_a_forecast_shows_to_go_on_is_no_deadlock_however_long_it_lasts():
     asked = []
 
-    def fate(watch, without):
+    def fate(watch, without, nudge):
         asked.append(without)
-        return {"stuck": {}, "freed": {"0": 28.0, "1": 29.0}, "looked": 29.0}
+        return shown(freed={0: 28.0, 1: 29.0})
 
     verdict = foretold(head_on(), fate).verdict()
-    assert not verdict.violated
+    assert verdict.outcome == "holds"
     assert verdict.robustness > 0.0
     assert len(asked) < 6  # at first, and once they should have gone on
 
 
 def test_a_set_that_a_forecast_shows_to_stay_is_found_at_once_with_its_members():
-    def fate(watch, without):
+    def fate(watch, without, nudge):
         if without < 0:
-            return {"stuck": {"0": 3.0, "1": 3.0}, "freed": {}, "looked": 60.0}
+            return shown({0: 3.0, 1: 3.0})
         return {"freed": [1 - without]}
 
     verdict = foretold(head_on(), fate).verdict()
@@ -454,10 +472,26 @@ def test_a_set_that_a_forecast_shows_to_stay_is_found_at_once_with_its_members()
     assert verdict.evidence["onset"] == pytest.approx(3.0, abs=0.3)
 
 
-def test_who_goes_free_without_one_robot_while_that_one_stays_put_is_its_victim():
-    def fate(watch, without):
+def test_the_first_member_by_onset_is_the_root_and_edges_are_those_at_the_end():
+    def fate(watch, without, nudge):
         if without < 0:
-            return {"stuck": {"0": 3.0, "1": 3.0}, "freed": {}, "looked": 60.0}
+            return shown({0: 3.0, 1: 2.0}, edges=[(0, "barrier", 1), (1, "queue", 0)])
+        return {"freed": [1 - without]}
+
+    evidence = foretold(head_on(), fate).verdict().evidence
+    assert evidence["members"] == ["robot2", "robot1"]
+    assert evidence["root"] == "robot2"
+    assert evidence["onsets"] == {"robot1": 3.0, "robot2": 2.0}
+    assert [(edge["robot"], edge["cause"], edge["blocked_by"]) for edge in evidence["cycle"]] == [
+        ("robot1", "barrier", "robot2"),
+        ("robot2", "queue", "robot1"),
+    ]
+
+
+def test_who_goes_free_without_one_robot_while_that_one_stays_put_is_its_victim():
+    def fate(watch, without, nudge):
+        if without < 0:
+            return shown({0: 3.0, 1: 3.0})
         return {"freed": [1] if without == 0 else []}
 
     verdict = foretold(head_on(), fate).verdict()
@@ -465,13 +499,13 @@ def test_who_goes_free_without_one_robot_while_that_one_stays_put_is_its_victim(
     assert verdict.evidence["victims"] == ["robot2"]
 
 
-def test_a_lone_robot_that_waits_for_one_who_is_still_to_come_is_asked_about_then():
+def test_who_waits_for_one_that_still_makes_progress_is_asked_about_after_that():
     asked = []
 
-    def fate(watch, without):
+    def fate(watch, without, nudge):
         asked.append(without)
         if without < 0:
-            return {"stuck": {"0": 3.0, "1": 12.0}, "freed": {}, "looked": 60.0}
+            return shown({0: 3.0, 1: 12.0}, edges=[(0, "barrier", 1), (1, "barrier", 0)])
         return {"freed": [1 - without]}
 
     verdict = foretold(head_on(), fate).verdict()
@@ -480,10 +514,66 @@ def test_a_lone_robot_that_waits_for_one_who_is_still_to_come_is_asked_about_the
     assert asked == [-1, 0, 1, -1, 0, 1]
 
 
+def test_a_forecast_is_forgotten_once_something_comes_from_outside():
+    def judged(arrival: float):
+        task = Task(arrival=arrival, start=0, end=0, deadline=800.0)
+        script = head_on(tasks=[task], rooms=[(9.0, 9.0)])
+        world, judged = script.world(), oracle()
+        judged.start(world, DT)
+        now = [0.0]
+
+        def forecast(watch, *, without=-1, nudge=0):
+            if without >= 0:
+                return {"freed": [1 - without]}
+            return shown({0: 3.0, 1: 3.0}) if now[0] >= arrival else shown(freed={0: 50.0, 1: 50.0})
+
+        judged.foresee(forecast)
+        for frame in script.frames(world):
+            now[0] = frame.sensed.time
+            judged.update(frame)
+        return judged.verdict()
+
+    assert judged(20.0).violated_at == pytest.approx(20.0, abs=0.3)
+    assert not judged(500.0).violated
+
+
+@pytest.mark.parametrize(("nudged_free", "is_deadlock"), [(0, True), (1, False), (2, False)])
+def test_who_goes_free_late_is_stuck_unless_most_of_several_copies_go_free(
+    nudged_free, is_deadlock
+):
+    nudges = []
+
+    def fate(watch, without, nudge):
+        if without >= 0:
+            return {"freed": [1 - without]}
+        if nudge:
+            nudges.append(nudge)
+        if nudge > nudged_free:
+            return shown({0: 3.0, 1: 3.0})
+        return shown(freed={0: 190.0, 1: 190.0})
+
+    verdict = foretold(head_on(), fate).verdict()
+    assert set(nudges) == {1, 2}
+    assert verdict.violated == is_deadlock
+
+
+def test_who_drifts_off_its_place_is_stuck_unless_most_of_several_copies_go_free():
+    def judged(nudged):
+        def fate(watch, without, nudge):
+            if without >= 0:
+                return {"freed": [1 - without]}
+            return nudged if nudge else shown({0: 3.0, 1: 3.0}, drifting=[0])
+
+        return foretold(head_on(seconds=8.0), fate).verdict()
+
+    assert judged(shown({0: 3.0, 1: 3.0})).who == ("robot1", "robot2")
+    assert judged(shown(freed={0: 40.0, 1: 40.0})).who == ("robot2",)
+
+
 def test_who_stands_behind_a_person_is_asked_about_soon_even_a_restless_one():
     def found_at(person) -> float:
-        def fate(watch, without):
-            return {"stuck": {"0": 3.0}, "freed": {}, "looked": 60.0}
+        def fate(watch, without, nudge):
+            return shown({0: 3.0})
 
         script = Script(
             robots=[Robot(stop_at(drive((-3, 0), (5, 0), 0.9), 3.0), goal=(5, 0))],
@@ -496,39 +586,103 @@ def test_who_stands_behind_a_person_is_asked_about_soon_even_a_restless_one():
     def to_and_fro(time):
         return (0.6, 0.4 * np.sin(2.0 * time))
 
-    assert 6.0 < found_at((0.6, 0.0)) < 7.0
-    assert 6.0 < found_at(to_and_fro) < 7.0
+    assert 4.0 < found_at((0.6, 0.0)) < 7.0
+    assert 4.0 < found_at(to_and_fro) < 7.0
+
+
+def test_who_moves_to_and_fro_on_one_place_is_asked_about_though_no_edge_shows_it_stuck():
+    asked = []
+
+    def fate(watch, without, nudge):
+        asked.append(watch)
+        return shown(freed={0: 1e3})
+
+    def to_and_fro(time):
+        return (0.3 * np.sin(1.5 * time), 0.0, 0.0)
+
+    foretold(Script(robots=[Robot(to_and_fro, goal=(5, 0))], seconds=12.0), fate)
+    assert asked
 
 
 # --- when a forecast has seen enough ---------------------------------------------------------
 
 
-def looked_for(robot, *, person_speed=None) -> float:
-    """How long a forecast follows a robot ``robot(time)`` and a person of that speed [s]."""
+def watched(robots, *, person_speed=None, asked=(0,), seconds=71.0, **more) -> tuple[float, dict]:
+    """How long a forecast follows ``robots`` and a person of that speed [s], and its answer."""
     people = [] if person_speed is None else [Human((4.0, 4.0))]
-    script = Script(robots=[Robot(robot, goal=(5.0, 0.0))], humans=people, seconds=71.0)
+    script = Script(robots=robots, humans=people, seconds=seconds, **more)
     world = script.world()
-    watch = ContinuationWatch(ProgressClock(world), [0], settled=0.0, until=70.0)
+    watch = ContinuationWatch(ProgressClock(world), asked, settled=0.0, until=seconds - 1.0)
     for frame in script.frames(world):
         speed = 0.0 if person_speed is None else person_speed(frame.sensed.time)
         velocity = np.tile([speed, 0.0], (len(people), 1))
         moved = dataclasses.replace(frame.sensed, human_velocity=velocity)
         if watch.update(dataclasses.replace(frame, sensed=moved)):
             break
-    return watch.answer()["looked"]
+    return frame.sensed.time, watch.answer()
+
+
+def looked_for(robot, **more) -> float:
+    return watched([Robot(robot, goal=(5.0, 0.0))], **more)[0]
 
 
 def test_a_forecast_ends_once_nothing_has_moved_for_half_a_minute():
-    assert looked_for((0.0, 0.0)) == pytest.approx(30.0, abs=0.2)
+    assert looked_for((0.0, 0.0)) == pytest.approx(30.0, abs=0.5)
     settles = looked_for(lambda time: (0.01 * np.exp(-time), 0.0, 0.0))
     assert 30.0 < settles < 40.0
 
 
 def test_a_forecast_does_not_take_the_creep_off_an_unstable_balance_for_rest():
-    assert looked_for(lambda time: (1e-6 * np.exp(time / 8.0), 0.0, 0.0)) > 65.0
+    def balanced(time):
+        return (1e-6 * np.exp(time / 8.0), 0.0, 0.0)
+
+    looked, answer = watched([Robot(balanced, goal=(5.0, 0.0))])
+    assert looked >= 60.0
+    assert answer["drifting"] == [0]
 
 
 def test_a_forecast_goes_on_while_a_person_squeezes_past_but_not_for_one_who_walks_about():
-    assert looked_for((0.0, 0.0), person_speed=lambda time: 0.005) == pytest.approx(70.0, abs=0.2)
+    assert looked_for((0.0, 0.0), person_speed=lambda time: 0.005) == pytest.approx(70.0, abs=0.5)
     walks = looked_for((0.0, 0.0), person_speed=lambda time: abs(np.sin(time / 5.0)))
-    assert walks == pytest.approx(60.0, abs=0.2)
+    assert walks == pytest.approx(60.0, abs=0.5)
+
+
+@pytest.mark.parametrize("speed", [0.0002, 0.0013])
+def test_a_robot_that_creeps_steadily_is_stuck(speed):
+    looked, answer = watched([Robot(drive((0, 0), (5, 0), speed), goal=(5.0, 0.0))], seconds=120.0)
+    assert looked < 62.0
+    assert list(answer["stuck"]) == ["0"]
+    assert answer["drifting"] == []
+
+
+def test_a_robot_that_drives_slowly_but_steadily_is_free():
+    _, answer = watched([Robot(drive((0, 0), (5, 0), 0.02), goal=(5.0, 0.0))])
+    assert list(answer["freed"]) == ["0"]
+
+
+def test_a_forecast_waits_for_a_service_that_is_longer_than_a_pause():
+    task = Task(arrival=0.0, start=0, end=0, deadline=800.0, pickup_time=60.0)
+
+    def leaves(time):
+        return (0.0, 0.0, 0.0) if time < 60.0 else (0.9 * (60.0 - time), 0.0, 0.0)
+
+    def then_waits(time):
+        return (0.0, 0.0) if time < 60.0 else (-9.0, 0.0)
+
+    behind = drive((2, 0), (0, 0), 0.5, leave=62.0)
+    script = {
+        "rooms": [(0.0, 0.0)],
+        "resources": [room_resource(0, (0.0, 0.0), SPOTS)],
+        "tasks": [task],
+        "seconds": 90.0,
+    }
+    queue = Robot(behind, goal=lambda t: (2.0, 0.0) if t < 62.0 else (0.0, 0.0))
+    _, answer = watched([Robot(leaves, goal=then_waits), queue], asked=(1,), **script)
+    assert list(answer["freed"]) == ["1"]
+
+
+def test_the_edges_of_a_forecast_are_those_at_its_end():
+    comes = stop_at(drive((6, 0), (-5, 0), 0.9), 6.2)
+    robots = [Robot((-0.2, 0), goal=(5, 0)), Robot(comes, goal=(-5, 0))]
+    _, answer = watched(robots, walls=corridor(1.0, 16.0), bounds=(-8.0, -0.7, 8.0, 0.7))
+    assert [(edge["robot"], edge["other"]) for edge in answer["edges"]] == [(0, 1), (1, 0)]

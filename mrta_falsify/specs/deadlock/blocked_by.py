@@ -25,11 +25,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import BlockedBy, Command, Intent, Sensed, StackEvent
+from mrta_falsify.core.fleet import BlockedBy, Command, Intent, Sensed, StackEvent, Tells
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.free_distance import FreeDistance
 from mrta_falsify.specs.deadlock.goals import GoalMap
 from mrta_falsify.specs.deadlock.no_path import NoPathReasons
-from mrta_falsify.specs.deadlock.obstruction import Obstruction
+from mrta_falsify.specs.deadlock.obstruction import HUMAN_REACH, Obstruction
 from mrta_falsify.specs.deadlock.occupancy import SolidGrid
 from mrta_falsify.specs.deadlock.queue_edges import queue_edges, queue_edges_from_afar
 from mrta_falsify.specs.deadlock.service_clock import ServiceClock
@@ -57,6 +58,7 @@ class BlockedByTracker:
     _stride: int = field(init=False)
     _edges: tuple[BlockedBy, ...] = ()
     _joins: Array = field(init=False)
+    _free: FreeDistance | None = None  #: for stacks that tell no paths
 
     def __post_init__(self) -> None:
         world = self.world
@@ -69,7 +71,12 @@ class BlockedByTracker:
         self._joins = np.array([robot.joins_at for robot in world.robots])
 
     def update(
-        self, sensed: Sensed, command: Command, intent: Intent, events: Sequence[StackEvent]
+        self,
+        sensed: Sensed,
+        command: Command,
+        intent: Intent,
+        events: Sequence[StackEvent],
+        tells: Tells = Tells(),  # noqa: B008 - immutable
     ) -> tuple[BlockedBy, ...]:
         """Derive the edges of this tick, sorted by robot.
 
@@ -80,6 +87,8 @@ class BlockedByTracker:
             command: not used; commands are claims until they move something.
             intent: only goals, paths and the number of stops left are used.
             events: not used.
+            tells: whether the stack tells paths; without, robots are taken to drive the shortest
+                way past walls and furniture.
         """
         del command, events
         since = self._standstill.update(sensed.pose, sensed.time, intent.goal)
@@ -98,6 +107,7 @@ class BlockedByTracker:
             position=np.ascontiguousarray(sensed.pose[:, :2]),
             still=still,
             present=self._joins <= sensed.time,
+            path=intent.path if tells.paths else self._shortest_ways(sensed, intent),
             goal=tuple(self._service.goal),
             at_goal=self._service.at_goal,
         )
@@ -105,6 +115,17 @@ class BlockedByTracker:
         if edges != self._edges:
             self._edges = edges
         return self._edges
+
+    def _shortest_ways(self, sensed: Sensed, intent: Intent) -> tuple[Array, ...]:
+        """Find the way past walls and furniture that each robot with a goal should take."""
+        if self._free is None:
+            self._free = FreeDistance(self.world)
+        return tuple(
+            self._free.way(position, goal, HUMAN_REACH)
+            if np.isfinite(goal).all()
+            else np.zeros((0, 2))
+            for position, goal in zip(sensed.pose[:, :2], intent.goal, strict=True)
+        )
 
     def _edges_of(self, fleet: FleetSnapshot) -> tuple[BlockedBy, ...]:
         found: dict[int, list[BlockedBy]] = {}
@@ -142,7 +163,7 @@ class BlockedByTracker:
             return queue_edges(fleet, i, goal) or [BlockedBy(i, "stalled")]
         if fleet.at_goal[i] and goal.kind == "room":
             return self._obstruction.edges(fleet, i) or [BlockedBy(i, "stalled")]
-        if len(fleet.intent.path[i]) == 0:
+        if len(fleet.path[i]) == 0:
             return self._no_path.edges(fleet, i, goal)
         found = self._obstruction.edges(fleet, i)
         if not found and goal.resource >= 0:

@@ -2,83 +2,178 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import BlockedBy, Frame
-from mrta_falsify.core.world import World
+from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.deadlock.goals import GoalMap
 from mrta_falsify.specs.deadlock.place_kind import kind_of_place
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot
+
+PUSHING_REACH = 2.0  # m from a person's centre to the centre of a piece that the person pushes
+
+ObjectKind = Literal["furniture", "person", "blockage", "wall"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deadlock:
     """A set of robots that waits for itself for good."""
 
-    knot: EdgesByRobot  #: edges of each member
-    victims: frozenset[int]  #: robots that wait for the members
-    onset: float  #: when the last member stopped [s]
-    hard: bool  #: no member has a way round the others
-    confirmed: bool  #: by a forecast, not by patience
-
-    @property
-    def members(self) -> tuple[int, ...]:
-        """Robots without any of whom the others would go free, sorted."""
-        return tuple(self.knot)
+    members: tuple[int, ...]  #: without whom the others go free
+    victims: tuple[int, ...]  #: robots that wait for the members
+    edges: EdgesByRobot  #: of the wait-for graph, once the deadlock had settled
+    onsets: Mapping[int, float]  #: since when each member has made no progress [s]
+    confirmed: bool  #: by a continuation
 
     @property
     def robots(self) -> frozenset[int]:
         """Members and victims."""
-        return self.victims | set(self.knot)
+        return frozenset({*self.members, *self.victims})
 
 
-def deadlock_evidence(
-    deadlock: Deadlock, stuck: Collection[int], world: World, frame: Frame
-) -> dict[str, Any]:
-    """Describe a deadlock for its verdict, JSON-shaped.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeRow:
+    """Who waits for whom, by name."""
+
+    robot: str
+    cause: str  #: of the blocked-by edge
+    blocked_by: str  #: robot or person, empty: none
+    resource: str  #: queue, solid or blockage, empty: none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectRow:
+    """A thing or a person that takes part in a deadlock."""
+
+    name: str
+    kind: ObjectKind
+    carried_by: str = ""  #: the person who pushes it, empty: none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceRow:
+    """Where a deadlock is."""
+
+    x: float  #: [m]
+    y: float  #: [m]
+    near: str  #: room or queue
+    distance: float  #: to it [m]
+    kind: str  #: of place, see :mod:`mrta_falsify.specs.deadlock.place_kind`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeadlockEvidence:
+    """What is shown of a deadlock."""
+
+    members: tuple[str, ...]  #: first by onset first
+    root: str  #: the first of them
+    onsets: dict[str, float]  #: since when each member has made no progress [s]
+    victims: tuple[str, ...]  #: robots that wait for members
+    blockers: tuple[str, ...]  #: robots outside the deadlock that members wait for
+    cycle: tuple[EdgeRow, ...]  #: edges of the members
+    chain: tuple[EdgeRow, ...]  #: edges of the victims
+    objects: tuple[ObjectRow, ...]  #: things and people on those edges
+    place: PlaceRow
+    onset: float  #: since when no member has made progress [s]
+    detected_at: float  #: [s]
+    confirmed: bool  #: by a continuation; else it is only suspected
+
+    def encoded(self, others: Iterable[DeadlockEvidence] = ()) -> dict[str, Any]:
+        """Give the evidence of a verdict, JSON-shaped, with further deadlocks in ``others``."""
+        rows: dict[str, Any] = codec.encode(self)
+        return {**rows, "others": [codec.encode(other) for other in others]}
+
+
+def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence:
+    """Describe a deadlock for its verdict.
 
     Args:
         deadlock: found at this moment.
-        stuck: robots that the reduction of the wait-for graph leaves over.
         world: of the episode.
         frame: of the moment.
     """
     names = [robot.name for robot in world.robots]
-    shown = [edge for own in deadlock.knot.values() for edge in own]
-    others = {edge.other for edge in shown if edge.cause != "human"}
-    blockers = others - set(stuck) - deadlock.robots - {-1}
-    stand = frame.sensed.pose[list(deadlock.members), :2]
+    members = sorted(deadlock.members, key=lambda i: (deadlock.onsets[i], i))
+    cycle = [edge for i in sorted(members) for edge in deadlock.edges.get(i, ())]
+    chain = [edge for i in sorted(deadlock.victims) for edge in deadlock.edges.get(i, ())]
+    others = {edge.other for edge in cycle if edge.cause != "human"}
+    stand = frame.sensed.pose[members, :2]
     place = stand.mean(axis=0)
     near, distance = GoalMap(world).nearest_name(place)
-    return {
-        "members": [names[i] for i in deadlock.members],
-        "cycle": [_shown_edge(edge, world) for edge in shown],
-        "victims": [names[i] for i in sorted(deadlock.victims)],
-        "blockers": sorted(names[i] for i in blockers),
-        "place": {
-            "x": float(place[0]),
-            "y": float(place[1]),
-            "near": near,
-            "distance": distance,
-            "kind": kind_of_place(world, stand),
-        },
-        "onset": deadlock.onset,
-        "detected_at": frame.sensed.time,
-        "hard": deadlock.hard,
-        "confirmed": deadlock.confirmed,
-    }
+    return DeadlockEvidence(
+        members=tuple(names[i] for i in members),
+        root=names[members[0]],
+        onsets={names[i]: deadlock.onsets[i] for i in members},
+        victims=tuple(names[i] for i in sorted(deadlock.victims)),
+        blockers=tuple(sorted(names[i] for i in others - deadlock.robots - {-1})),
+        cycle=tuple(_edge_row(edge, world) for edge in cycle),
+        chain=tuple(_edge_row(edge, world) for edge in chain),
+        objects=_objects((*cycle, *chain), world, frame),
+        place=PlaceRow(
+            x=float(place[0]),
+            y=float(place[1]),
+            near=near,
+            distance=distance,
+            kind=kind_of_place(world, stand),
+        ),
+        onset=max(deadlock.onsets.values()),
+        detected_at=frame.sensed.time,
+        confirmed=deadlock.confirmed,
+    )
 
 
-def _shown_edge(edge: BlockedBy, world: World) -> dict[str, str]:
+def _edge_row(edge: BlockedBy, world: World) -> EdgeRow:
     other = ""
     if edge.other >= 0:
         blockers = world.humans if edge.cause == "human" else world.robots
         other = blockers[edge.other].name
-    return {
-        "robot": world.robots[edge.robot].name,
-        "cause": edge.cause,
-        "blocked_by": other,
-        "resource": edge.resource,
+    robot = world.robots[edge.robot].name
+    return EdgeRow(robot=robot, cause=edge.cause, blocked_by=other, resource=edge.resource)
+
+
+def _objects(edges: Iterable[BlockedBy], world: World, frame: Frame) -> tuple[ObjectRow, ...]:
+    """List the things and people on ``edges``, and what those people push."""
+    kinds: dict[str, ObjectKind] = {wall.name: "wall" for wall in world.walls}
+    kinds |= {item.name: "furniture" for item in world.furniture}
+    kinds |= {event.name: "blockage" for event in world.events if isinstance(event, Blockage)}
+    pushed_by = {
+        step.furniture: human.name
+        for human in world.humans
+        for step in human.directives
+        if isinstance(step, Push)
     }
+    found: dict[str, ObjectRow] = {}
+    for edge in edges:
+        if edge.cause == "human":
+            person = world.humans[edge.other].name
+            found[person] = ObjectRow(name=person, kind="person")
+            things = _pushed_now(edge.other, world, frame)
+        else:
+            things = [edge.resource] if edge.cause in ("wall", "no-path") else []
+        for name in things:
+            if name in kinds:
+                carrier = pushed_by.get(name, "")
+                found[name] = ObjectRow(name=name, kind=kinds[name], carried_by=carrier)
+    return tuple(found[name] for name in sorted(found))
+
+
+def _pushed_now(person: int, world: World, frame: Frame) -> list[str]:
+    """Name the pieces that a person of the script pushes and stands next to."""
+    steps = [step for step in world.humans[person].directives if isinstance(step, Push)]
+    own = {step.furniture for step in steps}
+    pieces = world.movable_furniture()
+    poses = frame.sensed.furniture_pose
+    if len(poses) != len(pieces):
+        return []
+    away = np.hypot(*(poses[:, :2] - frame.sensed.human_position[person]).T)
+    return [
+        item.name
+        for item, gap in zip(pieces, away, strict=True)
+        if item.name in own and gap <= PUSHING_REACH
+    ]

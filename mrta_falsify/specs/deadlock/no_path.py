@@ -7,7 +7,7 @@ import numpy as np
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import Goal
-from mrta_falsify.specs.deadlock.occupancy import SolidGrid, is_temporary
+from mrta_falsify.specs.deadlock.occupancy import SOLID_CLEARANCE, SolidGrid, is_temporary
 from mrta_falsify.specs.deadlock.queue_edges import queue_edges_from_afar
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 
@@ -28,6 +28,9 @@ class NoPathReasons:
         self._world = world
         self._space = space
         self._radius = np.array([robot.radius for robot in world.robots])
+        # What leaves a gap too narrow for any robot closes the way as well.
+        narrowest = float(self._radius.min(initial=SOLID_CLEARANCE))
+        self._body = SolidGrid(world, clearance=narrowest)
         self._known: dict[tuple[int, ...], tuple[BlockedBy, ...]] = {}
 
     def edges(self, fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
@@ -57,7 +60,10 @@ class NoPathReasons:
         events = enumerate(self._world.events)
         return (
             i,
+            *resting,
+            -1,
             *(k for k, event in events if event.start <= sensed.time < event.end),
+            -1,
             *np.round(places / KEY_STEP).astype(int).tolist(),
         )
 
@@ -76,10 +82,13 @@ class NoPathReasons:
             )
 
         if not is_reachable([]):
-            later = is_reachable([], ignore_temporary=True)
-            return (BlockedBy(i, "no-path", -1, self._blockage_at(time) if later else UNREACHABLE),)
+            closing = self._space.closing(start, goal, time)
+            if not closing and is_reachable([], ignore_temporary=True):
+                closing = self._blockage_at(time)
+            return (BlockedBy(i, "no-path", -1, closing or UNREACHABLE),)
         if is_reachable(resting):
-            return (BlockedBy(i, "no-path"),)
+            self._body.furnish(fleet.sensed.furniture_pose)
+            return (BlockedBy(i, "no-path", -1, self._body.closing(start, goal, time)),)
         alone = [j for j in resting if not is_reachable([j])]
         return tuple(BlockedBy(i, "no-path", j) for j in alone or resting)
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.ndimage import binary_dilation, label
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.world import Blockage, Furniture, World
 from mrta_falsify.specs.deadlock.occupancy_kernels import (
     Disc,
@@ -104,6 +105,38 @@ class SolidGrid:
         from_here = self._disc(start, START_REACH)
         to_there = self._disc(goal, GOAL_REACH)
         return bool(flood(blocked, from_here, to_there, self.cell))
+
+    def closing(self, start: Array, goal: Array, time: float) -> str:
+        """Name the piece of furniture or blockage that alone closes the way; empty: none.
+
+        Args:
+            start: where the robot stands ``(2,)`` [m].
+            goal: where it wants to go ``(2,)`` [m].
+            time: which blockages stand [s].
+        """
+        owner = self._grid(time)
+        assert self._owner is not None
+        places, _ = label(owner == 0, structure=np.ones((3, 3), dtype=np.int8))
+        here = self._border_of(places, owner, start, START_REACH)
+        there = self._border_of(places, owner, goal, GOAL_REACH)
+        discs = self._disc(start, START_REACH), self._disc(goal, GOAL_REACH)
+        for number in sorted(here & there):
+            under = np.where(self._owner == number, 0, self._owner)
+            blocked = np.where(owner == number, under, owner) != 0
+            if number > len(self.world.walls) and flood(blocked, *discs, self.cell):
+                return self.names[number - 1]
+        return ""
+
+    def _border_of(
+        self, places: IntArray, owner: Owners, point: Array, reach: float
+    ) -> frozenset[int]:
+        """Find the solids around the free place that ``point`` is in, and those on the point."""
+        rows, cols = np.indices(owner.shape)
+        x, y = point - self._origin
+        near = np.hypot((cols + 0.5) * self.cell - x, (rows + 0.5) * self.cell - y) <= reach
+        inside = np.isin(places, np.unique(places[near & (places > 0)])) & (places > 0)
+        grown = binary_dilation(inside | near, structure=np.ones((3, 3)))
+        return frozenset(np.unique(owner[grown]).tolist()) - {0}
 
     def _disc(self, point: Array, radius: float) -> Disc:
         x, y = point - self._origin

@@ -1,45 +1,33 @@
-"""The deadlock oracle: robots that wait for each other, or for something that never moves.
+"""The deadlock oracle: robots that never reach their next stop, because of each other.
 
-A robot is *stuck* if every blocked-by edge of it leads to a stuck robot or to something
-permanent: a solid (furniture on wheels once it has rested as long as a person who stands), a
-goal that cannot be reached, an idle robot, nothing at all. A deadlock is a knot: a set of stuck
-robots that wait only among themselves. Robots that queue up behind it are its victims, not its
-members: were a member taken away, the rest would go free.
+A robot is *stuck* if it never reaches its next stop although nothing more comes from outside. The
+run itself tells (see :class:`~mrta_falsify.core.protocols.Forecast`): a copy of it continues
+without new tasks, blockages and outages. A robot that creeps, or gets free in fewer than half of
+several copies with small differences, is stuck as well. Copies without one robot each tell the
+*members* of a deadlock: those without whom the others reach their stops. The others are its
+victims.
 
-Where possible, the run itself tells whether a knot is a deadlock (see
-:class:`~mrta_falsify.core.protocols.Forecast`). A copy of the run continues without anything new
-from outside, until all are at rest, or for four minutes. A set that gets going again is no
-deadlock. For a set that does not, counterfactuals without one robot each tell its members: those
-without whom the others go free.
-
-Without forecasts (a recorded trace, a system that cannot copy a process) patience decides. How
-long a knot must last before it counts then depends on whether anything could still resolve it.
-A hard knot counts after a few seconds, unless robots stand in each other's way: they may still
-back off, which neither motion nor geometry rules out. Those, and knots that are not hard, are
-given longer, since a stack may re-plan, as ours does when a robot has been parked for 5 s.
+Where the run cannot be copied (a recorded trace, a system other than Linux, an open window) one
+rule applies. Robots are *suspected* once they and all that they wait for have stood for 30 s. A
+suspicion is no failure: the verdict is that the specification was not judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any
 
-from mrta_falsify.core.arrays import Array
+import numpy as np
+
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Forecast
-from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
-from mrta_falsify.specs.deadlock.counterfactual import CounterfactualTest
-from mrta_falsify.specs.deadlock.evidence import Deadlock, deadlock_evidence
-from mrta_falsify.specs.deadlock.patience import Hardness, Patience
-from mrta_falsify.specs.deadlock.permanence import Permanence
-from mrta_falsify.specs.deadlock.reduction import ReducedGraph
-from mrta_falsify.specs.deadlock.standstill import Standstill
-from mrta_falsify.specs.deadlock.stuck_clock import StuckClock
-from mrta_falsify.specs.deadlock.suspects import AskAfter, find_suspects
+from mrta_falsify.specs.deadlock.counterfactual import CounterfactualTest, FoundDeadlock
+from mrta_falsify.specs.deadlock.evidence import Deadlock, DeadlockEvidence, describe
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.suspects import SuspectClock
 from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
@@ -48,62 +36,45 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     victims_of,
 )
 
-UNCONFIRMED = 0.95  # of the patience is all that a knot can use up before a forecast confirms it
-SHUFFLE_PATIENCE = 1.5  # times the soft patience, for knots that only shuffle
+SUSPECTED_AFTER = 30.0  # s for which robots and all that they wait for must stand
+UNCONFIRMED = 0.95  # of the robustness is all that robots can lose before a continuation decides
+HALF_LOST_AFTER = 15.0  # s of waiting for a robot, of the half that waiting alone can lose
+
+SPEC = "no_deadlock"
+NO_COPY = "a deadlock is suspected, but this run cannot be copied to confirm it"
 
 
 class NoDeadlock:
     """No set of robots waits for itself for good.
 
-    Robustness [s]: patience minus the age of the oldest knot so far. The age of a soft knot runs
-    slower by ``patience / soft_patience``. A robot that merely waits for another one lowers
-    robustness too, but never below half the patience, so that a search has a slope. Where there
-    are forecasts, only a deadlock that one confirmed takes it below 0.
+    Robustness [s]: 30 s, less the share that is lost. A robot that has waited for another one for
+    time t loses ``t / (t + 15 s)`` of one half. Robots that stand with all that they wait for
+    lose as much as they have stood, up to 95 %. Only a deadlock that a continuation confirmed
+    takes it below 0, to minus the time from its onset to its detection.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """Times after which a knot is a deadlock, or is asked about in a forecast."""
+        """How far a continuation goes."""
 
-        patience: float = quantity(above=0.0, unit="s", default=4.0)  #: no member has a way round
-        soft_patience: float = quantity(above=0.0, unit="s", default=15.0)  #: a member may have
-        idle_patience: float = quantity(above=0.0, unit="s", default=12.0)  #: behind an idle robot
-        human_patience: float = quantity(above=0.0, unit="s", default=30.0)  #: a person who stands
-        robot_gap: float = quantity(above=0.0, unit="m", default=0.6)  #: needed to pass a robot
-        #: a robot stuck, or standing, for so long is asked about in a forecast
-        ask_closed: float = quantity(above=0.0, unit="s", default=1.5)
-        ask_standing: float = quantity(above=0.0, unit="s", default=20.0)
-        #: so is a robot that has stood for so long with nothing but people in its way
-        ask_behind: float = quantity(above=0.0, unit="s", default=3.0)
-        look_ahead: float = quantity(above=0.0, unit="s", default=240.0)  #: of a forecast, at most
+        look_ahead: float = quantity(above=0.0, unit="s", default=240.0)  #: at most
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._patience = Patience(
-            hard=options.patience, behind_idle=options.idle_patience, soft=options.soft_patience
-        )
-        self._ask_after = AskAfter(
-            stuck=options.ask_closed,
-            standing=options.ask_standing,
-            behind_people=options.ask_behind,
-        )
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
-        robots = len(world.robots)
         self._world = world
         self._stride = max(1, round(EDGES_EVERY / dt))
-        self._standstill = Standstill(robots)
-        self._stuck_clock = StuckClock(robots)
-        self._permanence = Permanence(world, self._options.human_patience)
-        self._hardness = Hardness(world, self._options.robot_gap)
-        self._test = CounterfactualTest(world)
+        self._progress = ProgressClock(world)
+        self._suspects = SuspectClock(world, self._progress)
+        self._test = CounterfactualTest(world, self._progress, self._options.look_ahead)
         self._forecast: Forecast | None = None
-        self._used_up = 0.0  # largest share of the patience
-        self._longest_wait = 0.0
-        self._violated_at: float | None = None
+        self._lost = 0.0  # largest share of the robustness
         self._found: list[Deadlock] = []
-        self._evidence: list[dict[str, Any]] = []
+        self._evidence: list[DeadlockEvidence] = []
+        self._suspected: DeadlockEvidence | None = None
+        self._missing = ""
 
     def foresee(self, forecast: Forecast) -> None:
         """See :class:`mrta_falsify.core.protocols.Foreseeing`."""
@@ -111,116 +82,106 @@ class NoDeadlock:
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        sensed = frame.sensed
-        since = self._standstill.update(sensed.pose, sensed.time, frame.intent.goal)
-        if sensed.tick % self._stride:
+        if not frame.tells.goals:
+            self._missing = "the stack does not tell where its robots are going"
             return
-        self._permanence.update(sensed)
-        if self._forecast is not None:
-            self._test.update(frame)
-        if not frame.blocked_by:
+        self._suspects.watch(frame)
+        if frame.sensed.tick % self._stride:
             return
-        graph = self._permanence.reduce(edges_by_robot(frame.blocked_by), sensed.time)
-        self._stuck_clock.update(graph.stuck, sensed.pose[:, :2], sensed.time)
-        self._count_waits(graph.edges, since, sensed.time)
-        if self._forecast is not None:
-            self._judge_by_forecast(self._forecast, graph, frame, since)
-        self._judge_by_patience(graph, frame, since)
+        edges = edges_by_robot(frame.blocked_by)
+        self._progress.update(frame)
+        self._suspects.look(frame, edges)
+        self._note_loss()
+        if self._forecast is None:
+            self._suspect(edges, frame)
+            return
+        self._ask(self._forecast, edges, frame)
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
-        patience = self._options.patience
-        wait = self._longest_wait
-        share = max(self._used_up, 0.5 * wait / (wait + self._options.soft_patience))
-        robustness = patience * (1.0 - share)
-        if not self._found:
-            return Verdict(spec="no_deadlock", robustness=max(robustness, 0.0), violated=False)
-        first, *others = self._evidence
-        return Verdict(
-            spec="no_deadlock",
-            robustness=min(robustness, -1e-9),
-            violated=True,
-            violated_at=self._violated_at,
-            who=tuple(first["members"]),
-            evidence={**first, "others": others},
+        if self._missing:
+            return unjudged(SPEC, self._missing)
+        if self._evidence:
+            first, *others = self._evidence
+            return Verdict(
+                spec=SPEC,
+                robustness=min(first.onset - first.detected_at, -1e-9),
+                violated=True,
+                violated_at=first.detected_at,
+                who=first.members,
+                evidence=first.encoded(others),
+            )
+        if self._suspected is not None:
+            return Verdict(
+                spec=SPEC,
+                robustness=0.0,
+                violated=False,
+                who=self._suspected.members,
+                evidence=self._suspected.encoded(),
+                not_judged=NO_COPY,
+            )
+        return Verdict(spec=SPEC, robustness=SUSPECTED_AFTER * (1.0 - self._lost), violated=False)
+
+    def _note_loss(self) -> None:
+        wait = self._suspects.longest_wait()
+        closed = float(self._suspects.closed_for().max(initial=0.0))
+        self._lost = max(
+            self._lost,
+            0.5 * wait / (wait + HALF_LOST_AFTER),
+            min(closed / SUSPECTED_AFTER, UNCONFIRMED),
         )
 
-    def _count_waits(self, edges: EdgesByRobot, since: Array, time: float) -> None:
-        for i, own in edges.items():
-            if any(edge.other >= 0 and edge.cause != "human" for edge in own):
-                self._longest_wait = max(self._longest_wait, time - float(since[i]))
-
-    def _judge_by_forecast(
-        self, forecast: Forecast, graph: ReducedGraph, frame: Frame, since: Array
-    ) -> None:
+    def _ask(self, forecast: Forecast, edges: EdgesByRobot, frame: Frame) -> None:
         """Ask for a forecast if a robot may be stuck about which nothing is known yet."""
         time = frame.sensed.time
+        self._test.note_time(time)
         known = {i for deadlock in self._found for i in deadlock.robots}
-        suspects = find_suspects(
-            graph,
-            self._stuck_clock.stuck_for(time),
-            time - since,
-            self._ask_after,
-            is_last=time > self._world.horizon - EDGES_EVERY,
-        )
+        is_last = time > self._world.horizon - EDGES_EVERY
         asked = {
             i
-            for i in suspects - known
+            for i in self._suspects.suspects(is_last=is_last) - known
             if self._test.free_until[i] <= time
-            and not awaited_by(i, graph.edges, graph.edges) & known
+            and not awaited_by(i, range(len(self._world.robots)), edges) & known
         }
         if not asked:
             return
-        for members, robots in self._test.deadlocks(
-            forecast, asked, time, self._options.look_ahead
-        ):
-            if not known & set(robots):
-                victims = frozenset(robots) - set(members)
-                deadlock = self._deadlock(members, victims, graph, frame, since)
-                age = time - deadlock.onset
-                self._used_up = max(self._used_up, 1.0 + age / self._options.patience)
-                self._report(deadlock, graph.stuck, frame)
+        for found in self._test.deadlocks(forecast, asked, time):
+            if not known & set(found.group.robots):
+                self._report(_confirmed(found), frame)
 
-    def _judge_by_patience(self, graph: ReducedGraph, frame: Frame, since: Array) -> None:
-        """Let knots use up patience; without forecasts, report those that used up all of it."""
-        time, soft_patience = frame.sensed.time, self._options.soft_patience
-        for members in knots_of(graph.stuck, graph.edges):
-            victims = victims_of(members, graph.stuck, graph.edges)
-            deadlock = self._deadlock(members, victims, graph, frame, since)
-            edges = [edge for own in deadlock.knot.values() for edge in own]
-            patience = self._patience.of_knot(edges, graph.permanent, hard=deadlock.hard)
-            shuffled_for = self._stuck_clock.shuffled_for(members, time)
-            share = max(
-                (time - deadlock.onset) / patience,
-                shuffled_for / (SHUFFLE_PATIENCE * soft_patience),
-            )
-            if self._forecast is not None:
-                share = min(share, UNCONFIRMED)
-            self._used_up = max(self._used_up, share)
-            if share > 1.0:
-                self._report(deadlock, graph.stuck, frame)
-
-    def _deadlock(
-        self,
-        members: tuple[int, ...],
-        victims: frozenset[int],
-        graph: ReducedGraph,
-        frame: Frame,
-        since: Array,
-    ) -> Deadlock:
-        knot = {i: graph.edges.get(i, []) for i in members}
-        return Deadlock(
-            knot=knot,
-            victims=victims,
-            onset=self._stuck_clock.onset(members, since),
-            hard=self._hardness.is_hard(knot, graph.permanent, frame),
-            confirmed=self._forecast is not None,
-        )
-
-    def _report(self, deadlock: Deadlock, stuck: Collection[int], frame: Frame) -> None:
-        if self._violated_at is None:
-            self._violated_at = frame.sensed.time
-        if any(set(known.members) & set(deadlock.members) for known in self._found):
+    def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
+        """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
+        self._suspected = None
+        closed_for = self._suspects.closed_for()
+        stuck = set(np.flatnonzero(closed_for >= SUSPECTED_AFTER).tolist())
+        if not stuck or self._awaits_an_end(frame.sensed.time):
             return
+        members = knots_of(stuck, edges)[0]
+        deadlock = Deadlock(
+            members=members,
+            victims=tuple(sorted(victims_of(members, stuck, edges))),
+            edges=edges,
+            onsets={i: frame.sensed.time - float(closed_for[i]) for i in members},
+            confirmed=False,
+        )
+        self._suspected = describe(deadlock, self._world, frame)
+
+    def _awaits_an_end(self, time: float) -> bool:
+        """Whether an outside event is in force that will end before the horizon."""
+        horizon = self._world.horizon
+        return any(event.start <= time < event.end < horizon for event in self._world.events)
+
+    def _report(self, deadlock: Deadlock, frame: Frame) -> None:
         self._found.append(deadlock)
-        self._evidence.append(deadlock_evidence(deadlock, stuck, self._world, frame))
+        self._evidence.append(describe(deadlock, self._world, frame))
+
+
+def _confirmed(found: FoundDeadlock) -> Deadlock:
+    members, robots = found.group
+    return Deadlock(
+        members=members,
+        victims=tuple(i for i in robots if i not in members),
+        edges=found.edges,
+        onsets={i: found.last[i] for i in members},
+        confirmed=True,
+    )

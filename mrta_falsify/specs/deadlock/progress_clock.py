@@ -1,27 +1,36 @@
-"""When did a robot last make progress towards its goal?
+"""When did a robot last make progress towards its next stop?
 
 The answer depends neither on blocked-by edges nor on the stack's paths. Distance to the goal is
-measured along free space (walls and furniture only). So a way round counts as progress; shuffling
-to and fro, or a new path, does not.
+measured along free space. So a way round counts as progress; shuffling to and fro, or a new path,
+does not. Neither does creep: a robot must come nearer at a pace that leads somewhere.
 """
 
 from __future__ import annotations
 
-import heapq
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.fleet import Frame, Intent
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
+from mrta_falsify.specs.deadlock.free_distance import FreeDistance
+from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 
-PROGRESS_STEP = 0.1  # m nearer to the goal than ever before: progress
+PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's radius: progress ...
+#: ... if it took no longer than at this share of the robot's largest speed. A way at this pace
+#: takes 200 times as long as a free drive; numerical creep is slower by another factor of five
+PACE = 0.005
 GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is no progress
-DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
+
+
+@dataclass(slots=True)
+class _Approach:
+    """How near a robot has come to a goal."""
+
+    goal: Array  #: (2,) [m]
+    nearest: float  #: along free space, when last looked at [m]
+    since: float  #: when that was [s]
 
 
 @dataclass(slots=True)
@@ -31,15 +40,19 @@ class ProgressClock:
     world: World
     step: float = PROGRESS_STEP  #: how much nearer is progress [m]
     last: Array = field(init=False)  #: (N,) [s]
-    _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
-    _best: list[list[tuple[int, Array, float]]] = field(init=False)
-    _free: BoolArray = field(init=False)
+    _within: Array = field(init=False)  #: (N,) time that a step may take [s]
+    _left: list[int] = field(init=False)  #: stops left
+    _approaches: list[list[_Approach]] = field(init=False)  #: since then
+    _space: FreeDistance = field(init=False)
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
         self.last = np.zeros(robots)
-        self._best = [[] for _ in range(robots)]
-        self._free = SolidGrid(self.world).lasting_free()
+        speed = np.array([robot.max_speed for robot in self.world.robots])
+        self._within = self.step / (PACE * speed)
+        self._left = [-1] * robots
+        self._approaches = [[] for _ in range(robots)]
+        self._space = FreeDistance(self.world)
 
     def update(self, frame: Frame) -> Array:
         """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
@@ -54,7 +67,8 @@ class ProgressClock:
         """Take in where robot ``i`` is; time of its last progress [s].
 
         Progress is a stop done, or a goal that the robot never had at its present number of stops
-        left. To be nearer to such a goal by ``step`` than ever before is progress, too.
+        left. To come nearer to such a goal by ``step`` than ever before is progress, too, unless
+        it takes longer than at ``PACE`` times the robot's largest speed.
 
         Args:
             i: robot.
@@ -65,55 +79,37 @@ class ProgressClock:
         """
         if not np.isfinite(goal[0]):
             return float(self.last[i])
-        away = self._distance(position, goal)
-        known = self._best[i]
-        if known and known[0][0] != left:
-            known.clear()
-        for k, (_, old, best) in enumerate(known):
-            if np.hypot(*(old - goal)) <= GOAL_SPREAD:
-                if away < best - self.step:
-                    known[k] = (left, old, away)
-                    self.last[i] = time
+        if self._left[i] != left:
+            self._left[i] = left
+            self._approaches[i].clear()
+        away = self._space.between(position, goal)
+        for known in self._approaches[i]:
+            if np.hypot(*(known.goal - goal)) <= GOAL_SPREAD:
+                self._compare(i, known, away, time)
                 break
         else:
-            known.append((left, goal.copy(), away))
+            self._approaches[i].append(_Approach(goal.copy(), away, time))
             self.last[i] = time
         return float(self.last[i])
 
-    def _distance(self, position: Array, goal: Array) -> float:
-        """Measure the distance along free space if there is a way, else the straight one [m]."""
-        straight = float(np.hypot(*(position - goal)))
-        cell = self._cell(goal)
-        if cell not in self._maps:
-            self._maps[cell] = _distances(self._free, *cell, GRID_CELL)
-        row, col = self._cell(position)
-        way = float(self._maps[cell][row, col])
-        return way if np.isfinite(way) and way > DETOUR_FROM else straight
-
-    def _cell(self, point: Array) -> tuple[int, int]:
-        rows, cols = self._free.shape
-        col, row = np.floor((point - self.world.bounds[:2]) / GRID_CELL).astype(int)
-        return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
+    def _compare(self, i: int, known: _Approach, away: float, time: float) -> None:
+        is_in_time = time - known.since <= self._within[i]
+        if away <= known.nearest - self.step:
+            if is_in_time:
+                self.last[i] = time
+        elif is_in_time:
+            return
+        known.nearest, known.since = min(known.nearest, away), time
 
 
-@njit(cache=True)
-def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
-    """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
-    rows, cols = free.shape
-    found = np.full(free.shape, np.inf)
-    found[goal_row, goal_col] = 0.0
-    heap = [(0.0, goal_row, goal_col)]
-    while len(heap) > 0:
-        cost, row, col = heapq.heappop(heap)
-        if cost > found[row, col]:
-            continue
-        for up in range(-1, 2):
-            for side in range(-1, 2):
-                r, c = row + up, col + side
-                if r < 0 or r >= rows or c < 0 or c >= cols or not free[r, c]:
-                    continue
-                total = cost + cell * math.sqrt(up * up + side * side)
-                if total < found[r, c] - 1e-9:
-                    found[r, c] = total
-                    heapq.heappush(heap, (total, r, c))
-    return found
+def has_stop_to_reach(intent: Intent, position: Array) -> Array:
+    """Tell which robots still have to reach something, ``(N,)``.
+
+    Those without a goal do not, nor those that have arrived after their last stop.
+
+    Args:
+        intent: goals and stops left.
+        position: ``(N, 2)`` [m].
+    """
+    away = np.hypot(*(position - intent.goal).T)
+    return np.isfinite(away) & ((away > AT_GOAL) | (intent.tasks_left > 0))

@@ -22,6 +22,7 @@ class FleetSnapshot:
     position: Array  #: (N, 2) [m], contiguous
     still: BoolArray  #: (N,) stands on its spot
     present: BoolArray  #: (N,) has joined
+    path: tuple[Array, ...]  #: N polylines (L, 2) that the robots drive along [m], empty: none
     goal: tuple[Goal | None, ...]  #: N meanings of the goals, None: no goal
     at_goal: BoolArray  #: (N,)
 
@@ -34,7 +35,7 @@ class FleetSnapshot:
 
     def way(self, i: int) -> Array:
         """Give robot ``i``'s path ``(L, 2)`` [m]; without one, the straight line to its goal."""
-        path = self.intent.path[i]
+        path = self.path[i]
         if len(path):
             return np.ascontiguousarray(path, dtype=np.float64)
         return np.stack([self.position[i], self.intent.goal[i]])

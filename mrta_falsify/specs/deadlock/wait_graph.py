@@ -28,7 +28,7 @@ def awaited_by(start: int, among: Collection[int], edges: EdgesByRobot) -> set[i
     reached: set[int] = set()
     border = [start]
     while border:
-        for edge in edges[border.pop()]:
+        for edge in edges.get(border.pop(), ()):
             if edge.cause != "human" and edge.other in among and edge.other not in reached:
                 reached.add(edge.other)
                 border.append(edge.other)

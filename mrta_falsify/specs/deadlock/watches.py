@@ -1,4 +1,4 @@
-"""What the deadlock oracle looks for in a forecast: progress, or robots that go free.
+"""What the deadlock oracle looks for in a continuation of the run, and in a counterfactual.
 
 A *continuation* is a copy of the run that goes on without outside events. A *counterfactual* is
 a continuation without one of the robots.
@@ -6,7 +6,6 @@ a continuation without one of the robots.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -15,30 +14,57 @@ import numpy as np
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import Frame
-from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.core.fleet import BlockedBy, Frame
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock, has_stop_to_reach
 from mrta_falsify.specs.deadlock.rest import ALL_REST_FOR, LastingRest
-
-WATCH_STRIDE = 2  # ticks between two looks
-STAYS_WITHIN = 0.5  # m; a robot that stays within this of one place stands, even if it shuffles ...
-STAYS_FOR = 60.0  # s ... for so long at the end of a forecast
-FREE_BEYOND = 1.0  # m from its place: a robot has gone free
+from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuationAnswer:
     """What a continuation showed; robots by number, as text."""
 
-    stuck: dict[str, float]  #: last progress of each robot that stands for good [s]
+    stuck: dict[str, float]  #: last progress of each robot that never makes any again [s]
+    drifting: tuple[int, ...]  #: those of them that creep faster and faster
     freed: dict[str, float]  #: when each robot in question made progress [s]
-    looked: float  #: end of the continuation [s]
+    edges: tuple[BlockedBy, ...]  #: at the end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CounterfactualAnswer:
     """What a counterfactual showed."""
 
-    freed: tuple[int, ...]  #: robots that went free
+    freed: tuple[int, ...]  #: robots that reached their next stop
+
+
+class _Looks:
+    """Looks at the frames of a copy every quarter of a second."""
+
+    def __init__(self, world: World, until: float) -> None:
+        self._next = -np.inf
+        self._until = until
+        self.rest = LastingRest(world)
+        self.edges: EdgesByRobot = {}  # of each robot, as it last had any
+        self.time = 0.0
+
+    def are_due(self, frame: Frame) -> bool:
+        """Take in a frame; whether it is looked at."""
+        time = frame.sensed.time
+        if time < self._next:
+            return False
+        self._next = time + EDGES_EVERY - 1e-6
+        self.time = time
+        edges = edges_by_robot(frame.blocked_by)
+        self.edges.update(edges)
+        self.rest.update(frame, edges)
+        return True
+
+    @property
+    def are_over(self) -> bool:
+        """Whether the copy has gone on for long enough."""
+        return self.time >= self._until
 
 
 class ContinuationWatch:
@@ -46,7 +72,8 @@ class ContinuationWatch:
 
     Args:
         progress: of the run so far; the watch advances it, so it belongs into a copy.
-        asked: robots in question; the watch ends once all of them have made progress.
+        asked: robots in question; the watch ends once all of them have made progress, or nothing
+            that they wait for will move again.
         settled: before this time, rest means nothing [s].
         until: [s].
     """
@@ -57,77 +84,81 @@ class ContinuationWatch:
         self._progress = progress
         self._asked = sorted(asked)
         self._settled = settled
-        self._until = until
-        self._rest = LastingRest()
         self._before = progress.last.copy()
         self._freed: dict[int, float] = {}
-        self._with_goal = np.zeros(len(self._before), dtype=np.bool_)
-        self._positions: deque[tuple[float, Array]] = deque()  # (N, 2) of the last minute [m]
-        self._at_rest = False
-        self._time = 0.0
+        self._kept: set[int] = set()
+        self._waits = np.zeros(len(self._before), dtype=np.bool_)
+        self._is_complete = False
+        self._looks = _Looks(progress.world, until)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
-        if frame.sensed.tick % WATCH_STRIDE:
+        looks = self._looks
+        if not looks.are_due(frame):
             return False
-        self._time = time = frame.sensed.time
         last = self._progress.update(frame)
-        self._with_goal = np.isfinite(frame.intent.goal[:, 0])
+        self._waits = has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
         for i in self._asked:
-            if i not in self._freed and (last[i] > self._before[i] or not self._with_goal[i]):
-                self._freed[i] = time
-        self._positions.append((time, frame.sensed.pose[:, :2].copy()))
-        while self._positions[0][0] <= time - STAYS_FOR:
-            self._positions.popleft()
-        self._at_rest = time >= self._settled and self._rest.update(frame)
-        return self._at_rest or time >= self._until or len(self._freed) == len(self._asked)
+            if i not in self._freed and (last[i] > self._before[i] or not self._waits[i]):
+                self._freed[i] = looks.time
+        for i in np.flatnonzero(last >= looks.time).tolist():
+            looks.edges.pop(i, None)
+        if looks.time >= self._settled:
+            self._is_complete = looks.rest.is_complete()
+            self._kept = {i for i in self._asked if looks.rest.keeps(i)}
+        are_known = all(i in self._freed or i in self._kept for i in self._asked)
+        return are_known or self._is_complete or looks.are_over
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
-        last = self._progress.last
-        late = np.array([position for _, position in self._positions])
-        stands = (np.hypot(*(late - late[-1]).transpose(2, 0, 1)) <= STAYS_WITHIN).all(axis=0)
-        stands |= self._at_rest
-        quiet = self._time - last >= ALL_REST_FOR
-        stuck = np.flatnonzero(self._with_goal & quiet & stands)
+        looks, last = self._looks, self._progress.last
+        stuck = set(np.flatnonzero(self._waits & (looks.time - last >= ALL_REST_FOR)).tolist())
+        stuck |= {i for i in self._asked if i not in self._freed}
+        restless = () if self._is_complete else stuck
         seen = ContinuationAnswer(
-            stuck={str(i): float(last[i]) for i in stuck},
+            stuck={str(i): float(last[i]) for i in sorted(stuck)},
+            drifting=tuple(i for i in sorted(restless) if looks.rest.is_drifting(i)),
             freed={str(i): time for i, time in self._freed.items()},
-            looked=self._time,
+            edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
         )
         encoded: dict[str, Any] = codec.encode(seen)
         return encoded
 
 
 class CounterfactualWatch:
-    """Watches which of ``others`` leave their places now that a robot is gone.
+    """Watches which of ``others`` reach their next stop now that a robot is gone.
 
     Args:
-        others: robots in question; the watch ends once all of them have gone free.
+        world: of the episode.
+        others: robots in question; the watch ends once all of them have reached it.
         settled: before this time, rest means nothing [s].
         until: [s].
     """
 
-    def __init__(self, others: Iterable[int], *, settled: float, until: float) -> None:
+    def __init__(
+        self, world: World, others: Iterable[int], *, settled: float, until: float
+    ) -> None:
         self._others = frozenset(others)
         self._settled = settled
-        self._until = until
-        self._rest = LastingRest()
-        self._place: Array | None = None
+        self._stops: Array | None = None
         self._freed: set[int] = set()
+        self._looks = _Looks(world, until)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
-        if frame.sensed.tick % WATCH_STRIDE:
+        looks = self._looks
+        if not looks.are_due(frame):
             return False
-        time, position = frame.sensed.time, frame.sensed.pose[:, :2]
-        if self._place is None:
-            self._place = position.copy()
-        away = np.hypot(*(position - self._place).T)
-        goal = np.isfinite(frame.intent.goal[:, 0])
-        self._freed |= {i for i in self._others if away[i] > FREE_BEYOND or not goal[i]}
-        at_rest = time >= self._settled and self._rest.update(frame)
-        return self._freed == self._others or at_rest or time >= self._until
+        if self._stops is None:
+            self._stops = frame.intent.tasks_left.copy()
+        reached = frame.intent.tasks_left < self._stops
+        reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
+        self._freed |= self._others & set(np.flatnonzero(reached).tolist())
+        left = self._others - self._freed
+        is_at_rest = looks.time >= self._settled and (
+            looks.rest.is_complete() or all(looks.rest.keeps(i) for i in left)
+        )
+        return not left or is_at_rest or looks.are_over
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`CounterfactualAnswer`, encoded."""

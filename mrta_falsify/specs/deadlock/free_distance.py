@@ -1,0 +1,106 @@
+"""Ways along free space: how far a goal is, past walls and furniture that stay where they are.
+
+Neither robots nor people nor what people push count, so that a way round is a way, and a distance
+does not depend on who is in it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
+
+DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
+
+
+@dataclass(slots=True)
+class FreeDistance:
+    """Distances along free space to goals of one world; keeps a map per goal."""
+
+    world: World
+    _free: BoolArray = field(init=False)
+    _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._free = SolidGrid(self.world).lasting_free()
+
+    def between(self, position: Array, goal: Array) -> float:
+        """Measure the way from ``position`` to ``goal``, both ``(2,)`` [m].
+
+        Without a way, or nearby, it is the straight distance.
+        """
+        straight = float(np.hypot(*(position - goal)))
+        row, col = self._cell(position)
+        way = float(self._map_to(goal)[row, col])
+        return way if np.isfinite(way) and way > DETOUR_FROM else straight
+
+    def way(self, position: Array, goal: Array, reach: float) -> Array:
+        """Find the first ``reach`` metres of a shortest way, ``(L, 2)`` [m]; straight if none."""
+        found = self._map_to(goal)
+        row, col = self._cell(position)
+        if not np.isfinite(found[row, col]) or found[row, col] <= DETOUR_FROM:
+            return np.stack([position, goal])
+        cells = _descend(found, row, col, reach / GRID_CELL)
+        ahead = self.world.bounds[:2] + (cells[1:, ::-1] + 0.5) * GRID_CELL
+        return np.concatenate([position[None], ahead])
+
+    def _map_to(self, goal: Array) -> Array:
+        cell = self._cell(goal)
+        if cell not in self._maps:
+            self._maps[cell] = _distances(self._free, *cell, GRID_CELL)
+        return self._maps[cell]
+
+    def _cell(self, point: Array) -> tuple[int, int]:
+        rows, cols = self._free.shape
+        col, row = np.floor((point - self.world.bounds[:2]) / GRID_CELL).astype(int)
+        return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
+
+
+@njit(cache=True)
+def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
+    """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
+    rows, cols = free.shape
+    found = np.full(free.shape, np.inf)
+    found[goal_row, goal_col] = 0.0
+    heap = [(0.0, goal_row, goal_col)]
+    while len(heap) > 0:
+        cost, row, col = heapq.heappop(heap)
+        if cost > found[row, col]:
+            continue
+        for up in range(-1, 2):
+            for side in range(-1, 2):
+                r, c = row + up, col + side
+                if r < 0 or r >= rows or c < 0 or c >= cols or not free[r, c]:
+                    continue
+                total = cost + cell * math.sqrt(up * up + side * side)
+                if total < found[r, c] - 1e-9:
+                    found[r, c] = total
+                    heapq.heappush(heap, (total, r, c))
+    return found
+
+
+@njit(cache=True)
+def _descend(found: Array, row: int, col: int, steps: float) -> Array:
+    """Follow a map of distances downhill; cells ``(L, 2)`` row and column, the first one given."""
+    rows, cols = found.shape
+    made = np.empty((int(steps) + 2, 2))
+    made[0, 0], made[0, 1] = row, col
+    count = 1
+    while count < len(made) and found[row, col] > 0.0:
+        next_row, next_col = row, col
+        for up in range(-1, 2):
+            for side in range(-1, 2):
+                r, c = row + up, col + side
+                if 0 <= r < rows and 0 <= c < cols and found[r, c] < found[next_row, next_col]:
+                    next_row, next_col = r, c
+        row, col = next_row, next_col
+        made[count, 0], made[count, 1] = row, col
+        count += 1
+    return made[:count]
