@@ -71,7 +71,6 @@ def changes_at(node: ast.AST) -> Iterator[Change]:
         ast.If: _conditions,
         ast.While: _conditions,
         ast.IfExp: _conditions,
-        ast.Slice: _bounds,
         ast.Subscript: _indices,
     }
     rule = rules.get(type(node))
@@ -189,24 +188,19 @@ def _conditions(node: ast.If | ast.While | ast.IfExp) -> Iterator[Change]:
     yield Change("negated condition", changed)
 
 
-def _bounds(node: ast.Slice) -> Iterator[Change]:
-    for side in ("lower", "upper"):
-        bound = getattr(node, side)
-        if bound is not None:
-            changed = copy.deepcopy(node)
-            setattr(changed, side, _plus(bound, 1))
-            yield Change("off by one", changed)
-
-
 def _indices(node: ast.Subscript) -> Iterator[Change]:
     if not isinstance(node.ctx, ast.Load):
         return
-    parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-    for i, part in enumerate(parts):
-        whole = _whole_number(part)
+    count = len(node.slice.elts) if isinstance(node.slice, ast.Tuple) else 1
+    for i in range(count):
+        changed = copy.deepcopy(node)
+        part = changed.slice.elts[i] if isinstance(changed.slice, ast.Tuple) else changed.slice
+        if isinstance(part, ast.Slice):
+            yield from _bounds(node, i)
+            continue
+        whole = whole_number(part)
         if whole is None:
             continue
-        changed = copy.deepcopy(node)
         new = ast.Constant(whole + 1 if whole >= 0 else whole - 1)
         if isinstance(changed.slice, ast.Tuple):
             changed.slice.elts[i] = new
@@ -215,9 +209,21 @@ def _indices(node: ast.Subscript) -> Iterator[Change]:
         yield Change("off by one", changed)
 
 
-def _whole_number(node: ast.AST) -> int | None:
+def _bounds(node: ast.Subscript, i: int) -> Iterator[Change]:
+    """Move a bound of the slice that is part ``i`` of an index."""
+    for side in ("lower", "upper"):
+        changed = copy.deepcopy(node)
+        part = changed.slice.elts[i] if isinstance(changed.slice, ast.Tuple) else changed.slice
+        bound = getattr(part, side)
+        if bound is not None:
+            setattr(part, side, _plus(bound, 1))
+            yield Change("off by one", changed)
+
+
+def whole_number(node: ast.AST) -> int | None:
+    """Read a whole number, with its sign; None for anything else."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        value = _whole_number(node.operand)
+        value = whole_number(node.operand)
         return None if value is None else -value
     if isinstance(node, ast.Constant) and type(node.value) is int:
         return node.value
@@ -225,7 +231,7 @@ def _whole_number(node: ast.AST) -> int | None:
 
 
 def _plus(node: ast.expr, step: int) -> ast.expr:
-    whole = _whole_number(node)
+    whole = whole_number(node)
     if whole is not None:
         return ast.Constant(whole + step)
     op = ast.Add() if step > 0 else ast.Sub()

@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.mutation.layers import layer_of, stack_files
 from benchmarks.mutation.lines import always_runs
 from benchmarks.mutation.mutants import Edit, Mutant, text_digest
-from benchmarks.mutation.operators import Change, changes_at
+from benchmarks.mutation.operators import Change, changes_at, whole_number
 
 #: functions that only refuse input or write text; a fault in them is not one of behaviour
 REFUSING = ("_check", "check_", "__post_init__", "__str__", "__repr__", "_describe", "digest")
@@ -97,9 +97,21 @@ def _children(node: ast.AST) -> Iterator[ast.AST]:
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "bases", "type_params"):
             continue
+        if isinstance(node, ast.Subscript) and name == "slice":
+            yield from (part for part in _parts(node) if whole_number(part) is None)
+            continue
         for item in value if isinstance(value, list) else [value]:
             if isinstance(item, ast.AST) and not _is_skipped(item):
                 yield item
+
+
+def _parts(node: ast.Subscript) -> Iterator[ast.AST]:
+    """List what an index consists of; numbers in it are the index's own, see ``off by one``."""
+    for part in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
+        if not isinstance(part, ast.Slice):
+            yield part
+            continue
+        yield from (side for side in (part.lower, part.upper, part.step) if side is not None)
 
 
 def _is_skipped(node: ast.AST) -> bool:
