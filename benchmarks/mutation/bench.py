@@ -22,6 +22,7 @@ from mrta_falsify.core.world import World
 
 #: CPU time after which a mutant hangs: so much, and so many times what the sound stack took
 HANGS_AFTER, TIMES_SOUND = 20.0, 10.0  # s
+RECENT = 8  # runs remembered: a world and its copies, which a sampler is told of as well
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,7 @@ class Trial:
     cpu_s: float = 0.0
     compile_s: float = 0.0
     reached_everywhere: bool = field(init=False)
+    _recent: dict[tuple[str, str], Run] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         tree = sound_tree(self.bench.trees)
@@ -70,7 +72,10 @@ class Trial:
         )
 
     def run(self, world: World, stack: StackConfig) -> Run:
-        """Run the mutant in a world."""
+        """Run the mutant in a world, unless that was one of the last."""
+        key = (world.digest(), stack.digest())
+        if key in self._recent:
+            return self._recent[key]
         known = self.bench.sound.known(world, stack)
         cpu_s = HANGS_AFTER + TIMES_SOUND * (known.cpu_s if known else 2.0)
         specifications = self.bench.sound.specifications
@@ -78,6 +83,9 @@ class Trial:
         self.runs += 1
         self.cpu_s += found.cpu_s
         self.compile_s += found.compile_s
+        while len(self._recent) >= RECENT:
+            self._recent.pop(next(iter(self._recent)))
+        self._recent[key] = found
         return found
 
     def why_failed(self, run: Run, world: World, stack: StackConfig) -> tuple[str, ...]:

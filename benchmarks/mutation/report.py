@@ -10,7 +10,7 @@ from benchmarks.mutation.mutants import Mutant
 from benchmarks.mutation.searching import Searched
 from mrta_falsify.campaigns.statistics import failure_probability
 
-EXPLAINED_KINDS = ("behaviour",)  # a crash names its own line
+BEHAVIOUR = "behaviour"  # kind of a failure that does not name its own line, as a crash does
 LONGEST = 110  # characters of a change
 
 
@@ -48,19 +48,25 @@ def _summary(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
 def _shares(searches: Mapping[str, Sequence[Searched]]) -> str:
     if not searches:
         return ""
-    rows = ["| Sampler | Killed | Trials to a kill | Layer right | Layer right, by the trace |"]
-    rows.append("|---|---|---|---|---|")
+    heads = ("Sampler", "Killed", "by behaviour", "Trials to a kill", "Layer right")
+    heads += ("right by the trace alone", "right of crashes and hangs")
+    rows = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for sampler, of in sorted(searches.items()):
         killed = [row for row in of if row.found_at]
         trials = sorted(row.found_at for row in killed)
         median = str(trials[len(trials) // 2]) if trials else "-"
-        named = [row for row in killed if row.layer and row.kind in EXPLAINED_KINDS]
-        right = sum(row.named == row.layer for row in named)
-        guessed = sum(row.guess == row.layer for row in named)
-        rows.append(
-            f"| `{sampler}` | {_share(len(killed), len(of))} | {median} | "
-            f"{_share(right, len(named))} | {_share(guessed, len(named))} |"
-        )
+        named = [row for row in killed if row.layer and row.kind == BEHAVIOUR]
+        other = [row for row in killed if row.layer and row.kind != BEHAVIOUR]
+        cells = [
+            f"`{sampler}`",
+            _share(len(killed), len(of)),
+            str(sum(row.kind == BEHAVIOUR for row in killed)),
+            median,
+            _share(sum(row.named == row.layer for row in named), len(named)),
+            _share(sum(row.guess == row.layer for row in named), len(named)),
+            _share(sum(row.named == row.layer for row in other), len(other)),
+        ]
+        rows.append(f"| {' | '.join(cells)} |")
     return "## Searches for killable mutants\n\n" + "\n".join(rows)
 
 
@@ -97,10 +103,8 @@ def _found(row: Searched | None) -> str:
     if not row.found_at:
         return f"no, {row.trials} trials"
     named = row.named or "none"
-    mark = "" if not row.layer or row.kind not in EXPLAINED_KINDS else ", right"
-    if mark and row.named != row.layer:
-        mark = ", wrong"
-    return f"{row.found_at}: {', '.join(row.why)}; {named}{mark}"
+    right = ", right" if row.named == row.layer else ", wrong"
+    return f"{row.found_at}: {', '.join(row.why)}; {named}{right if row.layer else ''}"
 
 
 def _survivors(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
