@@ -16,6 +16,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from benchmarks.mutation.bench import Bench
 from benchmarks.mutation.killing import Hunted, hunt
@@ -40,6 +41,8 @@ from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 
+T = TypeVar("T")
+R = TypeVar("R")
 WORLDS, MUTANTS, SOUND = "worlds.json.gz", "mutants.json", "sound.jsonl"
 KILLABLE, SEARCHED, REPORT = "killable.jsonl", "searched.jsonl", "report.md"
 WORLD_SEED = 20261122  # of the uniform worlds; searches have other seeds
@@ -269,7 +272,7 @@ def _searched(path: Path) -> Iterator[Searched]:
         yield codec.decode(Searched, row, where=str(path))
 
 
-def _run(tasks: Tasks, missing: Sequence[object], bench: Bench, workers: int) -> None:
+def _run(tasks: Tasks[T, R], missing: Sequence[T], bench: Bench, workers: int) -> None:
     made = [Worker(bench.sound_process()) for _ in range(min(workers, max(1, len(missing))))]
     try:
         tasks.run(missing, made)

@@ -51,7 +51,7 @@ class LineWatch:
 
     def install(self) -> None:
         """Take part in imports from now on."""
-        sys.meta_path.insert(0, self)  # type: ignore[arg-type]
+        sys.meta_path.insert(0, self)
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ast
 import copy
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 #: of a comparison: the neighbouring operator, which differs at the bound only, and the opposite
 BOUNDARY: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -58,7 +58,7 @@ class Change(NamedTuple):
 
 def changes_at(node: ast.AST) -> Iterator[Change]:
     """List what can go wrong at a node; the node itself is left as it is."""
-    rules = {
+    rules: dict[type[ast.AST], Callable[[Any], Iterator[Change]]] = {
         ast.Compare: _comparisons,
         ast.BinOp: _arithmetic,
         ast.AugAssign: _augmented,

@@ -48,8 +48,10 @@ def _summary(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
 def _shares(searches: Mapping[str, Sequence[Searched]]) -> str:
     if not searches:
         return ""
-    heads = ("Sampler", "Killed", "by behaviour", "Trials to a kill", "Layer right")
-    heads += ("right by the trace alone", "right of crashes and hangs")
+    heads = (
+        *("Sampler", "Killed", "by behaviour", "Trials to a kill", "Layer right"),
+        *("right by the trace alone", "right of crashes and hangs"),
+    )
     rows = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for sampler, of in sorted(searches.items()):
         killed = [row for row in of if row.found_at]

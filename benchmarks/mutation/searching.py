@@ -202,7 +202,11 @@ class _Search:
         """Tell the sampler about a run as a campaign with copies does."""
         if run.fate != "judged":
             return Feedback(number=number, u=u, fate="rejected")
-        known = {"objectives": run.objectives, "score": run.score, "signature": run.signature}
+        known: dict[str, Any] = {
+            "objectives": run.objectives,
+            "score": run.score,
+            "signature": run.signature,
+        }
         if run.violated:
             worlds = jittered_worlds(world, JITTERED)
             known |= _with_copies(run, [self._trial.run(copy, lane.stack) for copy in worlds])

@@ -100,7 +100,7 @@ def serve(results: int, *, is_watching: bool) -> None:
         tree = Path.cwd()
         watch = LineWatch(tree, stack_files(tree))
         watch.install()
-    event.register("numba:compile", limit)
+    event.register("numba:compile", limit)  # type: ignore[no-untyped-call]
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     with os.fdopen(results, "w") as replies:
         for line in sys.stdin:
