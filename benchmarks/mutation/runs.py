@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 CRASH, HANG = "crash", "hang"
+STACK_RUNS = "stack_runs"  # specification that crashes violate where it is registered
 #: how many times as much as the sound stack's run in the same world a run may cost
 COSTLY = {"way": 1.5, "time": 1.5, "calls": 2.0}
 #: the least that the sound stack's run counts as; below it, a multiple says nothing
@@ -59,4 +60,4 @@ def kind_of(why: tuple[str, ...]) -> str:
     """Name the kind of a failure: crash, hang, or behaviour."""
     if CRASH in why or HANG in why:
         return why[0]
-    return CRASH if why == ("stack_runs",) else "behaviour"
+    return CRASH if STACK_RUNS in why else "behaviour"

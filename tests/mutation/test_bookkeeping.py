@@ -153,6 +153,7 @@ def test_a_run_is_a_failure_if_something_is_violated_or_it_ended_early():
     assert reasons(Run(fate="judged", violated=("deadlines",))) == ("deadlines",)
     assert reasons(Run(fate="crash")) == ("crash",)
     assert kind_of(("hang",)) == "hang"
+    assert kind_of(("all_tasks_done", "stack_runs")) == "crash"
     assert kind_of(("deadlines",)) == "behaviour"
 
 
