@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import tomllib
 from pathlib import Path
 
 from benchmarks.mutation.mutants import Mutant, mutated_texts
@@ -29,8 +30,23 @@ def sound_tree(directory: Path, source: Path = ROOT) -> Path:
     shutil.rmtree(unfinished, ignore_errors=True)
     for package in PACKAGES:
         shutil.copytree(source / package, unfinished / package)  # keeps times, hence caches
+    _write_metadata(source / "pyproject.toml", unfinished)
     unfinished.rename(tree)
     return tree
+
+
+def _write_metadata(project: Path, tree: Path) -> None:
+    """Name the components of a tree, so that they are found whatever is installed."""
+    told = tomllib.loads(project.read_text(encoding="utf-8"))["project"]
+    name, version = told["name"], told["version"]
+    folder = tree / f"{name.replace('-', '_')}-{version}.dist-info"
+    folder.mkdir()
+    head = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+    (folder / "METADATA").write_text(head, encoding="utf-8")
+    lines = []
+    for group, entries in told["entry-points"].items():
+        lines += [f"[{group}]", *(f"{key} = {value}" for key, value in entries.items()), ""]
+    (folder / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
 def mutated_tree(directory: Path, mutant: Mutant) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import importlib.machinery
+import importlib.metadata
 import importlib.util
 import sys
 import time
@@ -30,6 +30,16 @@ MUTANT = Mutant(
 PASSED = Run(fate="judged", costs={"way": 40.0, "time": 50.0, "calls": 3.0})
 
 
+PROJECT = """
+[project]
+name = "mrta-falsify"
+version = "9.9"
+
+[project.entry-points."mrta_falsify.planner"]
+mine = "mrta_falsify.stack.mine:Mine"
+"""
+
+
 # --- trees -----------------------------------------------------------------------------------
 
 
@@ -40,6 +50,7 @@ def source(tmp_path):
         (tmp_path / "source" / package / "__init__.py").touch()
     (tmp_path / "source" / PATH).parent.mkdir()
     (tmp_path / "source" / PATH).write_text("a = 1\n")
+    (tmp_path / "source" / "pyproject.toml").write_text(PROJECT)
     return tmp_path / "source"
 
 
@@ -51,6 +62,13 @@ def test_a_mutant_lies_in_a_tree_of_its_own(source, tmp_path):
     assert (tree / "simulator_interface" / "__init__.py").is_file()
     remove_tree(tmp_path / "trees", MUTANT)
     assert not tree.exists()
+
+
+def test_a_tree_names_its_own_components_whatever_is_installed(source, tmp_path):
+    sound = sound_tree(tmp_path / "trees", source)
+    (found,) = importlib.metadata.distributions(path=[str(sound)])
+    assert (found.metadata["Name"], found.version) == ("mrta-falsify", "9.9")
+    assert [(e.group, e.name) for e in found.entry_points] == [("mrta_falsify.planner", "mine")]
 
 
 def test_the_sound_tree_stays_when_the_sources_change(source, tmp_path):
