@@ -39,7 +39,7 @@ from benchmarks.mutation.worlds import (
 )
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.core import codec
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.errors import HarnessError, InputError
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -49,7 +49,7 @@ WORLD_SEED = 20261122  # of the uniform worlds; searches have other seeds
 
 
 def main() -> int:
-    """Run a command: 0, 2 for wrong input, 130 after Ctrl-C."""
+    """Run a command: 0, 2 for wrong input, 3 if the sound stack fails to run, 130 after Ctrl-C."""
     options = _options()
     does = {
         "worlds": worlds,
@@ -65,6 +65,9 @@ def main() -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
+    except HarnessError as error:
+        print(error, file=sys.stderr)
+        return 3
     except KeyboardInterrupt:
         print("interrupted; the same command goes on", file=sys.stderr)
         return 130
