@@ -10,6 +10,7 @@ from benchmarks.mutation.bench import Bench, Trial, interleaved, trial_of
 from benchmarks.mutation.mutants import Mutant, StaleMutantError
 from benchmarks.mutation.process import StackProcess
 from benchmarks.mutation.runs import Run, kind_of, reasons
+from benchmarks.mutation.trees import remove_tree
 from benchmarks.mutation.worlds import Case
 
 #: killable: fails by the copies' rule; survived: in no world; unreached: its lines run in no
@@ -43,9 +44,12 @@ def hunt(bench: Bench, mutant: Mutant, sound: StackProcess, running: list[StackP
     began = time.monotonic()
     try:
         with trial_of(bench, mutant, sound, running) as trial:
-            return _hunt(trial, began)
+            found = _hunt(trial, began)
     except StaleMutantError as error:
         return Hunted(mutant=mutant.id, status="stale", error=str(error))
+    if found.status != "killable":  # no search needs what was compiled for it
+        remove_tree(bench.trees, mutant)
+    return found
 
 
 def _hunt(trial: Trial, began: float) -> Hunted:

@@ -96,6 +96,7 @@ def test_an_equivalent_mutant_survives_and_leaves_every_trace_as_it_is(bench, so
     edit = Edit(path=ITINERARY, line=line, before=before, after=after)
     found = hunt(bench, Mutant(id="same", edits=(edit,)), sound, [])
     assert (found.status, found.worlds, found.differing) == ("survived", 1, 0)
+    assert not (bench.trees / "same").exists()
 
 
 def test_a_mutant_is_not_run_where_its_lines_are_not_reached(bench, sound):
