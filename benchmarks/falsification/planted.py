@@ -3,9 +3,11 @@
     python -m benchmarks.falsification.planted DIR [--budget 150] [--seed 0] [--only NAME ...]
 
 For each defect one campaign with ``auto`` on the kinematic engine runs on the scenario that
-stresses what the defect breaks (``PAIRS``), failure by failure, until a world fails that the stack
-without the defect passes: only that is the defect's doing. ``explain`` then says which layer it
-suspects. The other failures on the way are the default stack's own and are counted.
+stresses what the defect breaks (``PAIRS``), failure by failure, until one is the defect's doing for
+certain: the stack with the defect fails in at least 3 of 4 copies of the world with small
+differences, and the stack without it in at most 1 (``benchmarks.copies``). ``explain`` then says
+which layer it suspects. The other failures on the way are the default stack's own, or stand on a
+knife edge, and are counted.
 
 Campaigns are kept in DIR and results appended to DIR/planted.jsonl; a second call goes on.
 """
@@ -16,14 +18,18 @@ import argparse
 import dataclasses
 import json
 import time as clock
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.copies import Told, told_apart
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.world import World
 from mrta_falsify.trial import Job, campaign_specifications, judge
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.campaign_settings import new_settings
@@ -78,7 +84,9 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
         new = [r for r in result.campaign.records if r.failed and r.number not in judged]
         for record in new:
             judged.add(record.number)
-            if _passes_without(result.campaign, record, config, specifications):
+            told = _told(result.campaign, record, config, specifications)
+            if told.apart:
+                row["copies"] = str(told)
                 named = explain(result.campaign, record, max_runs=16)
                 row["found_at"] = record.number + 1
                 row["violated"] = [v.spec for v in record.verdicts if v.violated]
@@ -92,14 +100,20 @@ def find(defect: str, directory: Path, *, budget: int, seed: int, workers: int) 
     return row
 
 
-def _passes_without(
-    campaign: Any, record: TrialRecord, config: StackConfig, specifications: tuple[str, ...]
-) -> bool:
-    """Whether the stack without its defect passes the same world."""
-    sound = dataclasses.replace(config, defects=())
-    world = stored_world(campaign, record)
-    job = Job(world=world, config=sound, specifications=specifications, early_stop=True)
-    return not judge(job, keep_trace=False).failed
+def _told(
+    campaign: Campaign, record: TrialRecord, config: StackConfig, specifications: tuple[str, ...]
+) -> Told:
+    """Ask copies of a failing world whether the failure is the defect's doing."""
+
+    def fails(stack: StackConfig, world: World) -> bool:
+        job = Job(world=world, config=stack, specifications=specifications, early_stop=True)
+        return judge(job, keep_trace=False).failed
+
+    return told_apart(
+        stored_world(campaign, record),
+        changed=partial(fails, config),
+        sound=partial(fails, dataclasses.replace(config, defects=())),
+    )
 
 
 def main() -> None:

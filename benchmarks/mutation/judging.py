@@ -1,0 +1,66 @@
+"""Requests about one world under the stack of this process: judge it, explain its failure."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.objectives import search_score
+from mrta_falsify.trial import Job, judge
+from mrta_falsify.verbs.explain.explaining import explain_job
+
+DELIVERED = "dropped-off"  # event of the stack at a delivery
+ALLOCATED = ("allocated", "allocation-refused")  # events of the stack after a call
+
+
+def run(request: dict[str, Any]) -> dict[str, Any]:
+    """Judge one world."""
+    judged = judge(_job_of(request))
+    outcome = judged.outcome
+    return {
+        "fate": "judged",
+        "violated": [verdict.spec for verdict in judged.verdicts if verdict.violated],
+        "signature": signature(judged.verdicts),
+        "guess": suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
+        "score": search_score(judged.margins),
+        "objectives": judged.margins,
+        "descriptors": judged.descriptors,
+        "costs": costs_of(outcome.trace),
+        "digest": outcome.trace.digest,
+        "sim_s": outcome.sim_time,
+    }
+
+
+def explain(request: dict[str, Any]) -> dict[str, Any]:
+    """Name the layer that a failure belongs to."""
+    job = dataclasses.replace(_job_of(request), early_stop=False)
+    found = explain_job(job, max_runs=request["max_runs"])
+    return {"layer": found.layer, "guess": found.guess, "reason": found.reason, "runs": found.runs}
+
+
+def costs_of(trace: Trace) -> dict[str, float]:
+    """Compute what a run cost: way [m], time of the last delivery [s], calls of the allocator."""
+    steps = np.diff(trace.columns["pose"][:, :, :2], axis=0)
+    times = [event.time for event in trace.events if event.kind == DELIVERED]
+    return {
+        "way": float(np.hypot(steps[..., 0], steps[..., 1]).sum()),
+        "time": float(max(times, default=trace.duration)),
+        "calls": float(sum(event.kind in ALLOCATED for event in trace.events)),
+    }
+
+
+def _job_of(request: dict[str, Any]) -> Job:
+    return Job(
+        world=codec.decode(World, request["world"], where="world"),
+        config=codec.decode(StackConfig, request["stack"], where="stack"),
+        specifications=tuple(request["specifications"]),
+        early_stop=True,
+    )
