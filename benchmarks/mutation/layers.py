@@ -9,7 +9,7 @@ from pathlib import Path
 LAYERS = {
     "mrta_falsify/stack/": "",
     "mrta_falsify/stack/allocation/": "allocator",
-    "mrta_falsify/stack/dispatcher.py": "allocator",
+    "mrta_falsify/stack/dispatcher.py": "dispatcher",
     "mrta_falsify/stack/itinerary.py": "waypoint_generator",
     "mrta_falsify/stack/waypoints.py": "waypoint_generator",
     "mrta_falsify/stack/resources/": "queue_policy",
