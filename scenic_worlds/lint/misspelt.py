@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -81,7 +82,7 @@ def undriven_speeds(scenario: Scenario, text: ProgramText) -> Iterator[Lint]:
     """Find speed limits of robots that are above the speed at which they are driven."""
     if not text.find(r"\bmax_speed\b"):
         return
-    default = RobotSpec.__dataclass_fields__["max_speed"].default
+    default = inspect.signature(RobotSpec).parameters["max_speed"].default
     for item in scenario._instances:
         if getattr(item, "kind", "") != "robot" or not hasattr(item, "cruise_speed"):
             continue
