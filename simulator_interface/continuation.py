@@ -13,9 +13,9 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.library import build_specifications
-from simulator_interface import forking
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
+from simulator_interface.watched_copy import run_in_watched_copy
 
 T = TypeVar("T")
 
@@ -39,7 +39,7 @@ class Running:
         Raises:
             HarnessError: the copy failed.
         """
-        data = forking.run_in_copy(lambda: codec.encode(run()))
+        data = run_in_watched_copy(lambda: codec.encode(run()))
         return codec.decode(kind, data, where="re-run")
 
 

@@ -14,8 +14,10 @@ from typing import Any
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Foreseeing, Watch
+from mrta_falsify.core.stack_failure import StackFailed
 from simulator_interface import forking
 from simulator_interface.episode import Episode
+from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 
 class EpisodeForecast:
@@ -38,7 +40,8 @@ class EpisodeForecast:
             without: a robot that is taken away, -1: none.
 
         Returns:
-            The watch's answer; None if the engine cannot take robots away.
+            The watch's answer; None if the engine cannot take robots away, or the stack fails in
+            the continuation, which says nothing of this run.
 
         Raises:
             HarnessError: the copy failed.
@@ -58,7 +61,10 @@ class EpisodeForecast:
                     raise HarnessError("the process that forked it has ended")
             return watch.answer()
 
-        answer: dict[str, Any] = forking.run_in_copy(run)
+        try:
+            answer: dict[str, Any] = run_in_watched_copy(run)
+        except (StackFailed, CopyFailed):
+            return None
         return answer
 
 

@@ -31,6 +31,15 @@ LAYER_OF_CONTACT = {
     "no_robot_static_contact": "costmap",
     "exclusive_use": "queue_policy",
 }
+#: layer that gives a part of the stack's answer
+LAYER_OF_ANSWER = {
+    "command": "controller",
+    "intent.path": "planner",
+    "intent.goal": "planner",
+    "intent.waypoint": "waypoint_generator",
+    "intent.tasks_left": "allocator",
+    "intent.queue": "queue_policy",
+}
 LITTLE_BLOCKING = 10.0  # s in all, too little to explain a missed deadline
 
 
@@ -44,6 +53,10 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     verdict = leading(verdicts)
     if verdict is None:
         return ""
+    if verdict.spec == "stack_runs":
+        return str(verdict.evidence.get("layer", ""))  # whose code failed
+    if verdict.spec == "repeatable":
+        return LAYER_OF_ANSWER.get(str(verdict.evidence["field"]), "")
     if verdict.spec in LAYER_OF_CONTACT:
         return LAYER_OF_CONTACT[verdict.spec]
     until = verdict.violated_at if verdict.violated_at is not None else float("inf")

@@ -15,6 +15,8 @@ from mrta_falsify.core.verdict import Verdict
 
 #: the first one that is violated explains the run; the others are its consequences
 PRECEDENCE = (
+    "stack_runs",
+    "repeatable",
     "no_robot_robot_contact",
     "no_robot_static_contact",
     "no_robot_human_contact",
@@ -43,6 +45,11 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     if verdict is None:
         return ""
     parts = [verdict.spec]
+    if verdict.spec == "stack_runs":
+        keys = ("kind", "layer", "exception")
+        parts += [str(verdict.evidence[key]) for key in keys if verdict.evidence.get(key)]
+    if verdict.spec == "repeatable":
+        parts.append(str(verdict.evidence["field"]))
     if verdict.spec == "no_deadlock":
         parts.append(canonical_cycle(verdict.evidence.get("cycle", [])))
     place = _place(verdict.evidence.get("place"))

@@ -25,6 +25,8 @@ SCALES: dict[str, float] = {
     "no_livelock": 60.0,
     "no_starvation": 120.0,
     "progress": 60.0,
+    "stack_runs": 1.0,
+    "repeatable": 1.0,
 }
 MEAN_SHARE = 0.1  # of the mean margin in the score
 

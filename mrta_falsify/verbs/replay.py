@@ -15,6 +15,7 @@ from mrta_falsify.trial import Judged
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
 from mrta_falsify.worker import rerun
+from simulator_interface.guard import guarded
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
 
@@ -63,6 +64,7 @@ def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
     return result
 
 
+@guarded()
 def replay_trial(campaign: Campaign, record: TrialRecord, *, times: int = 1) -> Replay:
     """Run a stored trial again ``times`` times.
 

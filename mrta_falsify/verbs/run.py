@@ -20,6 +20,7 @@ from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.record import versions
+from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
@@ -30,6 +31,7 @@ from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.worlds import FoundWorld, find_world_and_scene
 from reports.run_view import RunView
 from simulator_interface import starts
+from simulator_interface.guard import guarded
 
 if TYPE_CHECKING:
     from simulator_interface.simulate import Outcome, TaskCount
@@ -47,6 +49,8 @@ def run(
     robots: Place | None = None,
     humans: Place | None = None,
     specs: Sequence[str] = (),
+    tick_limit: float = TICK_LIMIT,
+    memory_limit: float = MEMORY_LIMIT,
     output: Place | None = None,
     gui: bool = False,
     gif: bool = False,
@@ -66,6 +70,8 @@ def run(
         robots: MRTA-Sim robot setup that replaces the robots.
         humans: MRTA-Sim waypoint file that replaces the people.
         specs: names of specifications, or ``stl:FORMULA``; all that ship if empty.
+        tick_limit: CPU time for one tick [s], after which the stack hangs.
+        memory_limit: resident memory that the stack may take up [GiB].
         output: directory for the files of :func:`write_run`; none are written if None.
         gui: show the physics engine's window.
         gif: also write an animation to ``output``.
@@ -89,8 +95,10 @@ def run(
         config=config,
         specifications=tuple(specs) or default_specifications(),
         scene=world.scene,
+        limits=StackLimits(tick=tick_limit, memory=memory_limit),
     )
-    outcome = run_job(job, keep_trace=keep_trace, on_progress=on_progress)
+    with guarded():
+        outcome = run_job(job, keep_trace=keep_trace, on_progress=on_progress)
     if output is not None:
         write_run(outcome, world.world, output, config=config, gif=gif, mp4=mp4)
     return outcome

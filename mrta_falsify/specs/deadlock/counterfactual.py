@@ -113,7 +113,9 @@ class CounterfactualTest:
             self._clock_at(time), asked, settled=settled, until=settled + look_ahead
         )
         answer = forecast(watch)
-        assert answer is not None
+        if answer is None:  # the stack fails in the continuation, which shows nothing
+            self.free_until[sorted(asked)] = time + ASK_AGAIN
+            return []
         last = self._learn(codec.decode(ContinuationAnswer, answer, where="forecast"), asked, time)
         if not any(last[i] <= time for i in asked & set(last)):
             return []

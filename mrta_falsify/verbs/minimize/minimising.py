@@ -31,6 +31,7 @@ from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRun
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of
+from simulator_interface.guard import guarded
 
 CACHE_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
 
@@ -44,6 +45,7 @@ class Smallest:
     finding: Minimisation
 
 
+@guarded()
 def minimize(
     campaign: Campaign,
     record: TrialRecord,
@@ -118,6 +120,7 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
     return reason
 
 
+@guarded()
 def minimize_job(
     job: Job,
     *,
