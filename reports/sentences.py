@@ -9,6 +9,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.verdict import Verdict
+from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
@@ -58,6 +59,10 @@ def violation_sentence(verdict: Verdict) -> str:
         onset = verdict.evidence.get("onset")
         since = f"; {stood} since {onset:.1f} s" if isinstance(onset, float) else ""
         return f"{who} {what}{where} (found{when}){since}."
+    if verdict.spec == "stack_runs":
+        return stack_failure_sentence(verdict)
+    if verdict.spec == "repeatable":
+        return repeated_sentence(verdict)
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
     meaning = MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")

@@ -73,7 +73,7 @@ def _lies_in(file: str, root: str) -> bool:
 # --- the frames ----------------------------------------------------------------------------
 
 
-def places_of(trace: TracebackType | None) -> list[Place]:
+def places_in(trace: TracebackType | None) -> list[Place]:
     """List the frames of an exception's traceback below its first, outermost first."""
     found = []
     step = trace.tb_next if trace is not None else None

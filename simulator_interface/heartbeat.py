@@ -14,8 +14,9 @@ import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from mrta_falsify.core.compiled import on_compiling
 from mrta_falsify.core.stack_failure import GIB, StackFailed, StackFailure, StackLimits
 
 #: in the stack, compiling, entries into the stack, tick, simulated time [s], CPU time of the entry
@@ -157,29 +158,18 @@ def at_post(taken: Post) -> Iterator[None]:
         _posts.pop()
 
 
-_compilations = [0]  # that run now; kernels compile other kernels
-
-
-def _compiling(by: int) -> None:
-    """Tell the heartbeat that numba begins (1) or ends (-1) to compile a function."""
-    _compilations[0] += by
-    heartbeat = post().heartbeat
-    if heartbeat is not None and _compilations[0] == max(0, by):
-        (heartbeat.compile_begins if by > 0 else heartbeat.compile_ends)()
-
-
 @functools.cache  # once in a process, and its copies
 def listen_to_compiler() -> None:
-    """Leave what numba compiles out of the stack's time and memory."""
-    from numba.core import event  # noqa: PLC0415 - numba loads slowly
+    """Leave what numba compiles, which may take minutes, out of the stack's time and memory."""
 
-    class Compilations(event.Listener):  # type: ignore[misc]
-        """Takes a call of any tick into account that compiles, which may take minutes."""
+    def begins() -> None:
+        heartbeat = post().heartbeat
+        if heartbeat is not None:
+            heartbeat.compile_begins()
 
-        def on_start(self, event: Any) -> None:
-            _compiling(1)
+    def ends() -> None:
+        heartbeat = post().heartbeat
+        if heartbeat is not None:
+            heartbeat.compile_ends()
 
-        def on_end(self, event: Any) -> None:
-            _compiling(-1)
-
-    event.register("numba:compile", Compilations())  # type: ignore[no-untyped-call]
+    on_compiling(begins, ends)

@@ -21,7 +21,7 @@ from mrta_falsify.core.stack_failure import StackFailed, StackFailure
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
-from simulator_interface.failing_layer import layer_of, places_of, texts_of
+from simulator_interface.failing_layer import layer_of, places_in, texts_of
 from simulator_interface.heartbeat import post
 
 T = TypeVar("T")
@@ -128,7 +128,7 @@ class StackDoor:
         )
 
     def _crash(self, error: BaseException) -> StackFailure:
-        places = places_of(error.__traceback__)
+        places = places_in(error.__traceback__)
         return self._failure(
             "crash",
             ADDRESS.sub("0x...", str(error))[:MOST_TEXT],

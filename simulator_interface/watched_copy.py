@@ -12,7 +12,6 @@ import contextlib
 import ctypes
 import faulthandler
 import os
-import pickle
 import signal
 import sys
 import time
@@ -85,7 +84,7 @@ class WatchedCopy:
     """A copy of this process that answers requests until it is closed.
 
     Args:
-        first: the first request; it reaches the copy as it is, later ones are pickled.
+        first: the first request; it reaches the copy as it is, later ones are sent.
         limits: of the stack under test.
     """
 
@@ -106,7 +105,7 @@ class WatchedCopy:
     def ask(self, request: Request) -> bool:
         """Send another request, the one before being answered; False: the copy has ended."""
         try:
-            self._ours.send_bytes(pickle.dumps(request))
+            self._ours.send(request)
         except (BrokenPipeError, ConnectionResetError):
             return False
         return True
@@ -135,10 +134,10 @@ class WatchedCopy:
             if self._has_ended() and not self._ours.poll(0):
                 raise self._death()
         try:
-            reply = pickle.loads(self._ours.recv_bytes())
+            outcome = self._ours.recv()
         except EOFError:
             raise self._death() from None
-        return _open(reply)
+        return _open(outcome)
 
     def close(self) -> None:
         """End the copy; may be called twice, and does nothing in copies of this process."""
@@ -200,14 +199,13 @@ class WatchedCopy:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
             faulthandler.enable(self._dump, all_threads=False)
             faulthandler.register(SHOW_PLACE, self._dump, all_threads=False, chain=False)
-            if "numba" in sys.modules:
-                listen_to_compiler()
+            listen_to_compiler()
             while True:
                 with at_post(Post(self._heartbeat, self._limits, request.ending)):
-                    reply = _reply(request.call)
+                    outcome = _outcome(request.call)
                 sys.stdout.flush()
-                pipe.send_bytes(reply)
-                request = pickle.loads(pipe.recv_bytes())
+                _send(pipe, outcome)
+                request = pipe.recv()
         except (EOFError, BrokenPipeError, ConnectionResetError):
             code = 0
         except BaseException:
@@ -273,14 +271,6 @@ def _end_with_parent(parent: int) -> None:
         os._exit(1)
 
 
-def _reply(call: Callable[[], Any]) -> bytes:
-    """Run a call; encode what it returns or raises."""
-    try:
-        return pickle.dumps(("returned", call()), pickle.HIGHEST_PROTOCOL)
-    except Exception as error:
-        return pickle.dumps(("raised", _Raised.of(error)))
-
-
 class _Raised(NamedTuple):
     """An exception on its way to another process."""
 
@@ -289,31 +279,42 @@ class _Raised(NamedTuple):
     more: dict[str, Any]  #: attributes
     traceback: str
 
-    @classmethod
-    def of(cls, error: Exception) -> _Raised:
-        text = traceback.format_exc()
-        found = cls(type(error), error.args, dict(vars(error)), text)
-        try:
-            if str(pickle.loads(pickle.dumps(found)).rebuilt()) == str(error):
-                return found
-        except Exception:
-            pass
-        return cls(HarnessError, (f"{type(error).__name__}: {error}",), {}, text)
-
     def rebuilt(self) -> Exception:
-        # Constructors of ours take other arguments than they keep; that of OSError matters.
+        # Constructors of ours take other arguments than exceptions keep.
         if issubclass(self.kind, OSError):
-            error: Exception = self.kind(*self.args)
-        else:
-            error = self.kind.__new__(self.kind)
+            return self.kind(*self.args)
+        error = self.kind.__new__(self.kind)
         error.args = self.args
         vars(error).update(self.more)
         return error
 
 
-def _open(reply: tuple[str, Any]) -> Any:
+def _outcome(call: Callable[[], Any]) -> tuple[str, Any]:
+    """Run a call; give what it returns or raises."""
+    try:
+        return "returned", call()
+    except Exception as error:
+        args = error.args
+        if isinstance(error, OSError) and error.filename is not None:
+            args = (error.errno, error.strerror, error.filename)
+        return "raised", _Raised(type(error), args, dict(vars(error)), traceback.format_exc())
+
+
+def _send(pipe: Connection, outcome: tuple[str, Any]) -> None:
+    """Send an outcome; if it cannot be sent, send why."""
+    try:
+        pipe.send(outcome)
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except Exception as error:
+        fate, content = outcome
+        text = f"{content.kind.__name__}: {content.args}" if fate == "raised" else str(error)
+        pipe.send(("raised", _Raised(HarnessError, (text,), {}, traceback.format_exc())))
+
+
+def _open(outcome: tuple[str, Any]) -> Any:
     """Return what a copy's call returned, or raise what it raised."""
-    fate, content = reply
+    fate, content = outcome
     if fate == "returned":
         return content
     raise content.rebuilt() from RemoteTraceback(f"\n{content.traceback}")

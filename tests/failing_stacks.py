@@ -17,10 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.allocation.insertion import Insertion
 from mrta_falsify.stack.control.cluster import ClusterCbf
 from mrta_falsify.stack.planning.astar import AStar
+from simulator_interface.engines.kinematic import KinematicEngine
 
 
 class Failing(ClusterCbf):
@@ -43,7 +45,7 @@ class Failing(ClusterCbf):
         raise NotImplementedError
 
     def twisted(self, view: ControlView, twist) -> ControlResult:
-        result = super().control(view)
+        result = ClusterCbf.control(self, view)
         return dataclasses.replace(
             result, command=dataclasses.replace(result.command, twist=twist(result.command.twist))
         )
@@ -140,7 +142,7 @@ class LoopsOnce(Failing):
         try:
             os.close(os.open("looped", os.O_CREAT | os.O_EXCL))
         except FileExistsError:
-            return super().control(view)
+            return ClusterCbf.control(self, view)
         while True:
             pass
 
@@ -153,10 +155,7 @@ class Hoards(Failing):
 
     def fail(self, view):
         self.hoard = [*getattr(self, "hoard", []), np.ones(8 * 2**20)]
-        return super().control(view)
-
-    def __deepcopy__(self, memo):
-        return self
+        return ClusterCbf.control(self, view)
 
 
 class HoardsAtOnce(Failing):
@@ -232,3 +231,51 @@ class WritesIntoItsInput(Failing):
     def fail(self, view):
         view.pose[:] += 1.0
         return ClusterCbf.control(self, view)
+
+
+# --- in some worlds only -------------------------------------------------------------------
+
+
+class RaisesIfFast(Failing):
+    def fail(self, view):
+        if view.max_speed[0] > 0.5:
+            raise ZeroDivisionError("too fast to think")
+        return ClusterCbf.control(self, view)
+
+
+class LoopsIfFast(Failing):
+    def fail(self, view):
+        if view.max_speed[0] > 0.5:
+            return spin(1.0)
+        return ClusterCbf.control(self, view)
+
+
+# --- not the stack's failures --------------------------------------------------------------
+
+
+class BrokenEngine(KinematicEngine):
+    def step(self, command, human_velocity):
+        raise RuntimeError("the engine has a fault")
+
+
+class BrokenSpecification:
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        pass
+
+    def __init__(self, options) -> None:
+        pass
+
+    def start(self, world, dt) -> None:
+        pass
+
+    def update(self, frame) -> None:
+        raise RuntimeError("the specification has a fault")
+
+    def verdict(self):
+        return None
+
+
+class Refuses(Failing):
+    def __init__(self, options) -> None:
+        raise ConfigError("users_layers: no such model")

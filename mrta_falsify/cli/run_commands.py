@@ -119,6 +119,9 @@ def print_run(summary: RunSummary) -> None:
             style="red" if verdict.violated else None,
         )
     output.print_table(table)
+    if summary.stack_failure:
+        out.print()
+        out.print(summary.stack_failure, markup=False, highlight=False)
 
 
 @main.command("travel-times", epilog=WORLD_HELP)

@@ -30,6 +30,7 @@ from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.worlds import FoundWorld, find_world_and_scene
 from reports.run_view import RunView
+from reports.sentences import violation_sentence
 from simulator_interface import starts
 from simulator_interface.guard import guarded
 
@@ -136,6 +137,7 @@ class RunSummary:
     seed: int | None = None  #: that varied or sampled the world
     stack_digest: str = ""
     output: str = later("")  #: directory of the files, if any were written
+    stack_failure: str = later("")  #: how the stack failed to answer, in words
 
 
 def summarise_run(
@@ -168,6 +170,11 @@ def summarise_run(
         seed=seed,
         stack_digest=(config or StackConfig()).digest(),
         output=str(output) if output is not None else "",
+        stack_failure=" ".join(
+            violation_sentence(verdict)
+            for verdict in outcome.verdicts
+            if verdict.violated and verdict.spec in ("stack_runs", "repeatable")
+        ),
     )
 
 
@@ -288,6 +295,13 @@ def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:
         world=world,
         trace=outcome.trace,
         verdicts=outcome.verdicts,
-        costmap=costmap_of(world, config),
+        costmap=costmap_of(world, _with_map_that_works(outcome, config)),
         facts=facts,
     )
+
+
+def _with_map_that_works(outcome: Outcome, config: StackConfig) -> StackConfig:
+    """Draw the shipped costmap where the stack's own has failed."""
+    first = leading(outcome.verdicts)
+    has_failed = first is not None and first.evidence.get("layer") == "costmap"
+    return dataclasses.replace(config, costmap=StackConfig().costmap) if has_failed else config

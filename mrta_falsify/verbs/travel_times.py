@@ -14,7 +14,7 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
+from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
@@ -22,6 +22,7 @@ from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.worlds import find_world
+from reports.sentences import violation_sentence
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import simulate
 
@@ -183,6 +184,12 @@ def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -
         keep_trace=False,
         stop=lambda frame: "decided" if _is_given_up(frame) else "",
     )
+    failures = [verdict for verdict in outcome.verdicts if verdict.spec == "stack_runs"]
+    if failures:
+        raise InputError(
+            f"{world.name}: no travel time from room {start} to room {end}: "
+            f"{violation_sentence(failures[0])}"
+        )
     if outcome.ended == "interrupted":
         raise KeyboardInterrupt
     if clock.picked_up is None or clock.dropped_off is None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import partial
 
 from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job
+from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.changes import Change
 from simulator_interface.continuation import Running, run_to
+from simulator_interface.watched_copy import CopyFailed
 
 AFTER = 45.0  # s after the violation that a changed episode must survive
 LOOK_STRIDE = 10  # ticks between two looks at whether the failure is back
@@ -27,10 +31,44 @@ def continued_with(
         changes: to make.
     """
     until = (verdict.violated_at or job.world.horizon) + AFTER
+    if verdict.spec == "stack_runs" and verdict.violated_at == 0.0:
+        for change in changes:  # nothing runs until then
+            yield _from_the_start(job, verdict, change, until)
+        return
     with run_to(job.world, job.config, job.specifications, at) as running:
         for change in changes:
             changed = partial(_counterfactual, running, verdict, change, until)
-            yield running.in_a_copy(changed, Counterfactual)
+            try:
+                yield running.in_a_copy(changed, Counterfactual)
+            except CopyFailed as failed:
+                yield _cures_nothing(change, failed.message)
+
+
+def _from_the_start(job: Job, verdict: Verdict, change: Change, until: float) -> Counterfactual:
+    """Run the whole episode with a change, and look whether the same happens by ``until`` [s]."""
+    world = dataclasses.replace(job.world, horizon=min(until, job.world.horizon))
+    changed = dataclasses.replace(job, world=world, config=change.config)
+    run = judge(changed, keep_trace=False)
+    for found in run.verdicts:
+        if found.violated and found.spec == verdict.spec:
+            return _cures_nothing(change, f"violated again at {found.violated_at or 0.0:.1f} s")
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=True,
+        detail=f"nothing of the kind until {run.outcome.sim_time:.1f} s",
+        restores=change.restores,
+    )
+
+
+def _cures_nothing(change: Change, detail: str) -> Counterfactual:
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=False,
+        detail=detail,
+        restores=change.restores,
+    )
 
 
 def _counterfactual(
@@ -39,24 +77,31 @@ def _counterfactual(
     """Go on with a change, and look whether the same specification is violated by ``until`` [s]."""
     running.episode.swap(change.config)
     own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
-    ended = "the time looked at was over"
+    has_failed = False
+    try:
+        ended = _watched(running, own, until)
+    except StackFailed as failed:
+        # A change that makes the stack fail cures nothing.
+        has_failed, ended = True, f"the stack failed at {failed.failure.time:.1f} s"
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=not has_failed and not any(s.verdict().violated for s in own),
+        detail=ended,
+        restores=change.restores,
+    )
+
+
+def _watched(running: Running, own: Sequence[Specification], until: float) -> str:
+    """Go on until one of ``own`` is violated, or ``until`` [s]; say how that ended."""
     for frame in running.frames:
         for specification in own:
             specification.update(frame)
         time = frame.sensed.time
         if frame.sensed.tick % LOOK_STRIDE == 0 and any(s.verdict().violated for s in own):
-            ended = f"violated again at {time:.1f} s"
-            break
+            return f"violated again at {time:.1f} s"
         if running.episode.world.tasks and running.episode.all_done:
-            ended = f"all tasks done at {time:.1f} s"
-            break
+            return f"all tasks done at {time:.1f} s"
         if time >= min(until, running.episode.world.horizon):
-            ended = f"nothing violated until {time:.1f} s"
-            break
-    return Counterfactual(
-        layer=change.layer,
-        change=change.text,
-        failure_gone=not any(s.verdict().violated for s in own),
-        detail=ended,
-        restores=change.restores,
-    )
+            return f"nothing violated until {time:.1f} s"
+    return "the time looked at was over"
