@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import gc
 import random
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -70,6 +71,7 @@ def ask_again(stack: Stack, state: StackState, fleet: FleetState) -> list[Answer
 
 
 def _ask_twice(stack: Stack, state: StackState, fleet: FleetState) -> list[Answered] | str:
+    gc.disable()  # a collection would touch, and so copy, all memory
     random.seed()
     np.random.seed()  # noqa: NPY002 - the stack's own global state is what is tried
     for name in CLOCKS:

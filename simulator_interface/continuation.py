@@ -13,6 +13,7 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.library import build_specifications
+from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
 from simulator_interface.watched_copy import run_in_watched_copy
@@ -59,6 +60,7 @@ def run_to(
     episode = Episode(world, config)
     for specification in specifications:
         specification.start(world, episode.dt)
+    episode.repeats = repeats_of(specifications, config)
     frames = episode.frames()
     offer_forecasts(specifications, episode, frames)
     try:

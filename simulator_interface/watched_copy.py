@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import faulthandler
+import gc
 import os
 import signal
 import sys
@@ -200,6 +201,7 @@ class WatchedCopy:
             faulthandler.enable(self._dump, all_threads=False)
             faulthandler.register(SHOW_PLACE, self._dump, all_threads=False, chain=False)
             listen_to_compiler()
+            gc.freeze()  # what was made before stays; a copy of the copy shares more memory
             while True:
                 with at_post(Post(self._heartbeat, self._limits, request.ending)):
                     outcome = _outcome(request.call)

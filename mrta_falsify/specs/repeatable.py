@@ -23,7 +23,7 @@ class Repeatable:
     class Options:
         """How often to ask."""
 
-        every: int = quantity(low=1, default=200)  #: ticks; 200 cost about 2 % of the CPU time
+        every: int = quantity(low=1, default=200)  #: ticks; each copy takes CPU time
 
     def __init__(self, options: Options) -> None:
         self._options = options
