@@ -116,7 +116,7 @@ if not _config.CACHE_LOCATOR_CLASSES:  # else the user has chosen
 # --- when it compiles ----------------------------------------------------------------------
 
 
-class _Compilations(event.Listener):  # type: ignore[misc]
+class _Compilations(event.Listener):
     """Counts the compilations that run, since compiled functions compile others."""
 
     def __init__(self, begins: Callable[[], None], ends: Callable[[], None]) -> None:
@@ -144,4 +144,5 @@ def on_compiling(begins: Callable[[], None], ends: Callable[[], None]) -> None:
         begins: called before.
         ends: called after.
     """
-    event.register("numba:compile", _Compilations(begins, ends))
+    listener = _Compilations(begins, ends)
+    event.register("numba:compile", listener)  # type: ignore[no-untyped-call]

@@ -189,8 +189,8 @@ def test_a_hang_in_one_of_two_runs_is_an_error(place):
 def campaign(place: Path, layer: str):
     (place / "fast.scenic").write_text(CAMPAIGN)
     args = (
-        "campaign", "fast.scenic", "-o", "c", "--budget", "3", "--seed", "1", "--workers", "1", "--sampler",
-        "random", "--set", "engine=kinematic", "--set", f"controller=users_layers:{layer}",
+        "campaign", "fast.scenic", "-o", "c", "--budget", "3", "--seed", "1", "--workers", "1",
+        "--sampler", "random", "--set", "engine=kinematic", "--set", f"controller=users_layers:{layer}",
         "--spec", "stack_runs", "--spec", "deadlines", *LIMITS, "--format", "json",
     )  # fmt: skip
     result = CliRunner().invoke(main, list(args))
