@@ -190,8 +190,9 @@ def campaign(place: Path, layer: str):
     (place / "fast.scenic").write_text(CAMPAIGN)
     args = (
         "campaign", "fast.scenic", "-o", "c", "--budget", "3", "--seed", "1", "--workers", "1",
-        "--sampler", "random", "--set", "engine=kinematic", "--set", f"controller=users_layers:{layer}",
-        "--spec", "stack_runs", "--spec", "deadlines", *LIMITS, "--format", "json",
+        "--sampler", "random", "--set", "engine=kinematic",
+        "--set", f"controller=users_layers:{layer}", "--spec", "stack_runs",
+        "--spec", "deadlines", *LIMITS, "--format", "json",
     )  # fmt: skip
     result = CliRunner().invoke(main, list(args))
     assert result.exit_code == 1, result.output
