@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,13 +14,17 @@ from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Comparing, Costs, Specification
+from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.costly import CostMeter
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from mrta_falsify.specs.objectives import objectives
+from simulator_interface.guard import Guard, current_guard
 from simulator_interface.simulate import Outcome, simulate
+
+T = TypeVar("T")
 
 SETTLE = 3.0  # s of simulation kept after the violation that decides a run
 LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
@@ -42,6 +46,7 @@ class Job:
     specifications: tuple[str, ...] = default_specifications()
     early_stop: bool = False  #: end soon after the first violation
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
+    limits: StackLimits = StackLimits()  #: kept only where runs are guarded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,8 +70,50 @@ def run_job(
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
 ) -> Outcome:
-    """Simulate and judge one job (see :func:`simulator_interface.simulate.simulate`)."""
+    """Simulate and judge one job (see :func:`simulator_interface.simulate.simulate`).
+
+    Within :func:`simulator_interface.guard.guarded` it runs in a copy of this process.
+    """
+    guard = current_guard()
+    if guard is None or _has_window(job):
+        return _run_job(job, keep_trace=keep_trace, on_progress=on_progress)
+    run = functools.partial(_run_job, _portable(job), keep_trace=keep_trace)
+    return _in_copy(guard, job, run, on_time=on_progress or (lambda time: None))
+
+
+def _run_job(
+    job: Job, *, keep_trace: bool, on_progress: Callable[[float], None] | None = None
+) -> Outcome:
     return _run_episode(job, judges_of(job), keep_trace=keep_trace, on_progress=on_progress)
+
+
+def _in_copy(
+    guard: Guard,
+    job: Job,
+    run: Callable[[], T],
+    *,
+    on_time: Callable[[float], None] = lambda time: None,
+) -> T:
+    return guard.run(
+        run,
+        config=job.config,
+        limits=job.limits,
+        portable=not _needs_scene(job),
+        on_time=on_time,
+    )
+
+
+def _has_window(job: Job) -> bool:
+    return bool(job.config.engine.options.get("gui", False))
+
+
+def _needs_scene(job: Job) -> bool:
+    return bool(job.world.scripted) and job.scene is not None
+
+
+def _portable(job: Job) -> Job:
+    """Leave out Scenic's scene, which cannot be sent to another process, if it is not needed."""
+    return job if _needs_scene(job) else dataclasses.replace(job, scene=None)
 
 
 def run_first_tick(job: Job) -> None:
@@ -169,7 +216,7 @@ def _run_episode(
 ) -> Outcome:
     """Run our own loop, or Scenic's over the same loop for a scripted world."""
     episode = functools.partial(simulate, job.world, job.config)
-    if job.world.scripted and job.scene is not None:
+    if _needs_scene(job):
         from simulator_interface.scenic_bridge.simulator import simulate_scene  # noqa: PLC0415 - Scenic
 
         episode = functools.partial(simulate_scene, job.scene, job.world, job.config)
@@ -186,8 +233,16 @@ def judge(job: Job, *, keep_trace: bool = True) -> Judged:
 
     With ``early_stop`` the episode goes on for 3 s after its first violation, for the evidence.
     Verdicts that are violated by then are final, with their times. So is that something is not
-    judged. The others are not decided by the executed part and are left out.
+    judged. The others are not decided by the executed part and are left out. Within
+    :func:`simulator_interface.guard.guarded` the episode runs in a copy of this process.
     """
+    guard = current_guard()
+    if guard is None or _has_window(job):
+        return _judge(job, keep_trace=keep_trace)
+    return _in_copy(guard, job, functools.partial(_judge, _portable(job), keep_trace=keep_trace))
+
+
+def _judge(job: Job, *, keep_trace: bool) -> Judged:
     specifications = judges_of(job)
     watch = _Watch(job, specifications)
     outcome = _run_episode(job, specifications, keep_trace=keep_trace, stop=watch.stop)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import TrialSettings
@@ -30,6 +31,7 @@ from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from scenic_worlds.variation import jittered_worlds
+from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
 
 if TYPE_CHECKING:
@@ -77,9 +79,14 @@ class TrialRunner:
     def __init__(self, settings: TrialSettings, program: Program) -> None:
         self._settings = settings
         self._program = program
+        self._guard = Guard(on_lost=lost_time.tell)
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
         """Run proposal ``number`` at ``u`` ``(k,)``; its files are written before it returns."""
+        with guarded(self._guard):
+            return self._run(number, u)
+
+    def _run(self, number: int, u: np.ndarray) -> TrialRecord:
         settings = self._settings
         began = time.perf_counter()
         asked = Candidate(
@@ -191,6 +198,7 @@ def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any 
         scene=scene,
         specifications=specifications_of(settings),
         early_stop=settings.early_stop,
+        limits=settings.limits,
     )
 
 

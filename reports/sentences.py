@@ -17,6 +17,7 @@ from mrta_falsify.core.wait_account import (
     wait_account,
 )
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
+from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
@@ -73,6 +74,10 @@ def violation_sentence(verdict: Verdict) -> str:
     when = f" at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
     if verdict.spec == DEADLOCK:
         return _deadlock_sentence(verdict, when)
+    if verdict.spec == "stack_runs":
+        return stack_failure_sentence(verdict)
+    if verdict.spec == "repeatable":
+        return repeated_sentence(verdict)
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
     meaning = _meaning(verdict)

@@ -13,9 +13,10 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
-from simulator_interface import forking
+from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
+from simulator_interface.watched_copy import run_in_watched_copy
 
 T = TypeVar("T")
 
@@ -39,7 +40,7 @@ class Running:
         Raises:
             HarnessError: the copy failed.
         """
-        data = forking.run_in_copy(lambda: codec.encode(run()))
+        data = run_in_watched_copy(lambda: codec.encode(run()))
         return codec.decode(kind, data, where="re-run")
 
 
@@ -59,6 +60,7 @@ def run_to(
     episode = Episode(world, config)
     for specification in specifications:
         specification.start(world, episode.dt)
+    episode.repeats = repeats_of(specifications, config)
     frames = episode.frames()
     offer_forecasts(specifications, episode, frames)
     try:

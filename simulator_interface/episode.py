@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Generator
+import functools
+from collections.abc import Callable, Generator
 
 import numpy as np
 
@@ -11,17 +12,20 @@ from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed
+from mrta_falsify.core.fleet import Command, FleetState, Frame, Intent, Phase, Sensed
 from mrta_falsify.core.protocols import CostmapSource, Engine
+from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
+from simulator_interface.asking_again import ask_again, compared
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
+from simulator_interface.stack_door import StackDoor
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
@@ -59,18 +63,18 @@ class _Localisation:
     def fleet(self, sensed: Sensed) -> FleetState:
         """Tell the stack about ``sensed``: poses with localisation noise, and rests."""
         fill_rest(sensed.pose, sensed.time, self._anchor, self._since)
-        pose = sensed.pose
+        pose = sensed.pose.copy()  # a stack that writes into its input changes no truth
         if self._is_noisy:
-            pose = pose + self._random.normal(size=pose.shape) * self._spread
+            pose += self._random.normal(size=pose.shape) * self._spread
         return FleetState(
             tick=sensed.tick,
             time=sensed.time,
             pose=pose,
-            velocity=sensed.velocity,
-            human_position=sensed.human_position,
-            human_velocity=sensed.human_velocity,
-            human_radius=self._human_radius,
-            obstacle_points=sensed.obstacle_points,
+            velocity=sensed.velocity.copy(),
+            human_position=sensed.human_position.copy(),
+            human_velocity=sensed.human_velocity.copy(),
+            human_radius=self._human_radius.copy(),
+            obstacle_points=sensed.obstacle_points.copy(),
             parked_for=sensed.time - self._since,
         )
 
@@ -85,20 +89,30 @@ class Episode:
         self.state: StackState | None = None
         self.tick = 0  #: of the last frame
         self.books = Books(world)  #: deliveries that motion confirms, the last frame included
-        source = registry.build("costmap", config.costmap, defects=config.defects).bind(world)
-        self._engine: Engine = registry.build("engine", config.engine)
-        self._source: CostmapSource = source
-        if needs_stage(world):
-            self._check_stage()
+        self.repeats: Callable[[int], bool] = lambda tick: False  #: ticks that are asked again
         self._meter = AllocatorMeter()
         self._told = WhatIsTold(config.withheld, len(world.robots))
-        self.stack = Stack(world, config, source, metered=self._meter.around)
+        self._door = StackDoor(world, config)
+        self._engine: Engine = registry.build("engine", config.engine)
+        self._unbuilt: StackFailed | None = None
+        try:
+            self._source, self.stack = self._door.ask(self._build, 0, 0.0)
+        except StackFailed as failed:
+            self._unbuilt = failed  # the episode ends at its first tick
+        if needs_stage(world) and self._unbuilt is None:
+            self._check_stage()
         self.crowd = self._new_crowd()
         self._resting: tuple[int, ...] | None = None
         self._removed: list[int] = []
         self._sensed: Sensed | None = None  # of the last tick, as measured
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
+
+    def _build(self) -> tuple[CostmapSource, Stack]:
+        config = self.config
+        source = registry.build("costmap", config.costmap, defects=config.defects)
+        source = source.bind(self.world)
+        return source, Stack(self.world, config, source, metered=self._meter.around)
 
     def _new_crowd(self) -> Crowd:
         # People plan on the true map, whatever the stack's own map leaves out.
@@ -151,31 +165,27 @@ class Episode:
         self.world = self.crowd.world
 
     def frames(self) -> Generator[Frame, None, None]:
-        """Yield frames from time 0 on, without end."""
+        """Yield frames from time 0 on, without end.
+
+        Raises:
+            StackFailed: the stack does not answer this tick, or not properly.
+        """
         try:
             human_position = self.crowd.start()
             sensed = self._engine.start(self.world, self.dt, human_position)
-            self.state = self.stack.start()
             while True:
                 self.tick, self._sensed = sensed.tick, sensed
-                measured, sensed = sensed, self._as_staged(sensed)
-                seen = self._without_absent(sensed)
-                fleet = self._localisation.fleet(seen)
-                self.state, command, intent, events = self.stack.step(self.state, fleet)
-                intent, events = self._told.of(intent, events)
-                edges = self._tracker.update(seen, command, intent, events)
-                frame = Frame(
-                    sensed=sensed,
-                    command=command,
-                    intent=intent,
-                    events=events,
-                    blocked_by=edges,
-                    signals=self._meter.signals,
-                    tells=self._told.tells,
-                )
+                measured = sensed
+                try:
+                    sensed = self._as_staged(sensed)
+                    frame = self._answered(sensed)
+                except StackFailed:
+                    if self.tick == 0:
+                        yield self._unanswered(sensed)  # no trace is without a tick
+                    raise
                 self.books.update(frame)
                 yield frame
-                command = self._without_removed(command)
+                command = self._without_removed(frame.command)
                 human_velocity = self.crowd.velocities(measured)
                 stage = self.crowd.stage()
                 if stage is not None:
@@ -184,6 +194,52 @@ class Episode:
                 sensed = self._engine.step(command, human_velocity)
         finally:
             self._engine.close()
+
+    def _answered(self, sensed: Sensed) -> Frame:
+        """Let the stack take the tick of ``sensed``."""
+        if self._unbuilt is not None:
+            raise self._unbuilt
+        if self.state is None:
+            self.state = self._door.ask(self.stack.start, sensed.tick, sensed.time)
+        seen = self._without_absent(sensed)
+        fleet = self._localisation.fleet(seen)
+        again = None
+        if self.repeats(sensed.tick):
+            again = ask_again(self.stack, self.state, fleet)
+        answer = self._door.step(self.stack, self.state, fleet)
+        self.state, command, intent, events = answer
+        intent, events = self._told.of(intent, events)
+        names = [robot.name for robot in self.world.robots]
+        return Frame(
+            sensed=sensed,
+            command=command,
+            intent=intent,
+            events=events,
+            blocked_by=self._tracker.update(seen, command, intent, events),
+            signals=self._meter.signals,
+            tells=self._told.tells,
+            asked_again=None if again is None else compared(answer, again, names),
+        )
+
+    def _unanswered(self, sensed: Sensed) -> Frame:
+        """Make a frame in which every robot rests, for a stack that fails at once."""
+        robots = len(self.world.robots)
+        nowhere, nothing = np.full((robots, 2), np.nan), np.zeros(robots, dtype=np.int64)
+        intent = Intent(
+            phase=np.full(robots, Phase.OFF),
+            goal=nowhere,
+            waypoint=nowhere,
+            path=(np.zeros((0, 2)),) * robots,
+            cluster=np.arange(robots),
+            leader=np.arange(robots),
+            slack=np.zeros(robots),
+            tasks_left=nothing,
+            queue=nothing - 1,
+            waits_for=("",) * robots,
+        )
+        return Frame(
+            sensed=sensed, command=Command(twist=np.zeros((robots, 3))), intent=intent, events=()
+        )
 
     def swap(self, config: StackConfig) -> None:
         """Let another stack continue from the same memory; call it between two frames.
@@ -267,10 +323,12 @@ class Episode:
         things = player.furnishings
         if things.pieces:
             resting = things.at_rest(sensed.time)
-            if resting != self._resting:
+            if resting != self._resting and self._unbuilt is None:
                 self._resting = resting
                 assert isinstance(self._source, StagedSource)
-                self._source.furnish(tuple(things.outline(k) for k in resting))
+                outlines = tuple(things.outline(k) for k in resting)
+                furnish = functools.partial(self._source.furnish, outlines)
+                self._door.ask(furnish, sensed.tick, sensed.time)
             sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
         if all(player.inside.tolist()):
             return sensed

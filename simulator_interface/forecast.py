@@ -13,8 +13,10 @@ from typing import Any
 
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Foreseeing, Watch
+from mrta_falsify.core.stack_failure import StackFailed
 from simulator_interface import forking
 from simulator_interface.episode import Episode
+from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 
 class EpisodeForecast:
@@ -38,7 +40,8 @@ class EpisodeForecast:
             nudge: number of a copy with small differences, 0: without any.
 
         Returns:
-            The watch's answer; None if the engine cannot take robots away, or move them.
+            The watch's answer. None if the engine cannot take robots away, or move them, or if the
+            stack fails in the continuation, which says nothing of this run.
 
         Raises:
             HarnessError: the copy failed.
@@ -59,7 +62,10 @@ class EpisodeForecast:
                     break
             return watch.answer()
 
-        answer: dict[str, Any] = forking.run_in_copy(run)
+        try:
+            answer: dict[str, Any] = run_in_watched_copy(run)
+        except (StackFailed, CopyFailed):
+            return None
         return answer
 
 

@@ -15,14 +15,25 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import heard
-from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.protocols import JudgingFailures, Specification
+from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.contacts import ContactCounter
+from mrta_falsify.specs.stack_runs import StackRuns
+from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
+
+#: why an episode ended, by how the stack failed
+ENDED_BY: dict[FailureKind, str] = {
+    "crash": "stack-crashed",
+    "hang": "stack-hung",
+    "memory": "stack-took-memory",
+    "answer": "stack-answered-nonsense",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +71,7 @@ def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
         One frame per control tick, the first at time 0.
 
     Raises:
+        StackFailed: the stack does not answer a tick, or not properly.
         InputError: the world cannot be run (a start inside a wall) or a layer is unknown.
     """
     _check_unscripted(world)
@@ -166,17 +178,29 @@ class EpisodeRun:
         )
         self._contacts = ContactCounter()
         self._contacts.start(world, self.episode.dt)
-        self._specifications = tuple(specifications)
+        # Whatever is asked for, a stack that fails to answer has not passed.
+        self._stack_runs = StackRuns(StackRuns.Options())
+        self._asked_for = tuple(specifications)
+        self._specifications = (*self._asked_for, self._stack_runs)
         for specification in self._specifications:
             specification.start(world, self.episode.dt)
         self._stop = stop
+        self.episode.repeats = repeats_of(self._asked_for, config)
         self._frames = self.episode.frames()
         offer_forecasts(self._specifications, self.episode, self._frames)
 
     def advance(self) -> Frame:
-        """Run the next tick, recorded and judged; the run must not have ended."""
+        """Run the next tick, recorded and judged; the run must not have ended.
+
+        Returns:
+            The frame of the tick. Where the stack fails there is none: the run ends, and the
+            last frame is given again.
+        """
         with heard():
-            frame = next(self._frames)
+            try:
+                frame = next(self._frames)
+            except StackFailed as failed:
+                return self._stack_failed(failed.failure)
             self._recorder.add(frame)
             self._contacts.update(frame)
             for specification in self._specifications:
@@ -184,6 +208,14 @@ class EpisodeRun:
         self.frame = frame
         self.ended = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
         return frame
+
+    def _stack_failed(self, failure: StackFailure) -> Frame:
+        assert self.frame is not None, "an episode has a frame before its stack fails"
+        self.ended = ENDED_BY[failure.kind]
+        for specification in self._specifications:
+            if isinstance(specification, JudgingFailures):
+                specification.stack_failed(failure)
+        return self.frame
 
     def end(self, reason: str) -> None:
         """End the run here, unless it has already."""
@@ -198,7 +230,7 @@ class EpisodeRun:
         books = self.episode.books
         return Outcome(
             trace=self._recorder.finish(self.ended),
-            verdicts=tuple(specification.verdict() for specification in self._specifications),
+            verdicts=self._verdicts(),
             contacts=self._contacts.totals(),
             tasks=_count_tasks(books, told=self.frame is None or self.frame.tells.deliveries),
             robots_finished=books.robots_finished(),
@@ -206,6 +238,13 @@ class EpisodeRun:
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
             wall_s=wall_clock.perf_counter() - self._began,
         )
+
+    def _verdicts(self) -> tuple[Verdict, ...]:
+        verdicts = tuple(specification.verdict() for specification in self._asked_for)
+        always = self._stack_runs.verdict()
+        if always.violated and always not in verdicts:
+            return (*verdicts, always)
+        return verdicts
 
 
 def _count_tasks(books: Books, *, told: bool) -> TaskCount:

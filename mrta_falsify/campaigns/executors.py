@@ -253,6 +253,9 @@ class ProcessExecutor:
         if "ready" in message:
             worker.ready = True
             return []
+        if "lost" in message:
+            worker.since += message["lost"]
+            return []
         job, worker.job = worker.job, None
         if job is None or job["number"] != message["number"]:
             raise HarnessError(

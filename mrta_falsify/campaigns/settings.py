@@ -14,6 +14,7 @@ from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 
 FORMAT_VERSION = 2
 MOST_COPIES = 100  # copies of one failing world
@@ -48,12 +49,29 @@ class TrialSettings:
         text="Runs of each failing world with small differences; then the search goes for "
         "failures that most of them share, and only these count for --stop-after.",
     )
+    tick_limit: float = quantity(
+        above=0.0,
+        unit="s",
+        default=TICK_LIMIT,
+        text="CPU time for one tick, after which the stack hangs; twice in two runs is a failure.",
+    )
+    memory_limit: float = quantity(
+        above=0.0,
+        unit="GiB",
+        default=MEMORY_LIMIT,
+        text="Resident memory that the stack may take up; more is a failure.",
+    )
     keep_every: int = quantity(low=1, default=50)  #: of the passing trials, one in so many traces
     directory: str = ""  #: for worlds and traces, "" : nothing is written
 
     def __post_init__(self) -> None:
         if self.mode not in ("repair", "exact"):
             raise ConfigError(f"mode is {self.mode!r}; it must be repair or exact")
+
+    @property
+    def limits(self) -> StackLimits:
+        """What the stack may use."""
+        return StackLimits(tick=self.tick_limit, memory=self.memory_limit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ import time
 import traceback
 from typing import Any
 
+from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.executors import open_target
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
@@ -51,6 +52,7 @@ def serve(results: int) -> None:
         answer({"broken": f"{type(error).__name__}: {error}"})
         raise
     answer({"ready": True})
+    lost_time.listen(lambda seconds: answer({"lost": seconds}))
     for line in sys.stdin:
         job = json.loads(line)
         try:

@@ -118,7 +118,7 @@ def _parameter_type(hint: Any, rule: Rule) -> tuple[Any, str | None]:
         return click.IntRange(_whole(rule.low), _whole(rule.high)), "N"
     if hint is float:
         low = rule.low if rule.above is None else rule.above
-        word = "SECONDS" if rule.unit == "s" else "X"
+        word = {"s": "SECONDS", "GiB": "GIB"}.get(rule.unit, "X")
         return FiniteRange(low, rule.high, min_open=rule.above is not None), word
     return str, "NAME"
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
@@ -15,6 +16,7 @@ from mrta_falsify.cli.options import (
     format_option,
     output_option,
     seed_option,
+    setting_option,
     spec_option,
     stack_options,
 )
@@ -42,6 +44,8 @@ WORLD_HELP = (
 @click.option("--robots", type=FILE, metavar="FILE", help="Robot starts (`agents:` YAML or JSON).")
 @click.option("--humans", type=FILE, metavar="FILE", help="People's routes (waypoint YAML).")
 @spec_option
+@setting_option(TrialSettings, "tick_limit")
+@setting_option(TrialSettings, "memory_limit")
 @output_option(
     "DIR", "Write world.json, stack.yaml, trace.zip, verdicts.json, picture.png, report.html."
 )
@@ -120,6 +124,9 @@ def print_run(summary: RunSummary) -> None:
             style=STYLES.get(verdict.outcome),
         )
     output.print_table(table)
+    if summary.stack_failure:
+        out.print()
+        out.print(summary.stack_failure, markup=False, highlight=False)
 
 
 @main.command("travel-times", epilog=WORLD_HELP)

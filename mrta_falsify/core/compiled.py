@@ -12,18 +12,20 @@ import functools
 import hashlib
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba import njit
+from numba.core import event
 from numba.core.caching import (
     InTreeCacheLocator,
     UserProvidedCacheLocator,
     UserWideCacheLocator,
 )
 
-__all__ = ["digest_of_module", "njit"]
+__all__ = ["digest_of_module", "njit", "on_compiling"]
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("mrta_falsify", "simulator_interface")  #: that have compiled modules
@@ -109,3 +111,38 @@ if not _config.CACHE_LOCATOR_CLASSES:  # else the user has chosen
     _ours = (CacheInFolder, CacheBesideSource, CacheOfUser)
     _names = [f"{__name__}.{locator.__name__}" for locator in _ours]
     _config.CACHE_LOCATOR_CLASSES = ",".join((*_names, *NUMBA_S_OWN))
+
+
+# --- when it compiles ----------------------------------------------------------------------
+
+
+class _Compilations(event.Listener):
+    """Counts the compilations that run, since compiled functions compile others."""
+
+    def __init__(self, begins: Callable[[], None], ends: Callable[[], None]) -> None:
+        self._begins, self._ends, self._running = begins, ends, 0
+
+    def on_start(self, event: object) -> None:
+        """Take in that a compilation begins."""
+        del event
+        self._running += 1
+        if self._running == 1:
+            self._begins()
+
+    def on_end(self, event: object) -> None:
+        """Take in that a compilation ends."""
+        del event
+        self._running -= 1
+        if self._running == 0:
+            self._ends()
+
+
+def on_compiling(begins: Callable[[], None], ends: Callable[[], None]) -> None:
+    """Be told, from now on in this process, when numba compiles anything; caches do not count.
+
+    Args:
+        begins: called before.
+        ends: called after.
+    """
+    listener = _Compilations(begins, ends)
+    event.register("numba:compile", listener)  # type: ignore[no-untyped-call]

@@ -17,6 +17,7 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.fleet import Command, Frame, Sensed
+from mrta_falsify.core.stack_failure import StackFailure
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
 
@@ -280,7 +281,7 @@ class Forecast(Protocol):
     """Runs a continuation: a copy of the run without further outside events."""
 
     def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
-        """Answer by ``watch``; None: the engine cannot.
+        """Answer by ``watch``; None: the engine cannot, or the stack fails in the continuation.
 
         Args:
             watch: sees the frames.
@@ -317,3 +318,22 @@ class Foreseeing(Protocol):
 
     def foresee(self, forecast: Forecast) -> None:
         """Offer forecasts for this episode; called after ``start``, and only if there are any."""
+
+
+# --- what the stack does wrong -----------------------------------------------------------
+
+
+@runtime_checkable
+class JudgingFailures(Protocol):
+    """A specification that judges how the stack under test fails to answer."""
+
+    def stack_failed(self, failure: StackFailure) -> None:
+        """Take in that the stack failed; the episode ends here, without another frame."""
+
+
+@runtime_checkable
+class Repeating(Protocol):
+    """A specification that has ticks asked again; :class:`Frame` has the answers."""
+
+    def asks_again(self, tick: int) -> bool:
+        """Whether the stack shall be asked ``tick`` again."""

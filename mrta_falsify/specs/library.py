@@ -32,6 +32,8 @@ def default_specifications() -> tuple[str, ...]:
         "no_livelock",
         "no_starvation",
         "progress",
+        "stack_runs",
+        "repeatable",
     )
 
 

@@ -31,6 +31,8 @@ SCALES: dict[str, float] = {
     "costly_way": 0.5,
     "costly_time": 0.5,
     "costly_calls": 1.0,
+    "stack_runs": 1.0,
+    "repeatable": 1.0,
 }
 MEAN_SHARE = 0.1  # of the mean margin in the score
 

@@ -69,6 +69,8 @@ def campaign(
     mode: Mode = DEFAULTS.trials.mode,
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
+    tick_limit: float = DEFAULTS.trials.tick_limit,
+    memory_limit: float = DEFAULTS.trials.memory_limit,
     time_limit: float = DEFAULTS.time_limit,
     on_record: OnRecord = lambda record, is_new: None,
     on_told: OnTold = lambda record, progress: None,
@@ -92,6 +94,8 @@ def campaign(
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
+        tick_limit: CPU time for one tick [s], after which the stack hangs.
+        memory_limit: resident memory that the stack may take up [GiB].
         time_limit: wall clock of one trial [s].
         on_record: called when a record is durable, with whether it is new.
         on_told: called when the sampler knows a record, in number order.
@@ -113,6 +117,8 @@ def campaign(
         mode=mode,
         screen=screen,
         jittered=jittered,
+        tick_limit=tick_limit,
+        memory_limit=memory_limit,
         time_limit=time_limit,
     )
     if not chosen.cube.dimensions:

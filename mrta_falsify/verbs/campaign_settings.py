@@ -37,6 +37,8 @@ def new_settings(
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
     window: int = DEFAULTS.window,
+    tick_limit: float = DEFAULTS.trials.tick_limit,
+    memory_limit: float = DEFAULTS.trials.memory_limit,
     time_limit: float = DEFAULTS.time_limit,
 ) -> CampaignSettings:
     """Make the settings of a new campaign (see :mod:`mrta_falsify.campaigns.settings`).
@@ -54,6 +56,8 @@ def new_settings(
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
         window: how far trials may run ahead of what the sampler knows.
+        tick_limit: CPU time for one tick [s], after which the stack hangs.
+        memory_limit: resident memory that the stack may take up [GiB].
         time_limit: wall clock of one trial [s].
 
     Raises:
@@ -68,6 +72,8 @@ def new_settings(
         mode=mode,
         screen=screen,
         jittered=jittered,
+        tick_limit=tick_limit,
+        memory_limit=memory_limit,
         directory=str(Path(output).resolve()),
     )
     build_specifications(trials.specifications)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
+from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.journal import RunJournal, going_on
@@ -28,6 +29,7 @@ from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun, specifications_of
 from scenic_worlds.variation import jitter_world
+from simulator_interface.guard import Guard, guarded
 
 #: no place: the copy has no place for its robots; refused: the world cannot be run
 RunFate: TypeAlias = Literal["ran", "timeout", "no place", "refused"]
@@ -247,11 +249,13 @@ def open_rechecks(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[st
         A function from ``{"number": n, "record": {...}, "copy": k}`` to an encoded
         :class:`RecheckRun`.
     """
+    guard = Guard(on_lost=lost_time.tell)
 
     def run(job: dict[str, Any]) -> dict[str, Any]:
         record = codec.decode(TrialRecord, job["record"], where="recheck")
         try:
-            found = run_again(settings, record, job["copy"])
+            with guarded(guard):
+                found = run_again(settings, record, job["copy"])
         except InputError as error:
             found = RecheckRun(fate="refused", error=str(error))
         data: dict[str, Any] = codec.encode(found)

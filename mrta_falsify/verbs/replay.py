@@ -19,6 +19,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
 from mrta_falsify.worker import rerun, specifications_of
+from simulator_interface.guard import guarded
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
 JOURNAL_NAME = "verify.journal.jsonl"  # beside the trial, until all its runs are finished
@@ -89,6 +90,7 @@ def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
     return result
 
 
+@guarded()
 def replay_trial(
     campaign: Campaign,
     record: TrialRecord,

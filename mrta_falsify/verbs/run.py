@@ -21,16 +21,20 @@ from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.record import versions
+from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict, VerdictOutcome
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.worlds import FoundWorld, find_world_and_scene
 from reports.run_view import RunView
+from reports.sentences import violation_sentence
 from simulator_interface import starts
+from simulator_interface.guard import guarded
 
 if TYPE_CHECKING:
     from simulator_interface.simulate import Outcome, TaskCount
@@ -60,6 +64,8 @@ def run(
     robots: Place | None = None,
     humans: Place | None = None,
     specs: Sequence[str] = (),
+    tick_limit: float = TICK_LIMIT,
+    memory_limit: float = MEMORY_LIMIT,
     output: Place | None = None,
     gui: bool = False,
     gif: bool = False,
@@ -79,6 +85,8 @@ def run(
         robots: MRTA-Sim robot setup that replaces the robots.
         humans: MRTA-Sim waypoint file that replaces the people.
         specs: names of specifications, or ``stl:FORMULA``; all that ship if empty.
+        tick_limit: CPU time for one tick [s], after which the stack hangs.
+        memory_limit: resident memory that the stack may take up [GiB].
         output: directory for the files of :func:`write_run`; none are written if None.
         gui: show the physics engine's window.
         gif: also write an animation to ``output``.
@@ -103,9 +111,10 @@ def run(
         config=config,
         specifications=tuple(specs) or default_specifications(),
         scene=world.scene,
+        limits=StackLimits(tick=tick_limit, memory=memory_limit),
     )
     clock = _Clock(world.world, on_progress)
-    with telling(clock.state):
+    with telling(clock.state), guarded():
         outcome = run_job(job, keep_trace=keep_trace, on_progress=clock.show)
         if output is not None:
             write_run(outcome, world.world, output, config=config, gif=gif, mp4=mp4)
@@ -165,6 +174,7 @@ class RunSummary:
     seed: int | None = None  #: that varied or sampled the world
     stack_digest: str = ""
     output: str = later("")  #: directory of the files, if any were written
+    stack_failure: str = later("")  #: how the stack failed to answer, in words
 
 
 def summarise_run(
@@ -197,6 +207,11 @@ def summarise_run(
         seed=seed,
         stack_digest=(config or StackConfig()).digest(),
         output=str(output) if output is not None else "",
+        stack_failure=" ".join(
+            violation_sentence(verdict)
+            for verdict in outcome.verdicts
+            if verdict.violated and verdict.spec in ("stack_runs", "repeatable")
+        ),
     )
 
 
@@ -335,6 +350,13 @@ def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:
         world=world,
         trace=outcome.trace,
         verdicts=outcome.verdicts,
-        costmap=costmap_of(world, config),
+        costmap=costmap_of(world, _with_map_that_works(outcome, config)),
         facts=facts,
     )
+
+
+def _with_map_that_works(outcome: Outcome, config: StackConfig) -> StackConfig:
+    """Draw the shipped costmap where the stack's own has failed."""
+    first = leading(outcome.verdicts)
+    has_failed = first is not None and first.evidence.get("layer") == "costmap"
+    return dataclasses.replace(config, costmap=StackConfig().costmap) if has_failed else config

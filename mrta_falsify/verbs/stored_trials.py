@@ -182,4 +182,5 @@ def job_of(campaign: Campaign, record: TrialRecord) -> Job:
         config=stack_of(settings, record),
         specifications=specifications_of(settings),
         early_stop=True,
+        limits=settings.limits,
     )

@@ -16,7 +16,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import write_atomically
-from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
+from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.seeding import candidate_seed
@@ -26,6 +26,7 @@ from mrta_falsify.specs.books import Books
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.worlds import find_world
+from reports.sentences import violation_sentence
 from scenic_worlds.variation import vary_world
 from simulator_interface.simulate import simulate
 
@@ -185,13 +186,19 @@ class _TripClock:
 def _drive(world: World, config: StackConfig, start: int, end: int, seed: int) -> float | None:
     """Drive one trip and return its time [s]; None if the robot did not arrive."""
     clock = _TripClock()
-    simulate(
+    outcome = simulate(
         vary_world(_trip_world(world, start, end), seed),
         config,
         specifications=[clock],
         keep_trace=False,
         stop=lambda frame: "decided" if _is_given_up(frame) else "",
     )
+    failures = [verdict for verdict in outcome.verdicts if verdict.spec == "stack_runs"]
+    if failures:
+        raise InputError(
+            f"{world.name}: no travel time from room {start} to room {end}: "
+            f"{violation_sentence(failures[0])}"
+        )
     return None if clock.trip is None else round(clock.trip, 6)
 
 

@@ -44,3 +44,21 @@ def test_our_caches_lie_in_a_folder_of_that_name_and_those_of_others_do_not():
 
     cached = compiled.njit(cache=True)(foreign)
     assert "compiled-" not in cached.stats.cache_path
+
+
+def test_compiling_is_told_and_a_compiled_call_is_not():
+    told = []
+    compiled.on_compiling(lambda: told.append("begins"), lambda: told.append("ends"))
+
+    @compiled.njit
+    def inner(x):
+        return x + 1.0
+
+    @compiled.njit
+    def outer(x):
+        return inner(x) * 2.0
+
+    assert outer(1.0) == 4.0
+    assert told == ["begins", "ends"]
+    assert outer(2.0) == 6.0
+    assert told == ["begins", "ends"]

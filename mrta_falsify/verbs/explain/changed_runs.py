@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import partial
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job, judges_of
+from mrta_falsify.trial import Job, judge, judges_of
 from mrta_falsify.verbs.explain.changes import Change
 from simulator_interface.continuation import Running, run_to
+from simulator_interface.watched_copy import CopyFailed
 
 AFTER = 45.0  # s after the violation that a changed episode must survive
 LOOK_STRIDE = 10  # ticks between two looks at whether the failure is back
@@ -43,10 +47,45 @@ def continued_with(
         yield journal.answers[key]
     if not missing:
         return
+    if verdict.spec == "stack_runs" and verdict.violated_at == 0.0:
+        for key, change in missing.items():  # nothing runs until then
+            yield journal.keep(key, _from_the_start(job, verdict, change, until))
+        return
     with run_to(job.world, job.config, judges_of(job), at) as running:
         for key, change in missing.items():
             changed = partial(_counterfactual, running, verdict, change, until)
-            yield journal.keep(key, running.in_a_copy(changed, Counterfactual))
+            try:
+                found = running.in_a_copy(changed, Counterfactual)
+            except CopyFailed as failed:
+                found = _cures_nothing(change, failed.message)
+            yield journal.keep(key, found)
+
+
+def _from_the_start(job: Job, verdict: Verdict, change: Change, until: float) -> Counterfactual:
+    """Run the whole episode with a change, and look whether the same happens by ``until`` [s]."""
+    world = dataclasses.replace(job.world, horizon=min(until, job.world.horizon))
+    changed = dataclasses.replace(job, world=world, config=change.config)
+    run = judge(changed, keep_trace=False)
+    for found in run.verdicts:
+        if found.violated and found.spec == verdict.spec:
+            return _cures_nothing(change, f"violated again at {found.violated_at or 0.0:.1f} s")
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=True,
+        detail=f"nothing of the kind until {run.outcome.sim_time:.1f} s",
+        restores=change.restores,
+    )
+
+
+def _cures_nothing(change: Change, detail: str) -> Counterfactual:
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=False,
+        detail=detail,
+        restores=change.restores,
+    )
 
 
 def _counterfactual(
@@ -55,26 +94,34 @@ def _counterfactual(
     """Go on with a change, and look whether the same specification is violated by ``until`` [s]."""
     running.episode.swap(change.config)
     own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
-    ended = "the time looked at was over"
+    has_failed = False
+    try:
+        ended = _watched(running, own, until)
+    except StackFailed as failed:
+        # A change that makes the stack fail cures nothing.
+        has_failed, ended = True, f"the stack failed at {failed.failure.time:.1f} s"
+    verdicts = [s.verdict() for s in own]
+    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
+    is_violated = has_failed or any(v.violated for v in verdicts)
+    return Counterfactual(
+        layer=change.layer,
+        change=change.text,
+        failure_gone=not unjudged and not is_violated,
+        detail=f"not judged: {unjudged}" if unjudged else ended,
+        restores=change.restores,
+    )
+
+
+def _watched(running: Running, own: Sequence[Specification], until: float) -> str:
+    """Go on until one of ``own`` is violated, or ``until`` [s]; say how that ended."""
     for frame in running.frames:
         for specification in own:
             specification.update(frame)
         time = frame.sensed.time
         if frame.sensed.tick % LOOK_STRIDE == 0 and any(s.verdict().violated for s in own):
-            ended = f"violated again at {time:.1f} s"
-            break
+            return f"violated again at {time:.1f} s"
         if running.episode.books.due and running.episode.books.closed:
-            ended = f"all tasks done at {time:.1f} s"
-            break
+            return f"all tasks done at {time:.1f} s"
         if time >= min(until, running.episode.world.horizon):
-            ended = f"nothing violated until {time:.1f} s"
-            break
-    verdicts = [s.verdict() for s in own]
-    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
-    return Counterfactual(
-        layer=change.layer,
-        change=change.text,
-        failure_gone=not unjudged and not any(v.violated for v in verdicts),
-        detail=f"not judged: {unjudged}" if unjudged else ended,
-        restores=change.restores,
-    )
+            return f"nothing violated until {time:.1f} s"
+    return "the time looked at was over"

@@ -31,6 +31,7 @@ from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
 from mrta_falsify.verbs.explain.removals import removals_of
 from mrta_falsify.verbs.stored_trials import job_of
 from scenic_worlds.variation import jittered_worlds
+from simulator_interface.guard import guarded
 
 LEAD = 10.0  # s before the onset at which things are changed
 JITTERED = 20  # copies with small differences, as far as the runs suffice
@@ -92,6 +93,7 @@ def explain(
     return found
 
 
+@guarded()
 def explain_job(
     job: Job,
     *,

@@ -32,6 +32,7 @@ from mrta_falsify.verbs.family.program_text import program_text
 from mrta_falsify.verbs.family.samples import PointRun, SampleRuns
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import open_program, specifications_of
+from simulator_interface.guard import guarded
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Program
@@ -41,6 +42,7 @@ UNMEASURED = ".unmeasured.scenic"  # ending of a family's program before it is m
 PROGRAM_NAME = "family.scenic"  # beside the trial, unless the user gives another file
 
 
+@guarded()
 def find_family(
     campaign: Campaign,
     record: TrialRecord,
@@ -161,7 +163,11 @@ def _reference_stack(campaign: Campaign, record: TrialRecord) -> StackConfig:
         return quick
     if not world.scripted:
         job = Job(
-            world=world, config=quick, specifications=specifications_of(settings), early_stop=True
+            world=world,
+            config=quick,
+            specifications=specifications_of(settings),
+            early_stop=True,
+            limits=settings.limits,
         )
         if signature(judge(job, keep_trace=False).verdicts) == signature(record.verdicts):
             return quick

@@ -92,6 +92,7 @@ class SampleRuns:
             specifications=specifications_of(self.settings),
             early_stop=True,
             scene=realised.scene,
+            limits=self.settings.limits,
         )
         try:
             failed = signature(judge(job, keep_trace=False).verdicts) == self.wanted

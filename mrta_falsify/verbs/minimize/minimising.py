@@ -34,6 +34,7 @@ from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRun
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of
+from simulator_interface.guard import guarded
 
 JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
 WORLD, TRACE, STACK = "world.min.json", "trace.min.zip", "stack.yaml"  # files of the result
@@ -49,6 +50,7 @@ class Smallest:
     finding: Minimisation
 
 
+@guarded()
 def minimize(
     campaign: Campaign,
     record: TrialRecord,
@@ -134,6 +136,7 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
     return reason
 
 
+@guarded()
 def minimize_job(
     job: Job,
     *,

@@ -21,6 +21,7 @@ from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.minimize.course import Course, course_of
 from simulator_interface import starts
+from simulator_interface.guard import Guard, guarded
 
 
 class OutOfRunsError(Exception):
@@ -124,7 +125,7 @@ class Reruns(AbstractContextManager["Reruns"]):
                 self._keep(key, chosen[key], run_smaller(job, self.wanted))
             return
         futures: dict[str, Future[SmallerRun]] = {
-            key: self._pool.submit(run_smaller, job, self.wanted) for key, job in jobs.items()
+            key: self._pool.submit(run_in_pool, job, self.wanted) for key, job in jobs.items()
         }
         try:
             for key, future in futures.items():
@@ -140,6 +141,15 @@ class Reruns(AbstractContextManager["Reruns"]):
         self._take(key, self.journal.keep(key, answer))
         outcome = "fails" if answer.course is not None else "passes"
         self.on_run(self.count, f"{outcome} without {smaller.what}")
+
+
+_guard = Guard()  # of a process of the pool
+
+
+def run_in_pool(job: Job, wanted: str) -> SmallerRun:
+    """Run a smaller world as :func:`run_smaller`, in a process that does nothing else."""
+    with guarded(_guard):
+        return run_smaller(job, wanted)
 
 
 def run_smaller(job: Job, wanted: str) -> SmallerRun:

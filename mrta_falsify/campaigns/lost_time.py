@@ -1,0 +1,22 @@
+"""Time that a stack under test has cost by hanging, which no trial is killed for.
+
+A trial whose stack hangs is run again, and a third time up to there. What that takes is told to
+the executor, so that the limit of a trial's wall clock is for the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+_listeners: list[Callable[[float], None]] = []
+
+
+def listen(listener: Callable[[float], None]) -> None:
+    """Let ``listener`` be told, from now on in this process, of wall-clock time [s]."""
+    _listeners.append(listener)
+
+
+def tell(seconds: float) -> None:
+    """Tell that a run of ``seconds`` [s] was lost."""
+    for listener in _listeners:
+        listener(seconds)

@@ -1,0 +1,59 @@
+"""The stack under test answers every tick, and with something that can be carried out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.stack_failure import StackFailure
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
+
+NAME = "stack_runs"
+
+
+class StackRuns:
+    """The stack does not crash, hang, take too much memory or answer nonsense.
+
+    Robustness: 1, or -1 if it failed. A failure ends the episode; ``violated_at`` is the time of
+    the tick that was not answered. Failures of the toolkit are errors and no verdicts.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """None."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        del world, dt
+        self._failure: StackFailure | None = None
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick, which the stack answered."""
+
+    def stack_failed(self, failure: StackFailure) -> None:
+        """Take in how the stack failed."""
+        self._failure = failure
+
+    def verdict(self) -> Verdict:
+        """Give the verdict to date."""
+        failure = self._failure
+        if failure is None:
+            return Verdict(spec=NAME, robustness=1.0, violated=False)
+        return Verdict(
+            spec=NAME,
+            robustness=-1.0,
+            violated=True,
+            violated_at=failure.time,
+            evidence={
+                "kind": failure.kind,
+                "tick": failure.tick,
+                "layer": failure.layer,
+                "exception": failure.exception,
+                "message": failure.message,
+                "frames": list(failure.frames),
+            },
+        )

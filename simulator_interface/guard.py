@@ -1,0 +1,165 @@
+"""The guard: runs that survive whatever the stack under test does.
+
+Inside ``with guarded():`` each episode runs in a copy of this process
+(:mod:`.watched_copy`). A stack that hangs, ends the process or takes too much memory costs the
+copy. If it does so in two runs, a third ends at that tick with the verdict: the trace and the other
+verdicts are as if the stack had raised an exception there. What happens in one of two runs is an
+error of no known cause.
+"""
+
+from __future__ import annotations
+
+import time as wall_clock
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.stack_failure import StackFailure, StackLimits
+from simulator_interface import forking
+from simulator_interface.failing_layer import layer_of, shared_places, texts_of
+from simulator_interface.heartbeat import post
+from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+
+T = TypeVar("T")
+
+MOST_RUNS = 6  # of one episode: a stack that fails at another tick each time
+
+
+class Guard:
+    """Runs episodes in a copy of this process; the copy is kept from one to the next.
+
+    Args:
+        on_lost: called with the wall-clock time [s] of a run in which the stack brought the copy
+            down.
+    """
+
+    def __init__(self, on_lost: Callable[[float], None] = lambda seconds: None) -> None:
+        self._on_lost = on_lost
+        self._copy: WatchedCopy | None = None
+        self._limits: StackLimits | None = None
+
+    def run(
+        self,
+        call: Callable[[], T],
+        *,
+        config: StackConfig,
+        limits: StackLimits,
+        portable: bool,
+        on_time: Callable[[float], None] = lambda time: None,
+    ) -> T:
+        """Run one episode.
+
+        Args:
+            call: runs it; a function of a module with values that can be pickled, if portable.
+            config: the stack under test.
+            limits: of the stack.
+            portable: whether ``call`` and what it needs can be sent to another process.
+            on_time: called with the simulated time [s] as it goes on.
+
+        Raises:
+            HarnessError: the stack failed in one of two runs only, or the toolkit did.
+            Exception: what ``call`` raised.
+        """
+        if not portable or limits != self._limits:
+            self.close()
+        self._limits = limits
+        seen: list[CopyFailed] = []
+        ending: StackFailure | None = None
+        while len(seen) < MOST_RUNS:
+            began = wall_clock.monotonic()
+            try:
+                answer: T = self._ask(Request(call, ending), limits, on_time)
+            except CopyFailed as failed:
+                self._on_lost(wall_clock.monotonic() - began)
+                seen.append(failed)
+                if len(seen) > 1:
+                    ending = _failure(seen, config)
+                continue
+            if len(seen) == 1:
+                raise HarnessError(f"{_what(seen[0])}; in a second run it did not happen again")
+            return answer
+        raise HarnessError(f"{_what(seen[-1])}; it failed elsewhere in {len(seen)} runs")
+
+    def __del__(self) -> None:
+        """End the copy with the last one who could use it."""
+        self.close()
+
+    def close(self) -> None:
+        """End the copy; the next run makes another."""
+        if self._copy is not None:
+            self._copy.close()
+            self._copy = None
+
+    def _ask(self, request: Request, limits: StackLimits, on_time: Callable[[float], None]) -> Any:
+        copy, self._copy = self._copy, None
+        if copy is not None and not copy.ask(request):
+            copy.close()
+            copy = None
+        copy = copy or WatchedCopy(request, limits)
+        try:
+            answer = copy.answer(on_time)
+        except Exception as error:
+            if isinstance(error, CopyFailed | HarnessError):
+                copy.close()
+            else:
+                self._copy = copy
+            raise
+        except BaseException:  # Ctrl-C
+            copy.close()
+            raise
+        self._copy = copy
+        return answer
+
+
+def _what(failed: CopyFailed) -> str:
+    return f"{failed.message} at tick {failed.pulse.tick} ({failed.pulse.time:.2f} s)"
+
+
+def _failure(seen: list[CopyFailed], config: StackConfig) -> StackFailure:
+    """Say how the stack fails, from all runs in which it did: at the earliest tick."""
+    first = min(seen, key=lambda failed: failed.pulse.tick)
+    alike = [failed for failed in seen if failed.pulse.tick == first.pulse.tick]
+    places = alike[0].places
+    for other in alike[1:]:
+        places = shared_places(places, other.places)
+    return StackFailure(
+        kind=first.kind,
+        tick=first.pulse.tick,
+        time=first.pulse.time,
+        layer=layer_of(places, config),
+        exception=first.exception,
+        message=first.message,
+        frames=texts_of(places),
+    )
+
+
+# --- who is guarded ------------------------------------------------------------------------
+
+_guards: list[Guard | None] = [None]  # the last one counts
+
+
+def current_guard() -> Guard | None:
+    """Give the guard of this process, None: episodes run in this process itself."""
+    return _guards[-1] if post().heartbeat is None else None  # a watched copy has a guard outside
+
+
+@contextmanager
+def guarded(guard: Guard | None = None) -> Iterator[None]:
+    """Guard all episodes that are run inside; within another guard, by that one.
+
+    Args:
+        guard: whose copy is used and kept; by default one that ends with this block.
+    """
+    if not forking.can_fork() or _guards[-1] is not None or post().heartbeat is not None:
+        yield
+        return
+    own = guard or Guard()
+    _guards.append(own)
+    try:
+        yield
+    finally:
+        _guards.pop()
+        if guard is None:
+            own.close()

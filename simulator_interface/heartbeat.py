@@ -1,0 +1,175 @@
+"""The heartbeat: what a process that runs episodes shows to the one that watches it.
+
+A page of shared memory says whether the process is inside the stack under test, at which tick, and
+since when. The watching process may read it at any time, even while compiled code of the stack
+holds Python's lock.
+"""
+
+from __future__ import annotations
+
+import functools
+import mmap
+import os
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from mrta_falsify.core.compiled import on_compiling
+from mrta_falsify.core.stack_failure import GIB, StackFailed, StackFailure, StackLimits
+
+#: in the stack, compiling, entries into the stack, tick, simulated time [s], CPU time of the entry
+#: [s], resident memory at the entry [bytes], bytes that earlier calls of the stack took up
+LAYOUT = struct.Struct("=qqqqdddd")
+PAGE = mmap.PAGESIZE
+
+
+class Pulse(NamedTuple):
+    """What a heartbeat says at one moment."""
+
+    in_stack: bool
+    compiling: bool  #: kernels are compiled, which is no time of the stack's own
+    entries: int  #: into the stack so far
+    tick: int  #: the last one that the stack was asked
+    time: float  #: of that tick, simulated [s]
+    entered_at: float  #: CPU time of the process at the last entry [s]
+    resident: float  #: memory at the last entry [bytes]
+    taken: float  #: memory that the calls before took up [bytes]
+
+
+class Heartbeat:
+    """Shared memory that a process writes and its parent reads; made before the fork."""
+
+    def __init__(self) -> None:
+        self._memory = mmap.mmap(-1, PAGE)
+        self._pulse = Pulse(False, False, 0, 0, 0.0, 0.0, 0.0, 0.0)
+        self._compiling = (0.0, 0.0)  # CPU time [s] and memory [bytes] as it began
+        self._statm = -1  # file descriptor of this process's own memory figures
+
+    def read(self) -> Pulse:
+        """Read what the process shows."""
+        in_stack, compiling, *rest = LAYOUT.unpack_from(self._memory)
+        return Pulse(bool(in_stack), bool(compiling), *rest)
+
+    # --- in the process that runs the episode ----------------------------------------------
+
+    def enter(self, tick: int, at: float) -> None:
+        """Show that the stack is asked ``tick`` at ``at`` [s] of simulated time."""
+        before = self._pulse
+        self._show(
+            Pulse(
+                True,
+                False,
+                before.entries + 1,
+                tick,
+                at,
+                time.process_time(),
+                self._resident(),
+                before.taken,
+            )
+        )
+
+    def leave(self) -> float:
+        """Show that the stack has answered; give the memory that its calls took up [bytes]."""
+        now = self._pulse
+        taken = max(0.0, now.taken + self._resident() - now.resident)
+        self._show(now._replace(in_stack=False, taken=taken))
+        return taken
+
+    def compile_begins(self) -> None:
+        """Show that kernels are compiled."""
+        self._compiling = (time.process_time(), self._resident())
+        self._show(self._pulse._replace(compiling=True))
+
+    def compile_ends(self) -> None:
+        """Show that compiling is over; its time and memory are not the stack's."""
+        now, (began, resident) = self._pulse, self._compiling
+        self._show(
+            now._replace(
+                compiling=False,
+                entered_at=now.entered_at + time.process_time() - began,
+                resident=now.resident + max(0.0, self._resident() - resident),
+            )
+        )
+
+    def _show(self, pulse: Pulse) -> None:
+        self._pulse = pulse
+        LAYOUT.pack_into(self._memory, 0, *pulse)
+
+    def _resident(self) -> float:
+        if self._statm < 0:
+            self._statm = os.open("/proc/self/statm", os.O_RDONLY)
+        return float(os.pread(self._statm, 64, 0).split()[1]) * PAGE
+
+
+class Post:
+    """What this process knows about being watched.
+
+    Args:
+        heartbeat: that is read from outside; None: nobody watches.
+        limits: of the stack.
+        ending: how the stack is known to fail in this episode; it is not asked that tick again.
+    """
+
+    def __init__(
+        self,
+        heartbeat: Heartbeat | None = None,
+        limits: StackLimits | None = None,
+        ending: StackFailure | None = None,
+    ) -> None:
+        self.heartbeat = heartbeat
+        self.limits = limits or StackLimits()
+        self.ending = ending
+
+    def enter(self, tick: int, at: float) -> None:
+        """Take note that the stack is asked ``tick`` at ``at`` [s].
+
+        Raises:
+            StackFailed: it is known to fail here.
+        """
+        if self.ending is not None and tick >= self.ending.tick:
+            raise StackFailed(self.ending)
+        if self.heartbeat is not None:
+            self.heartbeat.enter(tick, at)
+
+    def leave(self) -> float:
+        """Take note that the stack has answered; give by how much it exceeds its memory [GiB]."""
+        if self.heartbeat is None:
+            return 0.0
+        return max(0.0, self.heartbeat.leave() / GIB - self.limits.memory)
+
+
+_posts = [Post()]  # the last one counts
+
+
+def post() -> Post:
+    """Give the post of this process."""
+    return _posts[-1]
+
+
+@contextmanager
+def at_post(taken: Post) -> Iterator[None]:
+    """Take up a post in this process."""
+    _posts.append(taken)
+    try:
+        yield
+    finally:
+        _posts.pop()
+
+
+@functools.cache  # once in a process, and its copies
+def listen_to_compiler() -> None:
+    """Leave what numba compiles, which may take minutes, out of the stack's time and memory."""
+
+    def begins() -> None:
+        heartbeat = post().heartbeat
+        if heartbeat is not None:
+            heartbeat.compile_begins()
+
+    def ends() -> None:
+        heartbeat = post().heartbeat
+        if heartbeat is not None:
+            heartbeat.compile_ends()
+
+    on_compiling(begins, ends)

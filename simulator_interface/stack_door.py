@@ -1,0 +1,178 @@
+"""The door to the stack under test: what fails behind it is the stack's failure, not ours.
+
+Everything that a layer of a user may fail in is called through :class:`StackDoor`. An exception
+that is no :class:`~mrta_falsify.core.errors.InputError` becomes a
+:class:`~mrta_falsify.core.stack_failure.StackFailed`; so does an answer that no robot can
+carry out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
+from mrta_falsify.core.interruption import is_interruption
+from mrta_falsify.core.stack_failure import StackFailed, StackFailure
+from mrta_falsify.core.world import World
+from mrta_falsify.stack.mission import StackState
+from mrta_falsify.stack.pipeline import Stack
+from simulator_interface.failing_layer import layer_of, places_in, texts_of
+from simulator_interface.heartbeat import post
+
+T = TypeVar("T")
+
+ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")  # of an object, which differs from run to run
+MOST_TEXT = 500  # characters of an exception's message that are kept
+
+#: what a stack answers to a tick
+Answer = tuple[StackState, Command, Intent, tuple[StackEvent, ...]]
+
+#: shapes of an intent's arrays behind the axis of robots
+INTENT_SHAPES: dict[str, tuple[int, ...]] = {
+    "phase": (),
+    "goal": (2,),
+    "waypoint": (2,),
+    "cluster": (),
+    "leader": (),
+    "slack": (),
+    "tasks_left": (),
+    "queue": (),
+}
+#: layer that gives a part of the answer; the others are the pipeline's own
+LAYER_OF_PART = {
+    "command": "controller",
+    "cluster": "controller",
+    "leader": "controller",
+    "slack": "controller",
+    "path": "planner",
+    "waypoint": "waypoint_generator",
+}
+
+
+class StackDoor:
+    """Asks the stack of one episode.
+
+    Args:
+        world: of the episode.
+        config: the stack under test.
+    """
+
+    def __init__(self, world: World, config: StackConfig) -> None:
+        self._robots = len(world.robots)
+        self._names = tuple(robot.name for robot in world.robots)
+        self._tasks = len(world.tasks)
+        self._config = config
+        self._tick, self._time = 0, 0.0
+
+    def ask(self, question: Callable[[], T], tick: int, time: float) -> T:
+        """Call something of the stack at a tick, at ``time`` [s].
+
+        Raises:
+            StackFailed: it raised an exception, or took too much memory.
+            InputError: it refused its options or the world.
+        """
+        self._tick, self._time = tick, time
+        here = post()
+        here.enter(tick, time)
+        try:
+            answer = question()
+        except (InputError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # SystemExit, too
+            if is_interruption(error):
+                raise KeyboardInterrupt from error
+            raise StackFailed(self._crash(error)) from error
+        finally:
+            excess = here.leave()
+        if excess > 0.0:
+            text = f"the stack took up more than {here.limits.memory:g} GiB of memory"
+            raise StackFailed(self._failure("memory", text))
+        return answer
+
+    def step(self, stack: Stack, state: StackState, fleet: FleetState) -> Answer:
+        """Let the stack take a tick.
+
+        Raises:
+            StackFailed: it failed, or its answer cannot be carried out.
+            InputError: as in :meth:`ask`.
+        """
+        answer = self.ask(lambda: stack.step(state, fleet), fleet.tick, fleet.time)
+        _, command, intent, events = answer
+        self._check_command(command)
+        self._check_intent(intent)
+        self._check_events(events)
+        return answer
+
+    # --- what is wrong ----------------------------------------------------------------------
+
+    def _failure(
+        self,
+        kind: Literal["crash", "memory", "answer"],
+        message: str,
+        *,
+        layer: str = "",
+        exception: str = "",
+        frames: tuple[str, ...] = (),
+    ) -> StackFailure:
+        return StackFailure(
+            kind=kind,
+            tick=self._tick,
+            time=self._time,
+            layer=layer,
+            exception=exception,
+            message=message,
+            frames=frames,
+        )
+
+    def _crash(self, error: BaseException) -> StackFailure:
+        places = places_in(error.__traceback__)
+        return self._failure(
+            "crash",
+            ADDRESS.sub("0x...", str(error))[:MOST_TEXT],
+            layer=layer_of(places, self._config),
+            exception=type(error).__name__,
+            frames=texts_of(places),
+        )
+
+    def _refuse(self, part: str, message: str) -> StackFailed:
+        return StackFailed(
+            self._failure("answer", message, layer=LAYER_OF_PART.get(part, ""), exception=part)
+        )
+
+    def _check_command(self, command: Command) -> None:
+        twist = np.asarray(getattr(command, "twist", None))
+        self._check_shape("command", twist, (3,))
+        finite = np.isfinite(twist)
+        if not finite.all():
+            robot = self._names[int(np.flatnonzero(~finite.all(axis=1))[0])]
+            raise self._refuse("command", f"the command of {robot} is not finite")
+
+    def _check_intent(self, intent: Intent) -> None:
+        for name, shape in INTENT_SHAPES.items():
+            self._check_shape(name, np.asarray(getattr(intent, name)), shape)
+        if len(intent.path) != self._robots or len(intent.waits_for) != self._robots:
+            raise self._refuse("path", f"paths or waits are not of {self._robots} robots")
+        for name, path in zip(self._names, intent.path, strict=True):
+            if np.ndim(path) != 2 or np.shape(path)[1] != 2:
+                shape = np.shape(path)
+                raise self._refuse("path", f"the path of {name} has shape {shape}, not (L, 2)")
+
+    def _check_shape(self, part: str, value: np.ndarray, shape: tuple[int, ...]) -> None:
+        wanted = (self._robots, *shape)
+        if value.shape != wanted:
+            raise self._refuse(part, f"{part} has shape {value.shape}, not {wanted}")
+        if value.dtype.kind not in "fiub":
+            raise self._refuse(part, f"{part} holds {value.dtype}, not numbers")
+
+    def _check_events(self, events: tuple[StackEvent, ...]) -> None:
+        for event in events:
+            if not (-1 <= event.robot < self._robots and -1 <= event.task < self._tasks):
+                raise self._refuse(
+                    "events", f"event {event.kind} names robot {event.robot}, task {event.task}"
+                )

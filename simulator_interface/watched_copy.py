@@ -1,0 +1,349 @@
+"""A copy of this process that runs something, watched from outside.
+
+The copy shows its heartbeat in shared memory. This process reads it, the CPU time and the resident
+memory of the copy while it waits for an answer, and kills a copy whose stack hangs or takes too
+much memory. That works whatever the stack does: a loop in Python, compiled code that holds
+Python's lock, ``os._exit``, a segmentation fault.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import faulthandler
+import gc
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection, Pipe
+from typing import Any, NamedTuple, NoReturn
+
+from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
+from mrta_falsify.core.interruption import STOP_SIGNALS, signals_held
+from mrta_falsify.core.stack_failure import (
+    GIB,
+    FailureKind,
+    StackFailed,
+    StackFailure,
+    StackLimits,
+)
+from simulator_interface import stack_door
+from simulator_interface.failing_layer import Place, dumped_places
+from simulator_interface.heartbeat import (
+    PAGE,
+    Heartbeat,
+    Post,
+    Pulse,
+    at_post,
+    listen_to_compiler,
+    post,
+)
+
+LOOK_EVERY = 0.05  # s between two looks at a copy; a tick limit is kept to about twice this
+DUMP_WITHIN = 1.0  # s that a copy has to write where it hangs
+SHOW_PLACE = signal.SIGUSR2  # makes a copy write its traceback
+MOST_DUMPED = 1 << 16  # bytes of it
+PR_SET_PDEATHSIG = 1  # of prctl(2)
+TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
+
+_libc = ctypes.CDLL(None)
+
+
+class CopyFailed(Exception):  # noqa: N818 - says what became of the copy
+    """The stack brought down the copy that it ran in, or the copy had to be killed.
+
+    Args:
+        kind: how.
+        pulse: the last heartbeat.
+        exception: signal or exit code, if the copy ended by itself.
+        message: in words.
+        places: where it was, outermost frame first.
+    """
+
+    def __init__(
+        self, kind: FailureKind, pulse: Pulse, exception: str, message: str, places: list[Place]
+    ) -> None:
+        super().__init__(message)
+        self.kind, self.pulse, self.exception = kind, pulse, exception
+        self.message, self.places = message, places
+
+
+class RemoteTraceback(Exception):  # noqa: N818 - is never raised by itself
+    """Where an exception was raised in a copy."""
+
+
+class Request(NamedTuple):
+    """What a copy is asked."""
+
+    call: Callable[[], Any]
+    ending: StackFailure | None = None  #: how the stack is known to fail
+
+
+class WatchedCopy:
+    """A copy of this process that answers requests until it is closed.
+
+    Args:
+        first: the first request; it reaches the copy as it is, later ones are sent.
+        limits: of the stack under test.
+    """
+
+    def __init__(self, first: Request, limits: StackLimits) -> None:
+        self._limits = limits
+        self._heartbeat = Heartbeat()
+        self._dump = os.memfd_create("traceback")
+        self._ours, theirs = Pipe()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self._owner = os.getpid()
+        self._status: int | None = None  # of the process, once it has ended
+        with signals_held():
+            self._process = os.fork()
+            if self._process == 0:
+                self._serve(theirs, first)
+        theirs.close()
+
+    def ask(self, request: Request) -> bool:
+        """Send another request, the one before being answered; False: the copy has ended."""
+        try:
+            self._ours.send(request)
+        except (BrokenPipeError, ConnectionResetError):
+            return False
+        return True
+
+    def answer(self, on_time: Callable[[float], None] = lambda time: None) -> Any:
+        """Wait for the answer.
+
+        Args:
+            on_time: called with the simulated time [s] whenever that has changed.
+
+        Raises:
+            CopyFailed: the stack hung, took too much memory, or ended the process.
+            HarnessError: the process ended outside the stack.
+            Exception: what the request raised.
+        """
+        clock = _Clock(self._process)
+        shown = -1.0
+        while not self._ours.poll(LOOK_EVERY):
+            pulse = self._heartbeat.read()
+            if pulse.time != shown:
+                shown = pulse.time
+                on_time(shown)
+            over = clock.over(pulse, self._limits)
+            if over:
+                raise self._kill(over, pulse)
+            if self._has_ended() and not self._ours.poll(0):
+                raise self._death()
+        try:
+            outcome = self._ours.recv()
+        except EOFError:
+            raise self._death() from None
+        return _open(outcome)
+
+    def close(self) -> None:
+        """End the copy; may be called twice, and does nothing in copies of this process."""
+        if self._ours.closed or os.getpid() != self._owner:
+            return
+        if self._status is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._process, signal.SIGKILL)
+            self._has_ended(wait=True)
+        self._ours.close()
+        os.close(self._dump)
+
+    # --- ends -----------------------------------------------------------------------------
+
+    def _has_ended(self, *, wait: bool = False) -> bool:
+        if self._status is None:
+            with contextlib.suppress(ChildProcessError):
+                ended, status = os.waitpid(self._process, 0 if wait else os.WNOHANG)
+                self._status = status if ended else None
+        return self._status is not None
+
+    def _death(self) -> Exception:
+        self._has_ended(wait=True)
+        pulse, places = self._heartbeat.read(), self._dumped()
+        self.close()
+        code = os.waitstatus_to_exitcode(self._status or 0)
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        if not pulse.in_stack:
+            return HarnessError(f"the process of a run ended by {how}, outside the stack")
+        return CopyFailed("crash", pulse, how, f"the stack ended its process by {how}", places)
+
+    def _kill(self, kind: FailureKind, pulse: Pulse) -> CopyFailed:
+        os.kill(self._process, SHOW_PLACE)
+        until = time.monotonic() + DUMP_WITHIN
+        while os.fstat(self._dump).st_size == 0 and time.monotonic() < until:
+            time.sleep(LOOK_EVERY / 5)
+        time.sleep(LOOK_EVERY / 5)  # the rest of the text
+        places = self._dumped()
+        self.close()
+        message = (
+            f"the stack gave no answer within {self._limits.tick:g} s of CPU time"
+            if kind == "hang"
+            else f"the stack took up more than {self._limits.memory:g} GiB of memory"
+        )
+        return CopyFailed(kind, pulse, "", message, places)
+
+    def _dumped(self) -> list[Place]:
+        text = os.pread(self._dump, MOST_DUMPED, 0).decode(errors="replace")
+        return dumped_places(text, stack_door.__file__)
+
+    # --- in the copy -------------------------------------------------------------------------
+
+    def _serve(self, pipe: Connection, request: Request) -> NoReturn:
+        """Answer requests until the other end of the pipe is closed; never returns."""
+        code = 1
+        try:
+            self._ours.close()
+            _end_with_parent(self._owner)
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            signal.set_wakeup_fd(-1)  # the signals of the copy are not those of the original
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+            faulthandler.enable(self._dump, all_threads=False)
+            faulthandler.register(SHOW_PLACE, self._dump, all_threads=False, chain=False)
+            listen_to_compiler()
+            gc.freeze()  # what was made before stays; a copy of the copy shares more memory
+            while True:
+                with at_post(Post(self._heartbeat, self._limits, request.ending)):
+                    outcome = _outcome(request.call)
+                sys.stdout.flush()
+                _send(pipe, outcome)
+                request = pipe.recv()
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            code = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+
+
+class _Clock:
+    """Measures how long a process has been inside one call of the stack.
+
+    CPU time counts, and time in which all of the process sleeps: a stack that waits for what
+    never comes hangs, too. Time in which it waits for a processor does not.
+    """
+
+    def __init__(self, process: int) -> None:
+        self._process = process
+        self._entry = -1
+        self._cpu = 0.0
+        self._asleep = 0.0
+        self._looked = time.monotonic()
+        self._heavy = -1  # entry that was over the memory limit at the last look
+
+    def over(self, pulse: Pulse, limits: StackLimits) -> FailureKind | None:
+        """Say which limit the stack exceeds, None if it keeps to all."""
+        now = time.monotonic()
+        since, self._looked = now - self._looked, now
+        if not pulse.in_stack or pulse.compiling:
+            self._entry = -1
+            return None
+        cpu, is_asleep, resident = _usage(self._process)
+        if pulse.entries != self._entry:
+            self._entry, self._cpu, self._asleep = pulse.entries, cpu, 0.0
+            return None
+        if is_asleep and cpu == self._cpu:
+            self._asleep += since
+        self._cpu = cpu
+        if cpu - pulse.entered_at + self._asleep > limits.tick:
+            return "hang"
+        # Two looks at one entry: the figures of one may be of two moments.
+        was_heavy, self._heavy = self._heavy == pulse.entries, -1
+        if (pulse.taken + resident - pulse.resident) / GIB > limits.memory:
+            self._heavy = pulse.entries
+            return "memory" if was_heavy else None
+        return None
+
+
+def _usage(process: int) -> tuple[float, bool, float]:
+    """Read the CPU time [s] of a process, whether it sleeps, and its resident memory [bytes]."""
+    try:
+        with open(f"/proc/{process}/stat", encoding="ascii", errors="replace") as file:
+            fields = file.read().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0, False, 0.0  # it has just ended
+    cpu = (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
+    return cpu, fields[0] == "S", float(fields[21]) * PAGE
+
+
+def _end_with_parent(parent: int) -> None:
+    """Let the kernel kill this process once its parent has ended, even in compiled code."""
+    _libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+class _Raised(NamedTuple):
+    """An exception on its way to another process."""
+
+    kind: type[Exception]
+    args: tuple[Any, ...]
+    more: dict[str, Any]  #: attributes
+    traceback: str
+
+    def rebuilt(self) -> Exception:
+        # Constructors of ours take other arguments than exceptions keep.
+        if issubclass(self.kind, OSError):
+            return self.kind(*self.args)
+        error = self.kind.__new__(self.kind)
+        error.args = self.args
+        vars(error).update(self.more)
+        return error
+
+
+def _outcome(call: Callable[[], Any]) -> tuple[str, Any]:
+    """Run a call; give what it returns or raises."""
+    try:
+        return "returned", call()
+    except Exception as error:
+        args = error.args
+        if isinstance(error, OSError) and error.filename is not None:
+            args = (error.errno, error.strerror, error.filename)
+        return "raised", _Raised(type(error), args, dict(vars(error)), traceback.format_exc())
+
+
+def _send(pipe: Connection, outcome: tuple[str, Any]) -> None:
+    """Send an outcome; if it cannot be sent, send why."""
+    try:
+        pipe.send(outcome)
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except Exception as error:
+        fate, content = outcome
+        text = f"{content.kind.__name__}: {content.args}" if fate == "raised" else str(error)
+        pipe.send(("raised", _Raised(HarnessError, (text,), {}, traceback.format_exc())))
+
+
+def _open(outcome: tuple[str, Any]) -> Any:
+    """Return what a copy's call returned, or raise what it raised."""
+    fate, content = outcome
+    if fate == "returned":
+        return content
+    raise content.rebuilt() from RemoteTraceback(f"\n{content.traceback}")
+
+
+def run_in_watched_copy(call: Callable[[], Any]) -> Any:
+    """Run something once in a copy of this process, under the limits of this one.
+
+    Raises:
+        CopyFailed: the stack hung, took too much memory, or ended the process.
+        StackFailed: the stack failed otherwise.
+        InputError: as ``call``.
+        HarnessError: the process ended outside the stack, or ``call`` failed.
+    """
+    here = post()
+    copy = WatchedCopy(Request(call, here.ending), here.limits)
+    try:
+        return copy.answer()
+    except (CopyFailed, StackFailed, MrtaFalsifyError):
+        raise
+    except Exception as error:
+        text = f"a copy of the run failed: {type(error).__name__}: {error}"
+        raise HarnessError(text) from error
+    finally:
+        copy.close()

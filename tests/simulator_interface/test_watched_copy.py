@@ -1,0 +1,193 @@
+"""Copies of a process that are watched: what comes back, what is killed, what is an error."""
+
+import os
+import time
+
+import pytest
+
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import HarnessError, UnknownNameError
+from mrta_falsify.core.stack_failure import StackFailed, StackLimits
+from simulator_interface.failing_layer import Place, dumped_places, portable_path, shared_places
+from simulator_interface.guard import Guard, current_guard, guarded
+from simulator_interface.heartbeat import post
+from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+
+LIMITS = StackLimits(tick=0.2, memory=0.25)
+
+
+def burn(seconds: float) -> None:
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def asked(call, limits=LIMITS):
+    copy = WatchedCopy(Request(call), limits)
+    try:
+        return copy.answer()
+    finally:
+        copy.close()
+
+
+def test_what_a_call_returns_comes_back_and_the_copy_is_kept_for_more():
+    copy = WatchedCopy(Request(os.getpid), LIMITS)
+    first = copy.answer()
+    assert copy.ask(Request(os.getpid))
+    assert copy.answer() == first != os.getpid()
+    copy.close()
+    copy.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(first, 0)
+
+
+def test_exceptions_keep_their_class_and_words():
+    def unknown():
+        raise UnknownNameError("planner", "astra", ["astar"], where="stack")
+
+    def missing():
+        os.stat("no such file")
+
+    with pytest.raises(UnknownNameError, match="unknown planner 'astra'; did you mean 'astar'"):
+        asked(unknown)
+    with pytest.raises(FileNotFoundError) as caught:
+        asked(missing)
+    assert caught.value.filename == "no such file"
+    assert "in missing" in str(caught.value.__cause__)
+
+
+def test_an_answer_that_cannot_be_sent_is_an_error_of_the_harness():
+    with pytest.raises(HarnessError, match="lambda"):
+        asked(lambda: lambda: None)
+
+
+def test_a_process_that_ends_outside_the_stack_is_an_error_of_the_harness():
+    with pytest.raises(HarnessError, match="exit code 9, outside the stack"):
+        asked(lambda: os._exit(9))
+
+
+def in_stack(work):
+    def call():
+        post().enter(7, 0.35)
+        work()
+        post().leave()
+        return "done"
+
+    return call
+
+
+def test_a_call_of_the_stack_that_takes_too_long_is_killed():
+    with pytest.raises(CopyFailed) as caught:
+        asked(in_stack(lambda: burn(30.0)))
+    failed = caught.value
+    assert (failed.kind, failed.pulse.tick, failed.pulse.time) == ("hang", 7, 0.35)
+    assert any(place.function == "burn" for place in failed.places)
+
+
+def test_time_outside_the_stack_and_time_to_compile_do_not_count():
+    def compiling():
+        heartbeat = post().heartbeat
+        heartbeat.compile_begins()
+        burn(0.6)
+        heartbeat.compile_ends()
+
+    assert asked(lambda: burn(0.6)) is None
+    assert asked(in_stack(compiling)) == "done"
+
+
+def test_memory_taken_outside_the_stack_does_not_count():
+    held = []
+
+    def outside():
+        held.append(bytearray(2**29))
+        post().enter(1, 0.05)
+        time.sleep(0.3)
+        return post().leave()
+
+    limits = StackLimits(tick=60.0, memory=0.25)
+    assert asked(outside, limits) == 0.0
+    with pytest.raises(CopyFailed) as caught:
+        asked(in_stack(lambda: (held.append(bytearray(2**29)), time.sleep(5.0))), limits)
+    assert caught.value.kind == "memory"
+
+
+# --- the guard -----------------------------------------------------------------------------
+
+
+def episode(*ticks: int):
+    """A call of the stack that hangs at ``ticks[n]`` in its n-th run; ends early if told to."""
+    reader, writer = os.pipe()
+    os.write(writer, bytes(ticks))
+    os.set_blocking(reader, False)
+
+    def call():
+        for tick in range(100):
+            try:
+                post().enter(tick, tick / 20)
+            except StackFailed as failed:
+                return failed.failure
+            if tick == 20:
+                at = os.read(reader, 1)[0]
+            if tick >= 20 and tick == at:
+                burn(30.0)
+            post().leave()
+        return "passed"
+
+    return call
+
+
+def run(call):
+    guard = Guard()
+    try:
+        return guard.run(call, config=StackConfig(), limits=LIMITS, portable=False)
+    finally:
+        guard.close()
+
+
+def test_a_hang_in_two_runs_ends_the_third_at_its_tick():
+    failure = run(episode(50, 50, 99))
+    assert (failure.kind, failure.tick, failure.time) == ("hang", 50, 2.5)
+    assert failure.message == "the stack gave no answer within 0.2 s of CPU time"
+    assert all(":" not in frame for frame in failure.frames)  # a loop is stuck at no one line
+
+
+def test_a_hang_at_another_tick_ends_at_the_earlier_one():
+    assert run(episode(60, 40, 99)).tick == 40
+
+
+def test_a_hang_in_one_of_two_runs_is_no_verdict():
+    with pytest.raises(HarnessError, match=r"at tick 50 \(2\.50 s\); in a second run it did not"):
+        run(episode(50, 0))
+
+
+def test_a_copy_needs_no_guard_of_its_own():
+    with guarded():
+        assert current_guard() is not None
+        assert current_guard().run(
+            lambda: current_guard() is None, config=StackConfig(), limits=LIMITS, portable=False
+        )
+    assert current_guard() is None
+
+
+# --- tracebacks ----------------------------------------------------------------------------
+
+
+def test_a_dump_is_read_from_the_door_inwards():
+    text = (
+        "Current thread 0x00007f (most recent call first):\n"
+        '  File "/home/me/mine.py", line 12 in spin\n'
+        '  File "/home/me/mine.py", line 30 in control\n'
+        '  File "/opt/door.py", line 99 in ask\n'
+        '  File "/opt/main.py", line 1 in main\n'
+    )
+    found = dumped_places(text, "/opt/door.py")
+    assert [(place.function, place.line) for place in found] == [("control", 30), ("spin", 12)]
+    other = [found[0], Place("/home/me/mine.py", 14, "step")]
+    assert [str(place) for place in shared_places(found, other)] == ["mine.py in control"]
+
+
+def test_paths_of_the_machine_are_left_out(monkeypatch):
+    monkeypatch.syspath_prepend("/home/me/code")
+    assert portable_path("/home/me/code/mine/planner.py") == os.path.join("mine", "planner.py")
+    assert portable_path("/elsewhere/planner.py") == "planner.py"
+    assert portable_path(Guard.__init__.__code__.co_filename) == "simulator_interface/guard.py"
