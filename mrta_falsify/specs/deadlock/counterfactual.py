@@ -99,7 +99,7 @@ class CounterfactualTest:
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
         unclear = {i for i in asked if freed.get(i, 0.0) > settled + LATE}
-        unclear |= asked & set(seen.drifting)
+        unclear |= asked & set(seen.drifting) - set(freed)
         for i, is_stuck in self._vote(forecast, unclear, set(last), span).items():
             if is_stuck:
                 last[i] = min(last.get(i, np.inf), float(self._progress.last[i]))
