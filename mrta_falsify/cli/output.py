@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FIRST_LINE = 10.0  # s of work before a pipe gets its first line of progress
 NEXT_LINE = 30.0  # s between two such lines
+LEAST_DONE = 0.01  # of all, after which the rate to date says how long the rest takes
 
 
 def print_json(value: Any) -> None:
@@ -150,7 +151,7 @@ class PipedProgress:
 
 def time_left(done: float, total: float, spent: float) -> str:
     """Say how long work will still take, from the time spent on what is done; empty if unknown."""
-    if not 0.0 < done < total:
+    if not LEAST_DONE * total <= done < total or done <= 0.0:
         return ""
     seconds = spent * (total - done) / done
     text = f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"

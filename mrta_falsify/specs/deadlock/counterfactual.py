@@ -19,6 +19,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.rest import PARTY_RESTS_FOR
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 from mrta_falsify.specs.deadlock.watches import (
@@ -28,10 +29,10 @@ from mrta_falsify.specs.deadlock.watches import (
     CounterfactualWatch,
 )
 
-LATE = 60.0  # s without progress in a continuation, after which going free needs a majority
 NUDGED_COPIES = 2  # further continuations that vote then, each with poses moved by millimetres
-ASK_SOONEST = 1.0  # s between two questions about a robot; doubled while it makes no progress
-ASK_LATEST = 60.0  # s, the longest time between them
+ASK_SOONEST = (
+    1.0  # s between two questions about a robot; doubled, to a minute, while it makes no progress
+)
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 
 
@@ -98,8 +99,8 @@ class CounterfactualTest:
         last = {int(i): progress for i, progress in seen.stuck.items()}
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
-        unclear = {i for i in asked if freed.get(i, 0.0) > settled + LATE}
-        unclear |= asked & set(seen.drifting)
+        unclear = {i for i in asked if freed.get(i, 0.0) > settled + PARTY_RESTS_FOR}
+        unclear |= asked & set(seen.drifting) - set(freed)
         for i, is_stuck in self._vote(forecast, unclear, set(last), span).items():
             if is_stuck:
                 last[i] = min(last.get(i, np.inf), float(self._progress.last[i]))
@@ -134,7 +135,9 @@ class CounterfactualTest:
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
             has_moved = self._progress.last[i] > self._asked_at[i]
-            self._pause[i] = ASK_SOONEST if has_moved else min(2.0 * self._pause[i], ASK_LATEST)
+            self._pause[i] = (
+                ASK_SOONEST if has_moved else min(2.0 * self._pause[i], PARTY_RESTS_FOR)
+            )
             self._asked_at[i] = time
 
     def _note_free(

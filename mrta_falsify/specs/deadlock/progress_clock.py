@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame, Intent
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.free_distance import FreeDistance
@@ -102,7 +102,7 @@ class ProgressClock:
         known.nearest, known.since = min(known.nearest, away), time
 
 
-def has_stop_to_reach(intent: Intent, position: Array) -> Array:
+def has_stop_to_reach(intent: Intent, position: Array) -> BoolArray:
     """Tell which robots still have to reach something, ``(N,)``.
 
     Those without a goal do not, nor those that have arrived after their last stop.
@@ -112,4 +112,4 @@ def has_stop_to_reach(intent: Intent, position: Array) -> Array:
         position: ``(N, 2)`` [m].
     """
     away = np.hypot(*(position - intent.goal).T)
-    return np.isfinite(away) & ((away > AT_GOAL) | (intent.tasks_left > 0))
+    return np.asarray(np.isfinite(away) & ((away > AT_GOAL) | (intent.tasks_left > 0)))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import BoolArray, IntArray
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
@@ -87,7 +87,7 @@ class ContinuationWatch:
         self._before = progress.last.copy()
         self._freed: dict[int, float] = {}
         self._kept: set[int] = set()
-        self._waits = np.zeros(len(self._before), dtype=np.bool_)
+        self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
         self._is_complete = False
         self._looks = _Looks(progress.world, until)
 
@@ -140,7 +140,7 @@ class CounterfactualWatch:
     ) -> None:
         self._others = frozenset(others)
         self._settled = settled
-        self._stops: Array | None = None
+        self._stops: IntArray | None = None
         self._freed: set[int] = set()
         self._looks = _Looks(world, until)
 
