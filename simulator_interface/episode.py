@@ -215,7 +215,7 @@ class Episode:
             command=command,
             intent=intent,
             events=events,
-            blocked_by=self._tracker.update(seen, command, intent, events),
+            blocked_by=self._tracker.update(seen, command, intent, events, self._told.tells),
             signals=self._meter.signals,
             tells=self._told.tells,
             asked_again=None if again is None else compared(answer, again, names),

@@ -39,10 +39,12 @@ class LastingRest:
 
     Args:
         world: of the episode.
+        settled: rest counts from this time on, when awaited events have had their effect [s].
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, settled: float) -> None:
         robots = len(world.robots)
+        self._settled = settled
         speed = np.array([robot.max_speed for robot in world.robots])
         self._pause = longest_pause(world)
         self._creep = PACE * speed * PARTY_RESTS_FOR  # (N,) m
@@ -87,14 +89,14 @@ class LastingRest:
     def is_complete(self) -> bool:
         """Whether nothing at all has moved for long, and nothing drifts off a balance."""
         last = max(self._moved.max(initial=0.0), self._served.max(initial=0.0))
-        last = max(last, self._people.walked)
+        last = max(last, self._people.walked, self._settled)
         return bool(self._time - last >= ALL_REST_FOR + self._pause) and not self._drifting()
 
     def keeps(self, i: int) -> bool:
         """Whether nothing that robot ``i`` waits for has done more than creep for long."""
         party, people = self._party(i)
         chosen = sorted(party)
-        last = max(self._strayed[chosen].max(), self._served[chosen].max())
+        last = max(self._strayed[chosen].max(), self._served[chosen].max(), self._settled)
         if people:
             last = max(last, self._people.squeezed)
         return bool(self._time - last >= PARTY_RESTS_FOR + self._pause)

@@ -42,10 +42,10 @@ class CounterfactualAnswer:
 class _Looks:
     """Looks at the frames of a copy every quarter of a second."""
 
-    def __init__(self, world: World, until: float) -> None:
+    def __init__(self, world: World, settled: float, until: float) -> None:
         self._next = -np.inf
         self._until = until
-        self.rest = LastingRest(world)
+        self.rest = LastingRest(world, settled)
         self.edges: EdgesByRobot = {}  # of each robot, as it last had any
         self.time = 0.0
 
@@ -74,7 +74,7 @@ class ContinuationWatch:
         progress: of the run so far; the watch advances it, so it belongs into a copy.
         asked: robots in question; the watch ends once all of them have made progress, or nothing
             that they wait for will move again.
-        settled: before this time, rest means nothing [s].
+        settled: rest counts from this time on [s].
         until: [s].
     """
 
@@ -83,13 +83,12 @@ class ContinuationWatch:
     ) -> None:
         self._progress = progress
         self._asked = sorted(asked)
-        self._settled = settled
         self._before = progress.last.copy()
         self._freed: dict[int, float] = {}
         self._kept: set[int] = set()
         self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
         self._is_complete = False
-        self._looks = _Looks(progress.world, until)
+        self._looks = _Looks(progress.world, settled, until)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
@@ -103,9 +102,8 @@ class ContinuationWatch:
                 self._freed[i] = looks.time
         for i in np.flatnonzero(last >= looks.time).tolist():
             looks.edges.pop(i, None)
-        if looks.time >= self._settled:
-            self._is_complete = looks.rest.is_complete()
-            self._kept = {i for i in self._asked if looks.rest.keeps(i)}
+        self._is_complete = looks.rest.is_complete()
+        self._kept = {i for i in self._asked if looks.rest.keeps(i)}
         are_known = all(i in self._freed or i in self._kept for i in self._asked)
         return are_known or self._is_complete or looks.are_over
 
@@ -131,7 +129,7 @@ class CounterfactualWatch:
     Args:
         world: of the episode.
         others: robots in question; the watch ends once all of them have reached it.
-        settled: before this time, rest means nothing [s].
+        settled: rest counts from this time on [s].
         until: [s].
     """
 
@@ -139,10 +137,9 @@ class CounterfactualWatch:
         self, world: World, others: Iterable[int], *, settled: float, until: float
     ) -> None:
         self._others = frozenset(others)
-        self._settled = settled
         self._stops: IntArray | None = None
         self._freed: set[int] = set()
-        self._looks = _Looks(world, until)
+        self._looks = _Looks(world, settled, until)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
@@ -155,9 +152,7 @@ class CounterfactualWatch:
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
         self._freed |= self._others & set(np.flatnonzero(reached).tolist())
         left = self._others - self._freed
-        is_at_rest = looks.time >= self._settled and (
-            looks.rest.is_complete() or all(looks.rest.keeps(i) for i in left)
-        )
+        is_at_rest = looks.rest.is_complete() or all(looks.rest.keeps(i) for i in left)
         return not left or is_at_rest or looks.are_over
 
     def answer(self) -> dict[str, Any]:
