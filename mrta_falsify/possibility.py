@@ -23,7 +23,7 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.directives import Push
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import Planner
-from mrta_falsify.core.world import Task, World
+from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import ROOM_REACH
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.timing import closed_travel_times
@@ -41,8 +41,7 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
 
     Args:
         world: to look at.
-        specifications: that the stack is to keep. Deadlines count if ``deadlines`` is among them,
-            the horizon if ``all_tasks_done`` is.
+        specifications: that the stack is to keep; deadlines count if ``deadlines`` is among them.
     """
     reasons = (*_too_wide(world), *_too_late(world, specifications))
     return reasons[0] if reasons else ""
@@ -153,8 +152,10 @@ def _too_late(world: World, specifications: Collection[str]) -> Iterator[str]:
     """Name tasks that cannot be delivered in time, alone or together."""
     if not world.robots or not world.tasks:
         return
+    if "deadlines" not in specifications:
+        return
     times = _least_times(world)
-    due = [_due(world, task, specifications) for task in world.tasks]
+    due = [task.deadline for task in world.tasks]
     for number, task in enumerate(world.tasks):
         earliest = task.arrival + task.pickup_time + times[task.start, task.end] + task.dropoff_time
         if earliest > due[number]:
@@ -165,14 +166,6 @@ def _too_late(world: World, specifications: Collection[str]) -> Iterator[str]:
             return
     if any(math.isfinite(time) for time in due) and len(world.tasks) <= MOST_TASKS:
         yield from _cannot_all(world, times, due)
-
-
-def _due(world: World, task: Task, specifications: Collection[str]) -> float:
-    """Find when a task must be delivered [s]."""
-    due = task.deadline if "deadlines" in specifications else math.inf
-    if "all_tasks_done" in specifications and task.arrival <= world.horizon:
-        due = min(due, world.horizon)
-    return due
 
 
 def _least_times(world: World) -> Array:

@@ -53,13 +53,6 @@ MEANINGS = {
     "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
 }
-#: what stopped the stack, by the kind that the evidence of ``stack_runs`` names
-STACK_FAULTS = {
-    "crash": "the stack crashed",
-    "hang": "the stack did not answer",
-    "memory": "the stack used more memory than it may",
-    "answer": "the stack gave an answer that cannot be carried out",
-}
 
 
 def listed(names: Sequence[str]) -> str:
@@ -96,13 +89,6 @@ def _place_of(evidence: Mapping[str, Any]) -> Any:
 def _detail(verdict: Verdict) -> str:
     """Say what the evidence adds to what a violated specification means; may be empty."""
     evidence = verdict.evidence
-    if verdict.spec == "stack_runs":
-        layer, exception = evidence.get("layer", ""), evidence.get("exception", "")
-        where = f" in the {layer.replace('_', ' ')}" if layer else ""
-        what = ": ".join(text for text in (exception, evidence.get("message", "")) if text)
-        return f"{where}; {what.rstrip('.')}" if what else where
-    if verdict.spec == "repeatable" and evidence.get("field"):
-        return f"; {evidence['field']} was {evidence.get('first')}, then {evidence.get('again')}"
     if verdict.spec == "exclusive_use" and evidence.get("resource"):
         return f"; {evidence['resource']} has room for {evidence.get('capacity', 1)}"
     if verdict.spec == "honest_events" and evidence.get("claims"):
@@ -153,9 +139,6 @@ def object_text(item: PresentObject) -> str:
 
 def _meaning(verdict: Verdict) -> str:
     """Say in a few words what a violated specification means."""
-    kind = verdict.evidence.get("kind")
-    if verdict.spec == "stack_runs" and kind in STACK_FAULTS:
-        return STACK_FAULTS[kind]
     return MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
 
 

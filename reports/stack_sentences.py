@@ -28,7 +28,7 @@ def stack_failure_sentence(verdict: Verdict) -> str:
     frames = evidence.get("frames") or []
     where = f" ({frames[-1]})" if frames else ""
     when = f" at {verdict.violated_at:.2f} s" if verdict.violated_at is not None else ""
-    return f"The {who} {what}{when}: {why}{where}."
+    return f"The {who} {what}{when}{f': {why}' if why else ''}{where}."
 
 
 def repeated_sentence(verdict: Verdict) -> str:

@@ -281,12 +281,12 @@ def _end_with_parent(parent: int) -> None:
 class _Raised(NamedTuple):
     """An exception on its way to another process."""
 
-    kind: type[Exception]
+    kind: type[BaseException]
     args: tuple[Any, ...]
     more: dict[str, Any]  #: attributes
     traceback: str
 
-    def rebuilt(self) -> Exception:
+    def rebuilt(self) -> BaseException:
         # Constructors of ours take other arguments than exceptions keep.
         if issubclass(self.kind, OSError):
             return self.kind(*self.args)
@@ -300,7 +300,7 @@ def _outcome(call: Callable[[], Any]) -> tuple[str, Any]:
     """Run a call; give what it returns or raises."""
     try:
         return "returned", call()
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
         args = error.args
         if isinstance(error, OSError) and error.filename is not None:
             args = (error.errno, error.strerror, error.filename)

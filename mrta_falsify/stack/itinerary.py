@@ -108,7 +108,13 @@ class ItineraryFollower:
         )
         again = bool(rest) and rest[0].room == stop.room
         activity = Stalled() if again and self.stalls else Idle()
-        return replace(mission, itinerary=rest, onboard=onboard, activity=activity)
+        return replace(
+            mission,
+            itinerary=rest,
+            onboard=onboard,
+            activity=activity,
+            has_delivered=mission.has_delivered or stop.action == "dropoff",
+        )
 
     def _has_arrived(
         self, robot: int, mission: Mission, state: StackState, fleet: FleetState

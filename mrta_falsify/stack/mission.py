@@ -48,6 +48,7 @@ class Mission:
     way: Way = Way()
     passage: Passage = CLEAR
     parking: ParkingMemory = ParkingMemory()
+    has_delivered: bool = False  #: anything yet
     anchor: tuple[float, float] = (math.inf, math.inf)  #: where it made progress last [m]
     moved_at: float = 0.0  #: last time it was PROGRESS away from where it was
 

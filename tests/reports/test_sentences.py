@@ -100,13 +100,13 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
     [
         (
             violated("stack_runs", kind="crash", layer="planner", exception="KeyError"),
-            "The stack crashed at 42.0 s in the planner; KeyError.",
+            "The planner crashed at 42.00 s: KeyError.",
         ),
-        (violated("stack_runs", kind="hang"), "The stack did not answer at 42.0 s."),
+        (violated("stack_runs", kind="hang"), "The stack hung at 42.00 s."),
         (
             violated("repeatable", "robot1", field="command", first="0.1", again="0.2"),
-            "The stack answered the same question differently at 42.0 s: robot1; command was "
-            "0.1, then 0.2.",
+            "Asked the same again at 42.00 s, the stack answered otherwise: command was 0.1 and "
+            "then 0.2.",
         ),
         (
             violated("exclusive_use", "robot1", "robot2", resource="ward_1", capacity=1),

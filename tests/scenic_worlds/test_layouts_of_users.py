@@ -120,9 +120,9 @@ travel_times: [[0, 21], [22, 0]]
 
 def test_the_floor_file_of_the_documentation_loads(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "layouts.md").read_text()
-    (block,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    floor, resources = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     file = tmp_path / "clinic.yaml"
-    file.write_text(block)
+    file.write_text(floor + resources)
     world = load_layout(file)
     assert [room.name for room in world.rooms] == ["lab", "ward", "desk"]
     assert unreachable(world) == []

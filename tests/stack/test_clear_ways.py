@@ -111,7 +111,7 @@ def crossing(width):
         robots=(robot(0, -4.5, 0.9),),
         tasks=(
             Task(arrival=0.5, start=0, end=2, deadline=900.0),
-            Task(arrival=500.0, start=0, end=1, deadline=900.0),
+            Task(arrival=24.0, start=0, end=1, deadline=900.0),
         ),
     )
 

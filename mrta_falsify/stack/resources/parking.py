@@ -76,9 +76,9 @@ class ParkingTraffic:
         for robot in resting:
             reason = self._occupied(memories, wanted, robot, fleet.pose[robot, :2])
             if reason is None and (fleet.tick + robot) % LOOK_TICKS == 0:
-                reason = self._blocked(missions, robot, fleet) or self._in_crossing(
-                    fleet.pose[robot, :2]
-                )
+                reason = self._blocked(missions, robot, fleet)
+                if reason is None and missions[robot].has_delivered:
+                    reason = self._in_crossing(fleet.pose[robot, :2])
             if reason is not None:
                 missions[robot], left = self._send_away(missions, robot, fleet, reason)
                 events += left
