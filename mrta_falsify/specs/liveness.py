@@ -5,147 +5,40 @@ Robustness is a time [s]: patience minus the longest time without what is asked 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.approach import LIVENESS_EVERY, ApproachMargin
 from mrta_falsify.specs.books import Books
-from mrta_falsify.specs.deadlock.path_ahead import remaining_length
-from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
-from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER, Standstill
+from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD, CounterfactualTest
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.standstill import Standstill
 from mrta_falsify.specs.running_min import RunningMin
+from mrta_falsify.specs.suspicion import UNCONFIRMED, awaits_an_end, suspected
 
-LIVENESS_EVERY = 0.5  # s between two looks
 TRAVEL_SCALE = 0.05  # m; driving less by this counts as safer by 1 s
 
 
-@dataclass(slots=True)
-class _Approach:
-    """Best remaining distance of each robot to its goal, and when it last got better.
+class NoLivelock(ApproachMargin):
+    """No livelock: no robot keeps driving and never gets nearer to its goal.
 
-    Distances compare only along ways that lead to one goal by one next waypoint. The rest of the
-    way behind that waypoint is not known, and a straight line through walls would be too short
-    ever to be beaten. A new waypoint is progress; goals and waypoints that come back while
-    no stop was served keep their best distance, so that alternating between them is none. A
-    robot without a goal, or at its goal, has nothing to improve.
-    """
-
-    step: float  #: improvement that counts [m]
-    robots: int
-    since: Array = field(init=False)  #: (N,) of the last improvement [s]
-    travelled: Array = field(init=False)  #: (N,) way driven since then [m]
-    _best: list[list[tuple[Array, float]]] = field(init=False)  #: goal and waypoint (4,), distance
-    _stops: Array = field(init=False)
-    _last: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.since = np.zeros(self.robots)
-        self.travelled = np.zeros(self.robots)
-        self._best = [[] for _ in range(self.robots)]
-        self._stops = np.full(self.robots, -1.0)
-        self._last = np.full((self.robots, 2), np.nan)
-
-    def update(self, frame: Frame) -> None:
-        sensed, intent = frame.sensed, frame.intent
-        position = sensed.pose[:, :2]
-        driven = np.hypot(*(position - self._last).T)
-        self.travelled += np.where(np.isfinite(driven), driven, 0.0)
-        self._last = position.copy()
-        away = np.hypot(*(position - intent.goal).T)
-        served = (intent.tasks_left != self._stops) | np.isnan(away)
-        self._stops = np.array(intent.tasks_left, dtype=np.float64)
-        for i in range(self.robots):
-            if served[i]:
-                self._best[i] = []
-            if served[i] or away[i] <= AT_GOAL:
-                self._restart(i, sensed.time)
-                continue
-            path = intent.path[i]
-            if not len(path):
-                continue
-            x, y = position[i]
-            way = np.concatenate([intent.goal[i], path[-1]])
-            if self._improves(i, way, remaining_length(path, x, y)):
-                self._restart(i, sensed.time)
-
-    def _restart(self, i: int, time: float) -> None:
-        self.since[i] = time
-        self.travelled[i] = 0.0
-
-    def _improves(self, i: int, way: Array, distance: float) -> bool:
-        known = self._best[i]
-        for k, (seen, best) in enumerate(known):
-            if np.abs(seen - way).sum() <= GOAL_JITTER:
-                if distance > best - self.step:
-                    return False
-                known[k] = (seen, distance)
-                return True
-        known.append((way, distance))
-        return True
-
-
-class _ApproachMargin:
-    """The smallest margin of any robot over a run, by how it approaches its goal."""
-
-    _spec: ClassVar[str]
-
-    def __init__(self, patience: float, step: float) -> None:
-        self._patience, self._step = patience, step
-
-    def start(self, world: World, dt: float) -> None:
-        """Begin an episode."""
-        self._names = tuple(robot.name for robot in world.robots)
-        self._stride = max(1, round(LIVENESS_EVERY / dt))
-        self._approach = _Approach(self._step, len(world.robots))
-        self._missing = ""
-        self._worst = RunningMin(self._spec, self._patience)
-
-    def update(self, frame: Frame) -> None:
-        """Take in one tick."""
-        sensed = frame.sensed
-        self._missing = frame.tells.lacking("goals", "paths")
-        if sensed.tick % self._stride or self._missing:
-            return
-        self._approach.update(frame)
-        margin = self._margins(sensed.time)
-        if not len(margin):
-            return
-        i = int(margin.argmin())
-        if margin[i] >= self._worst.margin:
-            return
-        who = tuple(self._names[k] for k in np.flatnonzero(margin < 0.0))
-        evidence = {
-            "robot": self._names[i],
-            "since": float(self._approach.since[i]),
-            "time": sensed.time,
-            **self._seen(i, frame),
-        }
-        self._worst.note(float(margin[i]), sensed.time, who, evidence)
-
-    def _margins(self, time: float) -> Array:
-        """Compute the patience left of each robot, ``(N,)`` [s]."""
-        return self._patience - (time - self._approach.since)
-
-    def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
-        """Describe robot ``i`` for the evidence, beyond since when it has been without progress."""
-        raise NotImplementedError
-
-    def verdict(self) -> Verdict:
-        """Give the verdict to date."""
-        return unjudged(self._spec, self._missing) if self._missing else self._worst.verdict()
-
-
-class NoLivelock(_ApproachMargin):
-    """No livelock: no robot keeps driving without getting nearer to its goal.
+    A robot is suspected once it has driven at least ``min_travel`` and for ``patience`` without net
+    progress. It is in a livelock if a continuation of the run shows that it makes no progress
+    any more, by the rules of :class:`~mrta_falsify.specs.deadlock.oracle.NoDeadlock`, and still
+    drives. Any other answer starts its clock anew: a long detour is none, nor is a robot that
+    comes to a standstill. Without continuations a livelock is suspected at most, not judged.
 
     Robustness [s]: patience minus the longest time in which a robot drove at least
-    ``min_travel`` without net progress; driving less counts as safer by 1 s per 5 cm.
+    ``min_travel`` without net progress; driving less counts as safer by 1 s per 5 cm. All but 5 %
+    of the patience can be lost before a continuation decides.
     """
 
     _spec = "no_livelock"
@@ -157,27 +50,92 @@ class NoLivelock(_ApproachMargin):
         patience: float = quantity(above=0.0, unit="s", default=60.0)
         min_travel: float = quantity(above=0.0, unit="m", default=5.0)  #: driven in that time
         step: float = quantity(above=0.0, unit="m", default=0.5)  #: nearer by this: progress
+        look_ahead: float = quantity(above=0.0, unit="s", default=LOOK_AHEAD)  #: at most
 
     def __init__(self, options: Options) -> None:
         super().__init__(options.patience, options.step)
-        self._min_travel = options.min_travel
+        self._min_travel, self._look_ahead = options.min_travel, options.look_ahead
 
-    def _margins(self, time: float) -> Array:
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        super().start(world, dt)
+        self._world = world
+        self._progress = ProgressClock(world)
+        self._test = CounterfactualTest(world, self._progress, self._look_ahead)
+        self._forecast: Forecast | None = None
+        self._confirmed: dict[int, float] = {}  # since when each robot drives in vain [s]
+        self._suspected: Verdict | None = None
+
+    def foresee(self, forecast: Forecast) -> None:
+        """See :class:`mrta_falsify.core.protocols.Foreseeing`."""
+        self._forecast = forecast
+
+    def verdict(self) -> Verdict:
+        """Give the verdict to date."""
+        if self._missing or self._suspected is None:
+            return super().verdict()
+        return self._suspected
+
+    def _look(self, frame: Frame) -> None:
+        self._progress.update(frame)
+        since = self._approach.since
+        self._confirmed = {i: at for i, at in self._confirmed.items() if at == since[i]}
+        spent = set(np.flatnonzero(self._spare(frame.sensed.time) < 0.0).tolist())
+        if self._forecast is None:
+            self._suspect(spent, frame)
+        elif spent - set(self._confirmed):
+            self._ask(self._forecast, spent - set(self._confirmed), frame.sensed.time)
+
+    def _ask(self, forecast: Forecast, asked: set[int], time: float) -> None:
+        """Ask which of ``asked`` drive in vain for good; the clocks of the others start anew."""
+        last, driven, _ = self._test.prospect(forecast, asked, time)
+        for i in asked:
+            is_stuck = last.get(i, np.inf) <= time
+            if is_stuck and driven.get(i, 0.0) >= self._min_travel:
+                self._confirmed[i] = float(self._approach.since[i])
+            else:
+                self._approach.restart(i, time)
+
+    def _suspect(self, spent: set[int], frame: Frame) -> None:
+        """Suspect a livelock where no forecast can tell, or drop a suspicion."""
+        self._suspected = None
+        if not spent or awaits_an_end(self._world, frame.sensed.time):
+            return
+        first = min(spent, key=lambda i: (self._approach.since[i], i))
+        self._suspected = suspected(
+            self._spec,
+            "a livelock",
+            who=tuple(self._names[i] for i in sorted(spent)),
+            evidence=self._evidence_of(first, frame),
+        )
+
+    def _spare(self, time: float) -> Array:
+        """Compute what is left of the patience of each robot, ``(N,)`` [s]; below 0: nothing."""
         idle = (self._min_travel - self._approach.travelled) / TRAVEL_SCALE
         return np.maximum(super()._margins(time), idle)
+
+    def _margins(self, time: float) -> Array:
+        spare = self._spare(time)
+        margins = np.maximum(spare, (1.0 - UNCONFIRMED) * self._patience)
+        for i in self._confirmed:
+            margins[i] = spare[i]
+        return margins
 
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
         x, y = frame.sensed.pose[i, :2]
         travelled = float(self._approach.travelled[i])
-        return {"travelled": travelled, "x": float(x), "y": float(y)}
+        confirmed = i in self._confirmed
+        return {"travelled": travelled, "x": float(x), "y": float(y), "confirmed": confirmed}
 
 
-class SteadyProgress(_ApproachMargin):
+class SteadyProgress(ApproachMargin):
     """Every robot with a goal gets nearer to it by ``step`` within each ``window``.
 
-    Robots at their goal (served, or waiting at their spot) are exempt: queues are judged by
-    ``no_starvation`` and ``no_deadlock``. Robustness [s]: window minus the longest time
-    without such progress.
+    This is a bound on time, not a claim about liveness. A robot that comes nearer one second after
+    the window has violated it, whatever it does next; ``no_livelock`` and ``no_deadlock`` claim
+    that a robot never gets there. Robots at their goal (served, or waiting at their spot) are
+    exempt: queues are judged by ``no_starvation`` and ``no_deadlock``. Robustness [s]: window
+    minus the longest time without such progress.
     """
 
     _spec = "progress"

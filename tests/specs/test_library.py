@@ -167,16 +167,6 @@ def test_deadline_margin_is_the_smallest_one():
     assert late.who == ("task1",)
 
 
-def circling(t):
-    return (np.cos(t), np.sin(t), t % 6.28)
-
-
-def test_driving_in_circles_is_a_livelock_but_no_standstill():
-    script = Script(robots=[Robot(circling, goal=(6, 0), path=[(1, 0), (6, 0)])], seconds=80.0)
-    assert judge(spec("no_livelock"), script).who == ("robot1",)
-    assert not judge(spec("no_deadlock"), script).violated
-
-
 def test_a_long_way_round_by_waypoints_is_no_livelock():
     # Behind a wall: at the first corner the goal is 8 m away in a straight line, 25 m in truth.
     corners = np.array([(0.0, 0.0), (0.0, 8.0), (9.0, 8.0), (9.0, 0.0), (1.0, 0.0)])
@@ -192,14 +182,6 @@ def test_a_long_way_round_by_waypoints_is_no_livelock():
 
     script = Script(robots=[Robot(at, goal=(1.0, 0.0), path=path)], seconds=165.0)
     assert judge(spec("no_livelock"), script).robustness > 50.0
-
-
-def test_alternating_goals_are_a_livelock():
-    script = Script(
-        robots=[Robot(circling, goal=lambda t: (6, 0) if int(t / 3) % 2 else (-6, 0))],
-        seconds=80.0,
-    )
-    assert judge(spec("no_livelock"), script).violated
 
 
 def test_a_robot_that_gets_there_is_no_livelock():

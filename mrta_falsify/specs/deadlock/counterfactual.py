@@ -34,6 +34,7 @@ ASK_SOONEST = (
     1.0  # s between two questions about a robot; doubled, to a minute, while it makes no progress
 )
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
+LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +44,14 @@ class FoundDeadlock:
     group: StuckGroup
     edges: EdgesByRobot  #: at the end of the continuation
     last: dict[int, float]  #: last progress of each robot of the group [s]
+
+
+class Prospect(NamedTuple):
+    """What becomes of the robots in a continuation."""
+
+    last: dict[int, float]  #: last progress of each robot that is stuck at its end [s]
+    driven: dict[int, float]  #: way of each robot in question [m]
+    edges: EdgesByRobot  #: at the end
 
 
 class _Span(NamedTuple):
@@ -92,8 +101,22 @@ class CounterfactualTest:
             asked: robots that may be part of a deadlock.
             time: [s].
         """
-        settled = self._settled(time)
-        span = _Span(settled, settled + self._look_ahead)
+        last, _, edges = self.prospect(forecast, asked, time)
+        if not any(last[i] <= time for i in asked & set(last)):
+            return []
+        freed_by = self._freed_by(forecast, set(last), self._span(time))
+        return self._standing(last, freed_by, edges, time)
+
+    def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
+        """Find which robots are stuck, whether or not they are part of a deadlock.
+
+        Args:
+            forecast: from this moment on.
+            asked: robots in question.
+            time: [s].
+        """
+        span = self._span(time)
+        settled = span.settled
         self._lengthen_pauses(asked, time)
         seen = self._continue(forecast, asked, span)
         last = {int(i): progress for i, progress in seen.stuck.items()}
@@ -107,10 +130,7 @@ class CounterfactualTest:
             else:
                 last.pop(i, None)
         self._note_free(asked, last, freed, time)
-        if not any(last[i] <= time for i in asked & set(last)):
-            return []
-        freed_by = self._freed_by(forecast, set(last), span)
-        return self._standing(last, freed_by, edges, time)
+        return Prospect(last, {int(i): way for i, way in seen.driven.items()}, edges)
 
     def _continue(
         self, forecast: Forecast, asked: set[int], span: _Span, nudge: int = 0
@@ -185,11 +205,12 @@ class CounterfactualTest:
             freed[i] = set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
         return freed
 
-    def _settled(self, time: float) -> float:
-        """Find when blockages and outages in force, and people who leave, will have gone [s]."""
+    def _span(self, time: float) -> _Span:
+        """Find the time to look at, once blockages, outages and people who leave have gone."""
         ends = [event.end for event in self._world.events if event.start <= time]
         ends += [human.leaves_at for human in self._world.humans]
-        return max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])
+        settled = max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])
+        return _Span(settled, settled + self._look_ahead)
 
 
 def _begin_times(world: World) -> Array:

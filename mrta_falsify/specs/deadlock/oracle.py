@@ -24,7 +24,11 @@ from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
-from mrta_falsify.specs.deadlock.counterfactual import CounterfactualTest, FoundDeadlock
+from mrta_falsify.specs.deadlock.counterfactual import (
+    LOOK_AHEAD,
+    CounterfactualTest,
+    FoundDeadlock,
+)
 from mrta_falsify.specs.deadlock.evidence import Deadlock, DeadlockEvidence, describe
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
@@ -35,13 +39,12 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     knots_of,
     victims_of,
 )
+from mrta_falsify.specs.suspicion import UNCONFIRMED, awaits_an_end, suspected
 
 SUSPECTED_AFTER = 30.0  # s for which robots and all that they wait for must stand
-UNCONFIRMED = 0.95  # of the robustness is all that robots can lose before a continuation decides
 HALF_LOST_AFTER = 15.0  # s of waiting for a robot, of the half that waiting alone can lose
 
 SPEC = "no_deadlock"
-NO_COPY = "a deadlock is suspected, but this run cannot be copied to confirm it"
 
 
 class NoDeadlock:
@@ -57,7 +60,7 @@ class NoDeadlock:
     class Options:
         """How far a continuation goes."""
 
-        look_ahead: float = quantity(above=0.0, unit="s", default=240.0)  #: at most
+        look_ahead: float = quantity(above=0.0, unit="s", default=LOOK_AHEAD)  #: at most
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -112,14 +115,8 @@ class NoDeadlock:
                 evidence=first.encoded(others),
             )
         if self._suspected is not None:
-            return Verdict(
-                spec=SPEC,
-                robustness=0.0,
-                violated=False,
-                who=self._suspected.members,
-                evidence=self._suspected.encoded(),
-                not_judged=NO_COPY,
-            )
+            seen = self._suspected
+            return suspected(SPEC, "a deadlock", who=seen.members, evidence=seen.encoded())
         return Verdict(spec=SPEC, robustness=SUSPECTED_AFTER * (1.0 - self._lost), violated=False)
 
     def _note_loss(self) -> None:
@@ -154,7 +151,7 @@ class NoDeadlock:
         self._suspected = None
         closed_for = self._suspects.closed_for()
         stuck = set(np.flatnonzero(closed_for >= SUSPECTED_AFTER).tolist())
-        if not stuck or self._awaits_an_end(frame.sensed.time):
+        if not stuck or awaits_an_end(self._world, frame.sensed.time):
             return
         members = knots_of(stuck, edges)[0]
         deadlock = Deadlock(
@@ -165,11 +162,6 @@ class NoDeadlock:
             confirmed=False,
         )
         self._suspected = describe(deadlock, self._world, frame)
-
-    def _awaits_an_end(self, time: float) -> bool:
-        """Whether an outside event is in force that will end before the horizon."""
-        horizon = self._world.horizon
-        return any(event.start <= time < event.end < horizon for event in self._world.events)
 
     def _report(self, deadlock: Deadlock, frame: Frame) -> None:
         self._found.append(deadlock)

@@ -7,7 +7,7 @@ a continuation without one of the robots.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ class ContinuationAnswer:
     drifting: tuple[int, ...]  #: those of them that creep faster and faster
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
+    driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,8 @@ class _Looks:
         self.rest = LastingRest(world, settled)
         self.edges: EdgesByRobot = {}  # of each robot, as it last had any
         self.time = 0.0
+        self.driven = np.zeros(len(world.robots))  # (N,) since the first look [m]
+        self._places = np.full((len(world.robots), 2), np.nan)  # at the last look [m]
 
     def are_due(self, frame: Frame) -> bool:
         """Take in a frame; whether it is looked at."""
@@ -59,6 +62,9 @@ class _Looks:
         edges = edges_by_robot(frame.blocked_by)
         self.edges.update(edges)
         self.rest.update(frame, edges)
+        places = frame.sensed.pose[:, :2].copy()
+        self.driven += np.nan_to_num(np.hypot(*(places - self._places).T))
+        self._places = places
         return True
 
     @property
@@ -118,6 +124,7 @@ class ContinuationWatch:
             drifting=tuple(i for i in sorted(restless) if looks.rest.is_drifting(i)),
             freed={str(i): time for i, time in self._freed.items()},
             edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
+            driven={str(i): float(looks.driven[i]) for i in self._asked},
         )
         encoded: dict[str, Any] = codec.encode(seen)
         return encoded
