@@ -36,6 +36,7 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
     edges_by_robot,
+    is_unexplained,
     knots_of,
     victims_of,
 )
@@ -144,7 +145,7 @@ class NoDeadlock:
             return
         for found in self._test.deadlocks(forecast, asked, time):
             if not known & set(found.group.robots):
-                self._report(_confirmed(found), frame)
+                self._report(_confirmed(found, edges), frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -168,12 +169,21 @@ class NoDeadlock:
         self._evidence.append(describe(deadlock, self._world, frame))
 
 
-def _confirmed(found: FoundDeadlock) -> Deadlock:
+def _confirmed(found: FoundDeadlock, now: EdgesByRobot) -> Deadlock:
+    """Describe a deadlock by the edges at the end of its forecast.
+
+    A robot whose edges do not explain there why it stands may have crept out of reach of what
+    holds it up. Its edges of the moment count then, if they do explain it.
+    """
     members, robots = found.group
+    edges = dict(found.edges)
+    for i in robots:
+        if all(is_unexplained(edge) for edge in edges.get(i, ())):
+            edges[i] = now.get(i) or edges.get(i, [])
     return Deadlock(
         members=members,
         victims=tuple(i for i in robots if i not in members),
-        edges=found.edges,
+        edges=edges,
         onsets={i: found.last[i] for i in members},
         confirmed=True,
     )
