@@ -28,7 +28,7 @@ from benchmarks.mutation.runs import Run, reasons
 from benchmarks.mutation.searching import Plan, Searched, search
 from benchmarks.mutation.sound import SoundRuns
 from benchmarks.mutation.tasks import Tasks, Worker
-from benchmarks.mutation.trees import sound_tree
+from benchmarks.mutation.trees import digest_of, sound_tree
 from benchmarks.mutation.worlds import (
     Case,
     corpus_cases,
@@ -250,7 +250,8 @@ def open_bench(directory: Path) -> Bench:
     path = directory / WORLDS
     if not path.is_file():
         raise InputError(f"{path}: there are no worlds yet; run the command worlds first")
-    sound = SoundRuns(directory / SOUND, mutation_specifications())
+    code = digest_of(sound_tree(directory / "trees"))
+    sound = SoundRuns(directory / SOUND, mutation_specifications(), code)
     return Bench(directory=directory, cases=read_cases(path), sound=sound)
 
 

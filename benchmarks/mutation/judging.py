@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.objectives import search_score
@@ -18,6 +19,9 @@ from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.explaining import explain_job
 
 DELIVERED = "dropped-off"  # event of the stack at a delivery
+#: CPU time for one tick in an explanation [s]; ten times what the slowest shipped stack takes.
+#: A hang costs it twice in each of the runs, which have to stay within the explanation's limit.
+TICK = 10.0
 ALLOCATED = ("allocated", "allocation-refused")  # events of the stack after a call
 
 
@@ -40,8 +44,9 @@ def run(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def explain(request: dict[str, Any]) -> dict[str, Any]:
-    """Name the layer that a failure belongs to."""
-    job = dataclasses.replace(_job_of(request), early_stop=False)
+    """Name the layer that a failure belongs to; the stack's crashes and hangs are verdicts here."""
+    limits = StackLimits(tick=TICK)
+    job = dataclasses.replace(_job_of(request), early_stop=False, limits=limits)
     found = explain_job(job, max_runs=request["max_runs"])
     return {"layer": found.layer, "guess": found.guess, "reason": found.reason, "runs": found.runs}
 

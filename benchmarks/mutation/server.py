@@ -2,6 +2,7 @@
 
 It answers one JSON line for each on stdin, and ends when stdin closes. The time limit of a request
 is CPU time without compiling: a process that exceeds it is ended by a signal, in compiled code too.
+Forks count, those of forecasts and of ticks that are asked again.
 With ``watch`` it knows which lines of the stack run.
 """
 
@@ -9,9 +10,11 @@ from __future__ import annotations
 
 import importlib
 import json
+import mmap
 import os
 import resource
 import signal
+import struct
 import sys
 import traceback
 from pathlib import Path
@@ -23,6 +26,8 @@ from benchmarks.mutation.layers import stack_files
 from benchmarks.mutation.lines import LineWatch
 
 MEMORY = 6 << 30  # bytes of data; a mutant that gathers without end must not fill the machine
+SECONDS = struct.Struct("=d")
+AT_ONCE = 1e-6  # s, the shortest time that sets a timer; 0 would stop it
 #: where requests are answered; imported at the first one, since a mutant may fail on import
 ANSWERS = {
     "run": "benchmarks.mutation.judging",
@@ -39,36 +44,58 @@ def _cpu_s() -> float:
 
 
 class CpuLimit(event.Listener):
-    """Ends this process after some CPU time; compiling stops the clock, and is measured."""
+    """Ends this process after some CPU time, that of its forks included.
+
+    Compiling stops the clock, and is measured. A fork has what was left when it was made.
+    """
 
     def __init__(self) -> None:
-        self.compile_s = 0.0
-        self._depth, self._left, self._began = 0, 0.0, 0.0
-        self._seconds = 0.0
-        os.register_at_fork(after_in_child=self._arm)  # a copy of the run may hang as well
+        self._shared = mmap.mmap(-1, SECONDS.size)  # s of compiling, forks included
+        self._depth, self._left = 0, 0.0
+        self._seconds, self._began, self._compiled = 0.0, 0.0, 0.0
+        self._compiling_since = 0.0
+        os.register_at_fork(before=self._arm, after_in_child=self._begin_in_fork)
+
+    @property
+    def compile_s(self) -> float:
+        """CPU time of compiling since the last limit was set [s]."""
+        return float(SECONDS.unpack_from(self._shared)[0]) - self._compiled
 
     def set(self, seconds: float) -> None:
         """Allow so much CPU time [s] from now on; 0: without end."""
-        self.compile_s = 0.0
-        self._seconds = seconds
+        SECONDS.pack_into(self._shared, 0, 0.0)
+        self._begin(seconds)
+
+    def _begin(self, seconds: float) -> None:
+        self._seconds, self._began, self._compiled = seconds, _cpu_s(), 0.0
+        self._compiled = self.compile_s
         self._arm()
 
+    def _begin_in_fork(self) -> None:
+        self._begin(self._left)
+
     def _arm(self) -> None:
-        signal.setitimer(signal.ITIMER_PROF, self._seconds)
+        """Set the timer to what is left; it alone does not see what forks have spent."""
+        if self._depth > 0:
+            return
+        spent = _cpu_s() - self._began - self.compile_s
+        self._left = max(self._seconds - spent, AT_ONCE) if self._seconds else 0.0
+        signal.setitimer(signal.ITIMER_PROF, self._left)
 
     def on_start(self, event: event.Event) -> None:
         """Stop the clock."""
         self._depth += 1
         if self._depth == 1:
-            self._left = signal.setitimer(signal.ITIMER_PROF, 0.0)[0]
-            self._began = _cpu_s()
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            self._compiling_since = _cpu_s()
 
     def on_end(self, event: event.Event) -> None:
         """Let the clock go on."""
         self._depth -= 1
         if self._depth == 0:
-            self.compile_s += _cpu_s() - self._began
-            signal.setitimer(signal.ITIMER_PROF, self._left)
+            total = SECONDS.unpack_from(self._shared)[0] + _cpu_s() - self._compiling_since
+            SECONDS.pack_into(self._shared, 0, total)
+            self._arm()
 
 
 def answer_to(request: dict[str, Any], limit: CpuLimit, watch: LineWatch | None) -> dict[str, Any]:

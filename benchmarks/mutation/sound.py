@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.mutation.process import StackProcess, StoppedError, expected
 from benchmarks.mutation.runs import Run, reasons
-from mrta_falsify.campaigns.journal import AnswerCache
+from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.world import World
@@ -19,19 +19,26 @@ UNKNOWN = 300.0  # s of CPU for the first run of a world
 
 @dataclass(slots=True)
 class SoundRuns:
-    """Runs of the sound stack by world, on disc before they are used."""
+    """Runs of the sound stack by world, on disc before they are used.
+
+    Args:
+        path: of the file.
+        specifications: that judge.
+        code: digest of the sound stack's tree; runs of other code are made again.
+    """
 
     path: Path
     specifications: tuple[str, ...]
-    _cache: AnswerCache[Run] = field(init=False)
+    code: str = ""
+    _journal: RunJournal[Run] = field(init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
-        self._cache = AnswerCache(Run, self.path)
+        self._journal = RunJournal(Run, self.path, code=self.code)
 
     def known(self, world: World, stack: StackConfig) -> Run | None:
         """Look up the run of a world."""
-        return self._cache.answers.get(self._key(world, stack))
+        return self._journal.answers.get(self._key(world, stack))
 
     def run(
         self, process: StackProcess, world: World, stack: StackConfig, *, lines: bool = False
@@ -56,7 +63,7 @@ class SoundRuns:
         if process.stopped:
             raise StoppedError
         with self._lock:
-            self._cache.keep(self._key(world, stack), found)
+            self._journal.keep(self._key(world, stack), found)
         return found
 
     def fails(self, process: StackProcess, world: World, stack: StackConfig) -> bool:

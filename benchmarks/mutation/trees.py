@@ -8,12 +8,16 @@ changed, lands beside the sources, and so in that mutant's tree alone.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import tomllib
 from pathlib import Path
 
 from benchmarks.mutation.mutants import Mutant, mutated_texts
+from mrta_falsify.campaigns.code_digest import SUFFIXES
+from mrta_falsify.core import codec
+from mrta_falsify.core.record import versions
 
 ROOT = Path(__file__).resolve().parents[2]
 #: copied once; the first two hold the stack and are linked for each mutant
@@ -33,6 +37,21 @@ def sound_tree(directory: Path, source: Path = ROOT) -> Path:
     _write_metadata(source / "pyproject.toml", unfinished)
     unfinished.rename(tree)
     return tree
+
+
+def digest_of(tree: Path) -> str:
+    """Hash the sources of a tree, with the versions of what they run on.
+
+    A journal is told by it whose runs it holds. The digest of a campaign's code is of no use here:
+    that is of the sources as they are now, and a tree may be older.
+    """
+    files = sorted(file for file in tree.rglob("*") if file.suffix in SUFFIXES)
+    texts = {str(file.relative_to(tree)): _digest_of_file(file) for file in files}
+    return codec.digest([versions(), texts])
+
+
+def _digest_of_file(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _write_metadata(project: Path, tree: Path) -> None:

@@ -86,7 +86,7 @@ PORTFOLIO = (
     Source(scenario="lifts_and_chargers", share=1),
     Source(scenario="parked_robots", share=1),
     Source(scenario="crowded_refuges", share=1),
-    Source(scenario="fast_robots", settings=("cruise_speed=1.5",), share=1),
+    Source(scenario="fast_robots", share=1),
     Source(scenario="holonomic_fleet", settings=("controller.dynamics=holonomic",), share=1),
 )
 

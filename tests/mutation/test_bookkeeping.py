@@ -5,11 +5,15 @@ from __future__ import annotations
 import ast
 import importlib.metadata
 import importlib.util
+import signal
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
+from benchmarks.defects.worlds import PLANTS
 from benchmarks.mutation.killing import Hunted
 from benchmarks.mutation.lines import LineWatch, always_runs
 from benchmarks.mutation.mutants import Edit, Mutant
@@ -17,9 +21,15 @@ from benchmarks.mutation.process import StoppedError
 from benchmarks.mutation.report import explained, report
 from benchmarks.mutation.runs import Run, kind_of, reasons
 from benchmarks.mutation.searching import Searched
+from benchmarks.mutation.sound import SoundRuns
 from benchmarks.mutation.tasks import Tasks, Worker
-from benchmarks.mutation.trees import PACKAGES, mutated_tree, remove_tree, sound_tree
+from benchmarks.mutation.trees import PACKAGES, digest_of, mutated_tree, remove_tree, sound_tree
+from benchmarks.mutation.worlds import PORTFOLIO, stack_of
+from mrta_falsify.core.config import StackConfig
+from scenic_worlds.shipped import scenario_names
 
+ROOT = Path(__file__).resolve().parents[2]
+WORLD = PLANTS["same_room_twice_stalls"].world(0)
 PATH = "mrta_falsify/stack/route.py"
 MUTANT = Mutant(
     id="m1",
@@ -76,6 +86,90 @@ def test_the_sound_tree_stays_when_the_sources_change(source, tmp_path):
     (source / PATH).write_text("a = 3\n")
     assert (sound_tree(tmp_path / "trees", source) / PATH).read_text() == "a = 1\n"
     assert sound == sound_tree(tmp_path / "trees", source)
+
+
+def test_the_digest_of_a_tree_is_that_of_its_sources(source, tmp_path):
+    before = digest_of(sound_tree(tmp_path / "one", source))
+    assert digest_of(sound_tree(tmp_path / "two", source)) == before
+    (source / PATH).write_text("a = 3\n")
+    assert digest_of(sound_tree(tmp_path / "three", source)) != before
+
+
+# --- the sound stack's runs ------------------------------------------------------------------
+
+
+class Answering:
+    """Stands for a process with the sound stack; counts its runs."""
+
+    stopped = False
+    runs = 0
+
+    def run(self, *args, **more):
+        self.runs += 1
+        return PASSED
+
+
+def test_runs_of_the_sound_stack_are_kept_for_the_same_sources_only(tmp_path):
+    process, path, stack = Answering(), tmp_path / "sound.jsonl", StackConfig()
+    for code, runs in (("a", 1), ("a", 1), ("b", 2), ("a", 2)):
+        assert SoundRuns(path, ("deadlines",), code).run(process, WORLD, stack) == PASSED
+        assert process.runs == runs
+
+
+@pytest.mark.parametrize("source", PORTFOLIO, ids=lambda source: source.name)
+def test_sources_of_worlds_have_a_program_and_known_settings(source):
+    assert Path(source.place).is_file() or source.scenario in scenario_names()
+    assert stack_of(source.settings).engine.name == "kinematic"
+
+
+# --- CPU time --------------------------------------------------------------------------------
+
+SPENDING = """
+import os, sys, time
+from benchmarks.mutation.server import CpuLimit
+
+def spend(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+def in_a_fork(seconds):
+    child = os.fork()
+    if child == 0:
+        spend(seconds)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+def compile_for(seconds):
+    limit.on_start(None)
+    spend(seconds)
+    limit.on_end(None)
+
+limit = CpuLimit()
+limit.set(0.3)
+"""
+
+
+@pytest.mark.parametrize(
+    ("what", "code"),
+    [
+        ("spend(0.2)", 0),
+        ("spend(0.5)", -signal.SIGPROF),
+        ("for _ in range(4): in_a_fork(0.2)\nspend(0.1)", -signal.SIGPROF),
+        ("assert in_a_fork(0.5) == -27\nspend(0.5)", -signal.SIGPROF),
+        ("compile_for(0.5)\nspend(0.1)\nassert limit.compile_s > 0.4", 0),
+    ],
+)
+def test_a_request_has_so_much_cpu_time_with_all_its_forks(what, code):
+    program = [sys.executable, "-c", f"{SPENDING}\n{what}\nos._exit(0)"]
+    assert subprocess.run(program, cwd=ROOT, check=False).returncode == code
+
+
+def test_what_a_fork_compiles_is_no_time_of_the_stack():
+    forked = "child = os.fork()\nif child == 0:\n    compile_for(0.4)\n    os._exit(0)\n"
+    after = "os.waitpid(child, 0)\nspend(0.1)\nassert limit.compile_s > 0.3\nin_a_fork(0.05)"
+    program = [sys.executable, "-c", f"{SPENDING}\n{forked}{after}\nos._exit(0)"]
+    assert subprocess.run(program, cwd=ROOT, check=False).returncode == 0
 
 
 # --- lines that run --------------------------------------------------------------------------

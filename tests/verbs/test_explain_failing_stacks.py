@@ -1,0 +1,47 @@
+"""A stack that fails in a changed continuation leaves ``explain`` an answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+
+import pytest
+
+from benchmarks.defects import worlds
+from mrta_falsify.campaigns.journal import RunJournal
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.stack.resources.policies import DeadlineFirst
+from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.verbs.explain.changed_runs import continued_with
+from mrta_falsify.verbs.explain.changes import Change
+
+
+def raises(self, waiters):
+    raise ValueError("cannot order them")
+
+
+def ends_its_process(self, waiters):
+    os._exit(7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fails", "told"),
+    [(raises, "the stack failed at"), (ends_its_process, "the stack ended its process")],
+)
+def test_a_change_under_which_the_stack_fails_does_not_remove_the_failure(monkeypatch, fails, told):
+    monkeypatch.setattr(DeadlineFirst, "order", fails)
+    job = Job(
+        world=worlds.room_freed_while_parked(0),
+        config=quick_stack(StackConfig(defects=("room_freed_while_parked",))),
+        specifications=("exclusive_use",),
+        early_stop=True,
+    )
+    (verdict,) = judge(job).verdicts
+    changed = dataclasses.replace(job.config, queue_policy=Choice("deadline_first"))
+    change = Change(layer="queue_policy", text="deadline_first", config=changed)
+    journal = RunJournal(Counterfactual, None)
+    (found,) = continued_with(job, verdict, 0.5, [change], journal)
+    assert told in found.detail
+    assert not found.failure_gone
