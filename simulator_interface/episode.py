@@ -108,10 +108,11 @@ class Episode:
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
-    def _build(self) -> tuple[CostmapSource, Stack]:
+    def _build(self, source: CostmapSource | None = None) -> tuple[CostmapSource, Stack]:
         config = self.config
-        source = registry.build("costmap", config.costmap, defects=config.defects)
-        source = source.bind(self.world)
+        if source is None:
+            layer = registry.build("costmap", config.costmap, defects=config.defects)
+            source = layer.bind(self.world)
         return source, Stack(self.world, config, source, metered=self._meter.around)
 
     def _new_crowd(self) -> Crowd:
@@ -246,17 +247,21 @@ class Episode:
 
         Everything but engine, people and control rate may differ. A controller that differs
         starts anew; all other layers keep their memory in the stack's state.
+
+        Raises:
+            StackFailed: the other stack cannot be built.
         """
         assert self.state is not None, "the episode has not begun"
-        source = self._source
-        changed = config.costmap != self.config.costmap or config.defects != self.config.defects
-        if changed:
-            source = registry.build("costmap", config.costmap, defects=config.defects)
-            source = source.bind(self.world)
-        self.stack = Stack(self.world, config, source, metered=self._meter.around)
-        if config.controller != self.config.controller or config.defects != self.config.defects:
-            self.state.controller = self.stack.start().controller
-        self.config, self._source = config, source
+        is_defective = config.defects != self.config.defects
+        kept = None if is_defective or config.costmap != self.config.costmap else self._source
+        has_other = is_defective or config.controller != self.config.controller
+        self.config = config
+        time = self.tick * self.dt
+        built = self._door.ask(functools.partial(self._build, kept), self.tick, time)
+        self._source, self.stack = built
+        if has_other:
+            started = self._door.ask(self.stack.start, self.tick, time)
+            self.state.controller = started.controller
 
     def forget_events(self) -> None:
         """Let nothing new come from outside any more; call it between two frames.

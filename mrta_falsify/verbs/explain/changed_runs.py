@@ -92,10 +92,10 @@ def _counterfactual(
     running: Running, verdict: Verdict, change: Change, until: float
 ) -> Counterfactual:
     """Go on with a change, and look whether the same specification is violated by ``until`` [s]."""
-    running.episode.swap(change.config)
     own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
     has_failed = False
     try:
+        running.episode.swap(change.config)
         ended = _watched(running, own, until)
     except StackFailed as failed:
         # A change that makes the stack fail cures nothing.

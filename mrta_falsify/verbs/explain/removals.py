@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from functools import partial
 
@@ -10,6 +11,8 @@ import numpy as np
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Removal
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
@@ -17,6 +20,7 @@ from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changed_runs import AFTER
 from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
+from simulator_interface.watched_copy import CopyFailed
 
 GOES_ON = 1.0  # m from where it stood: a robot goes on
 
@@ -59,7 +63,8 @@ def removals_of(
         for key, name in missing.items():
             others = {other: numbers[other] for other in names if other != name}
             removed = partial(_removal, running, name, numbers[name], others)
-            yield journal.keep(key, running.in_a_copy(removed, Removal))
+            with contextlib.suppress(CopyFailed):  # the stack fails without it: it tells nothing
+                yield journal.keep(key, running.in_a_copy(removed, Removal))
 
 
 def _removal(running: Running, name: str, robot: int, others: dict[str, int]) -> Removal:
@@ -67,7 +72,7 @@ def _removal(running: Running, name: str, robot: int, others: dict[str, int]) ->
     start, time = running.last.sensed.pose, running.last.sensed.time
     running.episode.remove(robot)
     go_on: set[str] = set()
-    for frame in running.frames:
+    for frame in _until_it_fails(running.frames):
         moved = np.linalg.norm((frame.sensed.pose - start)[:, :2], axis=1)
         go_on |= {other for other, i in others.items() if moved[i] >= GOES_ON}
         if len(go_on) == len(others) or frame.sensed.time >= time + AFTER:
@@ -78,6 +83,12 @@ def _removal(running: Running, name: str, robot: int, others: dict[str, int]) ->
         go_on=tuple(other for other in others if other in go_on),
         stay=tuple(other for other in others if other not in go_on),
     )
+
+
+def _until_it_fails(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Yield frames until the stack fails to answer."""
+    with contextlib.suppress(StackFailed):
+        yield from frames
 
 
 def removal_text(removal: Removal) -> str:
