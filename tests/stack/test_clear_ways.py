@@ -127,3 +127,29 @@ def test_a_robot_that_delivered_does_not_come_to_rest_in_a_crossing():
 def test_a_robot_that_delivered_where_others_can_pass_stays():
     outcome = simulate(crossing(3.0), KINEMATIC)
     assert "makes-room" not in [event.kind for event in outcome.trace.events]
+
+
+def test_a_robot_that_has_left_a_room_does_not_go_back_in_to_take_its_lane():
+    """The lane begins with two corners inside the room, beside a robot that stands outside."""
+    world = two_rooms(box(-5.0, -1.5, 5.0, 1.5))
+    way = np.array([[-4.9, 0.9], [-4.9, -0.9], [4.7, -0.9], [6.5, 0.0]])
+    there, back = world.lanes
+    room = Resource(
+        name="queue of end0",
+        room=0,
+        spots=np.array([[-3.0, 1.0]]),
+        request_area=rectangle(16.0, 6.0),
+        release_area=rectangle(3.4, 3.0) + np.array([-6.3, 0.0]),
+    )
+    world = dataclasses.replace(
+        world,
+        resources=(room,),
+        lanes=(dataclasses.replace(there, to_queue=way, to_room=way), back),
+        horizon=60.0,
+        robots=(robot(0, -4.3, 0.9),),
+        tasks=(Task(arrival=0.5, start=1, end=0, deadline=900.0),),
+    )
+    trace = simulate(world, KINEMATIC).trace
+    picked_up = next(event.time for event in trace.events if event.kind == "picked-up")
+    before = trace.columns["time"] < picked_up
+    assert trace.columns["pose"][before, 0, 0].min() > -4.6

@@ -11,7 +11,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
-from mrta_falsify.core.plane import NO_POINTS, distance_of, is_within
+from mrta_falsify.core.plane import NO_POINTS, distance_of, inside, is_within
 from mrta_falsify.core.protocols import Waiter, WaypointGenerator
 from mrta_falsify.core.world import Lane, Resource, World
 from mrta_falsify.stack.activity import Heading, Idle, Parking, Stalled, Waiting
@@ -171,7 +171,7 @@ class RoomTraffic:
         lane = self._lanes.get((mission.room, room))
         if lane is None:
             return self._points[room][None, :]
-        return join(self._waypoints.to_room(lane), position, self._points[mission.room])
+        return self._joined(self._waypoints.to_room(lane), mission.room, position)
 
     def _way_to_spot(
         self, mission: Mission, queue: Queue, place: int | None, position: Array, *, moves_up: bool
@@ -184,8 +184,18 @@ class RoomTraffic:
         spot = queue.waiting_point(target, approach)
         if lane is None or moves_up or queue.is_off_lane(target):
             return spot[None, :]
-        way = self._waypoints.to_queue(lane, spot)
-        return join(way, position, self._points[mission.room])
+        return self._joined(self._waypoints.to_queue(lane, spot), mission.room, position)
+
+    def _joined(self, way: Array, start: int, position: Array) -> Array:
+        """Join a way from room ``start``; a robot that has left the room does not go back in."""
+        rest = join(way, position, self._points[start])
+        index = self.queue_of_room.get(start)
+        if index is None or not self.queues[index].is_left_at(position):
+            return rest
+        area = self.queues[index].resource.release_area
+        while len(rest) > 1 and inside(area, rest[0]):
+            rest = rest[1:]
+        return rest
 
     # --- leaving and granting -------------------------------------------------------------------
 
