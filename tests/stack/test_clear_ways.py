@@ -132,7 +132,7 @@ def test_a_robot_that_delivered_where_others_can_pass_stays():
 def test_a_robot_that_has_left_a_room_does_not_go_back_in_to_take_its_lane():
     """The lane begins with two corners inside the room, beside a robot that stands outside."""
     world = two_rooms(box(-5.0, -1.5, 5.0, 1.5))
-    way = np.array([[-4.9, 0.9], [-4.9, -0.9], [4.7, -0.9], [6.5, 0.0]])
+    way = np.array([[-5.6, 0.9], [-5.6, -0.9], [4.7, -0.9], [6.5, 0.0]])
     there, back = world.lanes
     room = Resource(
         name="queue of end0",
