@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:wall/queue of ward_0."""
+"""The smallest world that fails with no_deadlock/1:wall/open floor with furniture."""
 
 param layout = localPath('world.min.layout.json')
 

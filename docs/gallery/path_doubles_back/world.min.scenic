@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:stalled/queue of ward_1."""
+"""The smallest world that fails with no_deadlock/1:stalled/doorway."""
 
 param layout = localPath('world.min.layout.json')
 

@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:stalled/ward_southwest."""
+"""The smallest world that fails with no_deadlock/1:stalled/room."""
 
 param layout = localPath('world.min.layout.json')
 

@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:queue/queue of ward_southeast."""
+"""The smallest world that fails with no_deadlock/1:queue/waiting spot."""
 
 param layout = localPath('world.min.layout.json')
 
