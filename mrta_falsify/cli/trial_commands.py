@@ -144,7 +144,8 @@ def _print_replay(result: Replay) -> None:
         out.print(f"failure    {record.signature}")
     if result.identical:
         return
-    out.print(f"{result.same_verdicts} of {runs} have the same violations at the same times")
+    when = " at the same times" if result.same_version else ""
+    out.print(f"{result.same_verdicts} of {runs} have the same violations{when}")
     if result.difference is not None:
         out.print(f"first differs {result.difference}")
     if not result.same_machine:

@@ -103,7 +103,8 @@ class ReplayCheck:
 
     runs: int
     identical: int  #: runs with the recorded trace digest
-    same_verdicts: int  #: runs that violate the same specifications at the same times
+    #: runs that violate the same specifications; at the same times, too, if the version is the same
+    same_verdicts: int
     same_machine: bool  #: whether versions and machine type are the recorded ones
     first_difference: Difference | None = None  #: of the first other run from the stored trace
 

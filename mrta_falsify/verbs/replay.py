@@ -46,7 +46,8 @@ class Replay:
     record: TrialRecord
     runs: tuple[ReplayRun, ...]
     same_digest: int  #: runs with the recorded trace digest
-    same_verdicts: int  #: runs that violate the same specifications at the same times
+    #: runs that violate the same specifications; at the same times, too, if the version is the same
+    same_verdicts: int
     same_version: bool  #: of the toolkit, and of the format of the campaign
     same_machine: bool  #: versions and machine type are those of the record
     difference: Difference | None  #: of the first other run from the kept trace, if it is kept
@@ -111,13 +112,17 @@ def replay_trial(
         known = journal.answers.get(key)
         runs.append(known or journal.keep(key, _run(campaign, record, world)))
     wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
+    same_version = _is_same_version(campaign, record)
     differences = [run.difference for run in runs if run.trace_digest != record.trace_digest]
     return Replay(
         record=record,
         runs=tuple(runs),
         same_digest=sum(run.trace_digest == record.trace_digest for run in runs),
-        same_verdicts=sum(run.violations == wanted for run in runs),
-        same_version=_is_same_version(campaign, record),
+        same_verdicts=sum(
+            run.violations == wanted if same_version else run.violations.keys() == wanted.keys()
+            for run in runs
+        ),
+        same_version=same_version,
         same_machine=record.versions == versions(),
         difference=differences[0] if differences else None,
     )
