@@ -27,7 +27,7 @@ STACK_LAYERS = (
 #: whose code lies where, in this project
 SHIPPED = {
     "mrta_falsify/stack/allocation/": "allocator",
-    "mrta_falsify/stack/dispatcher.py": "allocator",
+    "mrta_falsify/stack/dispatcher.py": "dispatcher",
     "mrta_falsify/stack/resources/": "queue_policy",
     "mrta_falsify/stack/priority.py": "priority_rule",
     "mrta_falsify/stack/waypoints.py": "waypoint_generator",
@@ -120,7 +120,7 @@ def shared_places(one: Sequence[Place], other: Sequence[Place]) -> list[Place]:
 # --- the layer -----------------------------------------------------------------------------
 
 
-def layer_of(places: Sequence[Place], config: StackConfig) -> str:
+def layer_of_places(places: Sequence[Place], config: StackConfig) -> str:
     """Name the layer whose code failed: of the innermost frame that belongs to one.
 
     Args:

@@ -18,7 +18,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.stack_failure import StackFailure, StackLimits
 from simulator_interface import forking
-from simulator_interface.failing_layer import layer_of, shared_places, texts_of
+from simulator_interface.failing_layer import layer_of_places, shared_places, texts_of
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
 
@@ -128,7 +128,7 @@ def _failure(seen: list[CopyFailed], config: StackConfig) -> StackFailure:
         kind=first.kind,
         tick=first.pulse.tick,
         time=first.pulse.time,
-        layer=layer_of(places, config),
+        layer=layer_of_places(places, config),
         exception=first.exception,
         message=first.message,
         frames=texts_of(places),

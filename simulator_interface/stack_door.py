@@ -22,7 +22,7 @@ from mrta_falsify.core.stack_failure import StackFailed, StackFailure
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
-from simulator_interface.failing_layer import layer_of, places_in, texts_of
+from simulator_interface.failing_layer import layer_of_places, places_in, texts_of
 from simulator_interface.heartbeat import post
 
 T = TypeVar("T")
@@ -135,7 +135,7 @@ class StackDoor:
         return self._failure(
             "crash",
             ADDRESS.sub("0x...", str(error))[:MOST_TEXT],
-            layer=layer_of(places, self._config),
+            layer=layer_of_places(places, self._config),
             exception=type(error).__name__,
             frames=texts_of(places),
         )

@@ -11,7 +11,7 @@ from collections.abc import Callable
 _listeners: list[Callable[[float], None]] = []
 
 
-def listen(listener: Callable[[float], None]) -> None:
+def tell_to(listener: Callable[[float], None]) -> None:
     """Let ``listener`` be told, from now on in this process, of wall-clock time [s]."""
     _listeners.append(listener)
 

@@ -52,7 +52,7 @@ def serve(results: int) -> None:
         answer({"broken": f"{type(error).__name__}: {error}"})
         raise
     answer({"ready": True})
-    lost_time.listen(lambda seconds: answer({"lost": seconds}))
+    lost_time.tell_to(lambda seconds: answer({"lost": seconds}))
     for line in sys.stdin:
         job = json.loads(line)
         try:

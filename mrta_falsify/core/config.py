@@ -77,26 +77,29 @@ def decode_config(data: Any, *, where: str) -> StackConfig:
         return StackConfig()
     if not isinstance(data, dict):
         raise ConfigError(f"{where}: is {type(data).__name__}; it must map layers to names")
-    shaped: dict[str, Any] = {}
-    for key, value in data.items():
-        if key not in LAYERS:
-            shaped[key] = value
-        elif isinstance(value, str):
-            shaped[key] = {"name": value}
-        elif isinstance(value, dict) and set(value) == {"name", "options"}:
-            shaped[key] = value
-        elif isinstance(value, dict) and isinstance(value.get("name"), str):
-            options = {name: item for name, item in value.items() if name != "name"}
-            shaped[key] = {"name": value["name"], "options": options}
-        elif isinstance(value, dict):
-            default: Choice = getattr(StackConfig(), key)
-            shaped[key] = {"name": default.name, "options": value}
-        else:
-            raise ConfigError(f"{where}: {key} is {value!r}; it must be a name or an object")
+    shaped: dict[str, Any] = {
+        key: _shaped_layer(key, value, where) if key in LAYERS else value
+        for key, value in data.items()
+    }
     for field in LISTS:
         if isinstance(shaped.get(field), list):
             shaped[field] = sorted(set(map(str, shaped[field])))
     return codec.decode(StackConfig, shaped, where=where)
+
+
+def _shaped_layer(layer: str, value: Any, where: str) -> dict[str, Any]:
+    """Write a layer as an object with a name and options."""
+    if isinstance(value, str):
+        return {"name": value}
+    if not isinstance(value, dict):
+        raise ConfigError(f"{where}: {layer} is {value!r}; it must be a name or an object")
+    if set(value) == {"name", "options"}:
+        return value
+    if isinstance(value.get("name"), str):
+        options = {name: item for name, item in value.items() if name != "name"}
+        return {"name": value["name"], "options": options}
+    default: Choice = getattr(StackConfig(), layer)
+    return {"name": default.name, "options": value}
 
 
 def read_config(path: Path) -> StackConfig:
