@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ CELL = 0.05  # m of the map on which ways are looked for
 CELL_ERROR = 1.5 * CELL  # m that cells may take from the width of a passage, on each side
 WAY_ERROR = 0.9  # of a planned way's length is surely no longer than the shortest one
 NODES = 200_000  # of the prover's search, about 50 ms
+NEVER = 1e9  # s, for the prover, which counts in finite times
 MOST_TASKS = 40  # more are not proved together: the limit would be reached
 
 
@@ -43,8 +45,11 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
         world: to look at.
         specifications: that the stack is to keep; deadlines count if ``deadlines`` is among them.
     """
-    reasons = (*_too_wide(world), *_too_late(world, specifications))
-    return reasons[0] if reasons else ""
+    floor = _Floor.of(world)
+    reasons = [_too_wide(world, floor)]
+    if "deadlines" in specifications and world.robots and world.tasks:
+        reasons.append(_too_late(world, floor))
+    return next(itertools.chain.from_iterable(reasons), "")
 
 
 # --- ways -------------------------------------------------------------------------------------
@@ -118,9 +123,8 @@ def _robot_half_width(world: World, robot: int) -> float:
 # --- too wide ---------------------------------------------------------------------------------
 
 
-def _too_wide(world: World) -> Iterator[str]:
+def _too_wide(world: World, floor: _Floor) -> Iterator[str]:
     """Name tasks that no robot fits to, and furniture that does not fit where it is pushed."""
-    floor = _Floor.of(world)
     widths = {_robot_half_width(world, i) for i in range(len(world.robots))}
     for number, task in enumerate(world.tasks):
         if widths and all(
@@ -148,35 +152,30 @@ def _too_wide(world: World) -> Iterator[str]:
 # --- too late ---------------------------------------------------------------------------------
 
 
-def _too_late(world: World, specifications: Collection[str]) -> Iterator[str]:
+def _too_late(world: World, floor: _Floor) -> Iterator[str]:
     """Name tasks that cannot be delivered in time, alone or together."""
-    if not world.robots or not world.tasks:
-        return
-    if "deadlines" not in specifications:
-        return
-    times = _least_times(world)
-    due = [task.deadline for task in world.tasks]
+    times = _least_times(world, floor)
     for number, task in enumerate(world.tasks):
         earliest = task.arrival + task.pickup_time + times[task.start, task.end] + task.dropoff_time
-        if earliest > due[number]:
+        if earliest > task.deadline:
             yield (
                 f"task{number}: even a robot that waits in {world.rooms[task.start].name} delivers "
-                f"it at {earliest:.1f} s at the earliest; it must by {due[number]:.1f} s"
+                f"it at {earliest:.1f} s at the earliest; it must by {task.deadline:.1f} s"
             )
-            return
-    if any(math.isfinite(time) for time in due) and len(world.tasks) <= MOST_TASKS:
-        yield from _cannot_all(world, times, due)
+    has_any = any(math.isfinite(task.deadline) for task in world.tasks)
+    if has_any and len(world.tasks) <= MOST_TASKS:
+        yield from _cannot_all(world, times)
 
 
-def _least_times(world: World) -> Array:
+def _least_times(world: World, floor: _Floor) -> Array:
     """Bound the travel times between rooms from below, ``(R, R)`` [s]."""
-    floor, speed = _Floor.of(world), max(robot.max_speed for robot in world.robots)
+    speed = max(robot.max_speed for robot in world.robots)
     widths = [_robot_half_width(world, i) for i in range(len(world.robots))]
     ways = np.min([_shortest_ways(floor, width) for width in set(widths)], axis=0)
     return closed_travel_times(ways / speed)
 
 
-def _cannot_all(world: World, times: Array, due: list[float]) -> Iterator[str]:
+def _cannot_all(world: World, times: Array) -> Iterator[str]:
     """Ask the prover for tasks that no fleet can deliver in time together."""
     finite = np.where(np.isfinite(times), times, world.horizon)
     tasks = tuple(
@@ -186,7 +185,7 @@ def _cannot_all(world: World, times: Array, due: list[float]) -> Iterator[str]:
             end=task.end,
             # The prover sends robots off when a task arrives; a stack may have one nearer by then.
             arrival=max(0.0, task.arrival - float(finite[:, task.start].max())),
-            deadline=due[number] if math.isfinite(due[number]) else 1e9,
+            deadline=min(task.deadline, NEVER),
             pickup_time=task.pickup_time,
             dropoff_time=task.dropoff_time,
         )

@@ -11,19 +11,9 @@ from types import TracebackType
 from typing import NamedTuple
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.errors import InputError
 
-#: layers of the stack; people and physics are not the stack's own
-STACK_LAYERS = (
-    "allocator",
-    "queue_policy",
-    "priority_rule",
-    "waypoint_generator",
-    "planner",
-    "costmap",
-    "controller",
-)
 #: whose code lies where, in this project
 SHIPPED = {
     "mrta_falsify/stack/allocation/": "allocator",

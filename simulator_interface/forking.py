@@ -72,11 +72,7 @@ def run_in_copy(run: Callable[[], Any]) -> Any:
 def _answer(run: Callable[[], Any], writer: int, original: int) -> NoReturn:
     """Run something in the copy, write the answer and end the copy."""
     try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.set_wakeup_fd(-1)  # the signals of the copy are not those of the original
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
-        _end_with(original)
+        become_copy(original)
         try:
             text = json.dumps({"answer": run()})
         except BaseException:
@@ -87,8 +83,18 @@ def _answer(run: Callable[[], Any], writer: int, original: int) -> NoReturn:
         os._exit(0)
 
 
-def _end_with(original: int) -> None:
-    """Let the kernel kill this process when the one that made it ends."""
+def become_copy(original: int) -> None:
+    """Make this process, just forked, a copy that ends with its original and hears no Ctrl-C.
+
+    The kernel kills it when the original ends, even in compiled code.
+
+    Args:
+        original: process that made it, with the signals that stop a command held back.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the original's business
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.set_wakeup_fd(-1)  # the signals of the copy are not those of the original
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     if _libc is not None:
         _libc.prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != original:

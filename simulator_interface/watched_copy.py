@@ -9,7 +9,6 @@ Python's lock, ``os._exit``, a segmentation fault.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import faulthandler
 import gc
 import os
@@ -22,7 +21,7 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any, NamedTuple, NoReturn
 
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
-from mrta_falsify.core.interruption import STOP_SIGNALS, signals_held
+from mrta_falsify.core.interruption import signals_held
 from mrta_falsify.core.stack_failure import (
     GIB,
     FailureKind,
@@ -32,6 +31,7 @@ from mrta_falsify.core.stack_failure import (
 )
 from simulator_interface import stack_door
 from simulator_interface.failing_layer import Place, dumped_places
+from simulator_interface.forking import become_copy
 from simulator_interface.heartbeat import (
     PAGE,
     Heartbeat,
@@ -46,10 +46,7 @@ LOOK_EVERY = 0.05  # s between two looks at a copy; a tick limit is kept to abou
 DUMP_WITHIN = 1.0  # s that a copy has to write where it hangs
 SHOW_PLACE = signal.SIGUSR2  # makes a copy write its traceback
 MOST_DUMPED = 1 << 16  # bytes of it
-PR_SET_PDEATHSIG = 1  # of prctl(2)
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
-
-_libc = ctypes.CDLL(None)
 
 
 class CopyFailed(Exception):  # noqa: N818 - says what became of the copy
@@ -198,11 +195,7 @@ class WatchedCopy:
         code = 1
         try:
             self._ours.close()
-            _end_with_parent(self._owner)
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            signal.set_wakeup_fd(-1)  # the signals of the copy are not those of the original
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+            become_copy(self._owner)
             faulthandler.enable(self._dump, all_threads=False)
             faulthandler.register(SHOW_PLACE, self._dump, all_threads=False, chain=False)
             listen_to_compiler()
@@ -269,13 +262,6 @@ def _usage(process: int) -> tuple[float, bool, float]:
         return 0.0, False, 0.0  # it has just ended
     cpu = (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
     return cpu, fields[0] == "S", float(fields[21]) * PAGE
-
-
-def _end_with_parent(parent: int) -> None:
-    """Let the kernel kill this process once its parent has ended, even in compiled code."""
-    _libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 class _Raised(NamedTuple):

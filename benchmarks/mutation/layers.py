@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from simulator_interface.failing_layer import SHIPPED
+
 #: layer by the beginning of a path, the longest one counts; "": code that several layers share,
 #: for which no layer is right or wrong
 LAYERS = {
     "mrta_falsify/stack/": "",
-    "mrta_falsify/stack/allocation/": "allocator",
-    "mrta_falsify/stack/dispatcher.py": "dispatcher",
     "mrta_falsify/stack/itinerary.py": "waypoint_generator",
-    "mrta_falsify/stack/waypoints.py": "waypoint_generator",
-    "mrta_falsify/stack/resources/": "queue_policy",
-    "mrta_falsify/stack/planning/": "planner",
-    "mrta_falsify/stack/planning_service.py": "planner",
-    "mrta_falsify/stack/replanning.py": "planner",
     "mrta_falsify/stack/lookahead.py": "controller",
-    "mrta_falsify/stack/priority.py": "priority_rule",
-    "mrta_falsify/stack/control/": "controller",
-    "simulator_interface/costmap_layers.py": "costmap",
-    "simulator_interface/inflation.py": "costmap",
-    "simulator_interface/lethal_cells.py": "costmap",
+    **SHIPPED,
 }
 #: below the folders above, but not of the stack under test: people walk by them, digests are
 #: made of them, or they hold the names of a package only

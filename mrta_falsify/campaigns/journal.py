@@ -63,6 +63,17 @@ class RunJournal(Generic[A]):
         self.answers[key] = answer
         return answer
 
+    def known_first(self, wanted: dict[str, Any]) -> Iterator[A]:
+        """Yield the answers of the first of ``wanted``, by key, that are known; they are taken out.
+
+        It ends at the first that is not known: what follows is run in its order.
+        """
+        for key in list(wanted):
+            if key not in self.answers:
+                return
+            del wanted[key]
+            yield self.answers[key]
+
     def discard(self) -> None:
         """Delete the file, once what it was kept for has its result."""
         if self._path is not None:

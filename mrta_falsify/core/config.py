@@ -61,6 +61,8 @@ class StackConfig:
 LAYERS: tuple[str, ...] = tuple(
     field.name for field in dataclasses.fields(StackConfig) if field.type == "Choice"
 )
+#: layers of the stack under test; people and physics are not the stack's own
+STACK_LAYERS = tuple(layer for layer in LAYERS if layer not in ("human_model", "engine"))
 LISTS = ("defects", "withheld")  # fields that list names
 
 

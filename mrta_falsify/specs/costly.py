@@ -70,9 +70,16 @@ class _Costly:
     _least: ClassVar[float]
     _costs: Costs | None = None  #: of the reference
 
-    def __init__(self, factor: float, reference: tuple[str, ...]) -> None:
-        self._factor = factor
-        self.reference = reference
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """How much more, and than whom."""
+
+        factor: float = quantity(above=1.0, default=1.5)
+        reference: tuple[str, ...] = ()  #: changes of the default stack, as ``--set`` takes them
+
+    def __init__(self, options: Options) -> None:
+        self._factor = options.factor
+        self.reference = options.reference
 
     def compare_with(self, costs: Costs) -> None:
         """See :class:`mrta_falsify.core.protocols.Comparing`."""
@@ -81,7 +88,6 @@ class _Costly:
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         del dt
-        self._names = tuple(robot.name for robot in world.robots)
         self._meter = CostMeter(world)
         self._highest = RunningMin(self._spec, self._factor)
 
@@ -131,16 +137,6 @@ class CostlyWay(_Costly):
     _spec = "costly_way"
     _least = LEAST_WAY
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """How much farther, and than whom."""
-
-        factor: float = quantity(above=1.0, default=1.5)
-        reference: tuple[str, ...] = ()  #: changes of the default stack, as ``--set`` takes them
-
-    def __init__(self, options: Options) -> None:
-        super().__init__(options.factor, options.reference)
-
     def _kind_of(self, costs: Costs) -> float | None:
         return sum(costs.way)
 
@@ -150,16 +146,6 @@ class CostlyTime(_Costly):
 
     _spec = "costly_time"
     _least = LEAST_TIME
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """How much later, and than with whom."""
-
-        factor: float = quantity(above=1.0, default=1.5)
-        reference: tuple[str, ...] = ()  #: changes of the default stack, as ``--set`` takes them
-
-    def __init__(self, options: Options) -> None:
-        super().__init__(options.factor, options.reference)
 
     def _kind_of(self, costs: Costs) -> float | None:
         return costs.time
@@ -175,14 +161,10 @@ class CostlyCalls(_Costly):
     _least = LEAST_CALLS
 
     @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
+    class Options(_Costly.Options):
         """How much more often, and than by whom."""
 
         factor: float = quantity(above=1.0, default=2.0)
-        reference: tuple[str, ...] = ()  #: changes of the default stack, as ``--set`` takes them
-
-    def __init__(self, options: Options) -> None:
-        super().__init__(options.factor, options.reference)
 
     def _kind_of(self, costs: Costs) -> float | None:
         return None if costs.calls is None else float(costs.calls)

@@ -10,12 +10,8 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Books
 
 
-class AllTasksDone:
-    """Every task is delivered before the horizon.
-
-    Robustness is a share. If all is delivered, it is the share of the horizon that was left.
-    Before the horizon it is the share still left; at the horizon, minus the share of open tasks.
-    """
+class ByTheBooks:
+    """A specification of what the books hold; without deliveries told it cannot be judged."""
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
@@ -34,6 +30,14 @@ class AllTasksDone:
         self._time = frame.sensed.time
         self._missing = frame.tells.lacking("deliveries")
         self._books.update(frame)
+
+
+class AllTasksDone(ByTheBooks):
+    """Every task is delivered before the horizon.
+
+    Robustness is a share. If all is delivered, it is the share of the horizon that was left.
+    Before the horizon it is the share still left; at the horizon, minus the share of open tasks.
+    """
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
@@ -64,30 +68,11 @@ class AllTasksDone:
         )
 
 
-class Deadlines:
+class Deadlines(ByTheBooks):
     """Every task is delivered by its deadline.
 
     Robustness [s]: smallest margin; for an open task that has arrived, the time left to it.
     """
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """None."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
-
-    def start(self, world: World, dt: float) -> None:
-        """Begin an episode."""
-        del dt
-        self._world, self._time = world, 0.0
-        self._books, self._missing = Books(world), ""
-
-    def update(self, frame: Frame) -> None:
-        """Take in one tick."""
-        self._time = frame.sensed.time
-        self._missing = frame.tells.lacking("deliveries")
-        self._books.update(frame)
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mrta_falsify.core.fleet import Frame, StackEvent
@@ -13,15 +11,15 @@ from mrta_falsify.specs.books import (
     MOST_REFUSALS,
     ROUNDING,
     STOP_KINDS,
-    Books,
     Refusals,
     unknown_in,
 )
+from mrta_falsify.specs.deliveries import ByTheBooks
 
 MISDATED = 1.0  # s between an event's own time and the tick that brings it; links take less
 
 
-class HonestEvents:
+class HonestEvents(ByTheBooks):
     """No event contradicts motion, geometry or the world.
 
     Refused pick-ups and deliveries count (see :mod:`mrta_falsify.specs.books`), and so do
@@ -37,23 +35,14 @@ class HonestEvents:
     Robustness: minus the number of contradicted claims, repeated ones counted once; 1 without any.
     """
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """None."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
-
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
-        del dt
-        self._world, self._missing = world, ""
-        self._books, self._refused = Books(world), Refusals(world)
+        super().start(world, dt)
+        self._refused = Refusals(world)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        self._missing = frame.tells.lacking("deliveries")
-        self._books.update(frame)
+        super().update(frame)
         for event in frame.events:
             reason = self._objection(event, frame)
             if reason:

@@ -10,18 +10,8 @@ import pytest
 
 from mrta_falsify.verbs import replay as replaying
 from mrta_falsify.worker import rerun
+from tests.quick_program import PROGRAM
 
-PROGRAM = """
-model scenic_worlds.model
-new Robot with name 'robot1', with start_room 0
-new Robot with name 'robot2', with start_room 1
-new Trolley in corridors
-param tasks = [
-    (0, 0, DiscreteRange(2, 5), Range(20, 100)),
-    (Range(0, 20), 1, DiscreteRange(2, 5), Range(30, 120)),
-]
-param horizon = 60
-"""
 #: deadlines too tight to keep are sampled now and then, so that there is something to find
 QUICK = ("--set", "engine=kinematic", "--spec", "deadlines", "--sampler", "random")
 

@@ -21,6 +21,9 @@ from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 
+#: with the defect of the fixture ``stalled``
+BROKEN = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+
 
 def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ...]) -> Campaign:
     """A campaign of one trial: the test world of a defect, run with it.

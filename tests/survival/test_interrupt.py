@@ -20,22 +20,12 @@ from typing import Any
 import pytest
 
 from mrta_falsify.core.seeding import stream
+from tests.quick_program import PROGRAM
 
 SIGNALS, SHARES = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL), (0.6, 0.2, 0.2)
 LIMIT = 2.0  # s from the signal to the end of the process, asserted in the long tier only
 EARLIEST = 0.5  # s: the interpreter has begun to load our modules by then
 VOLATILE = {"wall_s", "real_time_factor", "seconds_to_failure", "seconds_per_failure"}
-PROGRAM = """
-model scenic_worlds.model
-new Robot with name 'robot1', with start_room 0
-new Robot with name 'robot2', with start_room 1
-new Trolley in corridors
-param tasks = [
-    (0, 0, DiscreteRange(2, 5), Range(20, 100)),
-    (Range(0, 20), 1, DiscreteRange(2, 5), Range(30, 120)),
-]
-param horizon = 60
-"""
 STACK = ("--set", "engine=kinematic", "--spec", "deadlines")
 JSON = ("--format", "json")
 

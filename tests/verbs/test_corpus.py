@@ -10,17 +10,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs import corpus
-from tests.reports.planted import stored
-
-BROKEN = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
-
-
-@pytest.fixture
-def campaign(stalled, tmp_path):
-    """A campaign directory with one failure."""
-    world, judged = stalled
-    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
-    return stored(tmp_path / "campaign", job, judged)
+from tests.reports.planted import BROKEN, stored
 
 
 @pytest.fixture

@@ -77,17 +77,23 @@ def fails(layer: str, *more: str, choice: str = "controller"):
     return run("--set", f"{choice}=users_layers:{layer}", *LIMITS, "-o", "out", *more)
 
 
-@pytest.mark.parametrize("layer", CRASHES)
-def test_an_exception_or_nonsense_is_a_verdict_at_its_tick(place, layer):
-    kind, exception, words = CRASHES[layer]
+def assert_fails_at_its_tick(place, layer, expected):
+    """Run a stack that fails; gives the result of the command and the evidence."""
+    kind, exception, words = expected
     result = fails(layer)
     assert result.exit_code == 1, result.output
     found = judged(place / "out")
     evidence = found["evidence"]
     assert (evidence["kind"], evidence["exception"]) == (kind, exception)
     assert words in evidence["message"]
-    assert evidence["layer"] == "controller"
     assert (found["violated_at"], evidence["tick"]) == (2.0, 40)
+    return result, evidence
+
+
+@pytest.mark.parametrize("layer", CRASHES)
+def test_an_exception_or_nonsense_is_a_verdict_at_its_tick(place, layer):
+    result, evidence = assert_fails_at_its_tick(place, layer, CRASHES[layer])
+    assert evidence["layer"] == "controller"
     assert "the toolkit itself failed" not in result.output
     assert "The controller " in result.stdout
 
@@ -153,14 +159,7 @@ def test_what_fails_outside_the_stack_is_no_verdict(place, broken):
 @pytest.mark.slow
 @pytest.mark.parametrize("layer", DEATHS)
 def test_what_only_another_process_can_end_is_a_verdict_as_well(place, layer):
-    kind, exception, words = DEATHS[layer]
-    result = fails(layer)
-    assert result.exit_code == 1, result.output
-    found = judged(place / "out")
-    evidence = found["evidence"]
-    assert (evidence["kind"], evidence["exception"]) == (kind, exception)
-    assert words in evidence["message"]
-    assert (found["violated_at"], evidence["tick"]) == (2.0, 40)
+    _, evidence = assert_fails_at_its_tick(place, layer, DEATHS[layer])
     if layer not in ("IsKilled", "EndsProcess"):
         assert evidence["layer"] == "controller"
         assert any("users_layers.py" in frame for frame in evidence["frames"])

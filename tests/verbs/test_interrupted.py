@@ -16,7 +16,7 @@ from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.interruption import Interrupted
-from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.trial import quick_stack
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import corpus
 from mrta_falsify.verbs.campaign import run_store
@@ -30,18 +30,9 @@ from mrta_falsify.verbs.workers import open_executor
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
 from tests.campaigns.standin import settings
-from tests.reports.planted import stored
+from tests.reports.planted import BROKEN
 
-BROKEN = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
 SOON = 40  # ticks into an episode
-
-
-@pytest.fixture
-def campaign(stalled, tmp_path):
-    """A campaign directory with one failure."""
-    world, judged = stalled
-    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
-    return stored(tmp_path / "campaign", job, judged)
 
 
 @pytest.fixture

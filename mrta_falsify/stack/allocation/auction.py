@@ -18,7 +18,12 @@ from mrta_falsify.stack.allocation.objective import Objective, late_weights_of, 
 from mrta_falsify.stack.allocation.route_kernels import construct
 from mrta_falsify.stack.allocation.ruin_and_recreate import place_late
 from mrta_falsify.stack.allocation.table import RouteTable
-from mrta_falsify.stack.allocation.timing import append_only, timed_allocation, with_kept_plans
+from mrta_falsify.stack.allocation.timing import (
+    append_only,
+    timed_allocation,
+    with_kept_plans,
+    without_fleet,
+)
 
 
 class Auction:
@@ -36,7 +41,7 @@ class Auction:
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         if not problem.robots:
-            return timed_allocation(problem, [], reason="there is no robot that can be reached")
+            return without_fleet(problem)
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         weights = weights_of(self._options.objective)

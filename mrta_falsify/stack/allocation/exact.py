@@ -21,7 +21,12 @@ from mrta_falsify.stack.allocation.objective import Objective
 from mrta_falsify.stack.allocation.proving import Proof, Prover
 from mrta_falsify.stack.allocation.single_robots import LimitReachedError
 from mrta_falsify.stack.allocation.table import RouteTable
-from mrta_falsify.stack.allocation.timing import append_only, timed_allocation, with_kept_plans
+from mrta_falsify.stack.allocation.timing import (
+    NO_ROBOT,
+    append_only,
+    timed_allocation,
+    with_kept_plans,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,13 +127,12 @@ def without_plans(problem: AllocationProblem) -> AllocationProblem:
 
 def without_robots(problem: AllocationProblem) -> Allocation:
     """Answer of a problem without robots."""
-    reason = "there is no robot that can be reached"
     core = (problem.tasks[0].number,)
     return Allocation(
         itineraries=(),
         unserved=tuple(sorted(task.number for task in problem.tasks)),
-        reason=reason,
-        infeasible=Infeasible(core=core, reason=reason),
+        reason=NO_ROBOT,
+        infeasible=Infeasible(core=core, reason=NO_ROBOT),
         least_lost=len(problem.tasks),
     )
 

@@ -15,6 +15,7 @@ from mrta_falsify.stack.allocation.timing import (
     pickup_of,
     timed_allocation,
     with_kept_plans,
+    without_fleet,
 )
 
 
@@ -31,7 +32,7 @@ class InTurn:
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         if not problem.robots:
-            return timed_allocation(problem, [], reason="there is no robot that can be reached")
+            return without_fleet(problem)
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         routes: list[list[Stop]] = [[] for _ in problem.robots]

@@ -18,6 +18,7 @@ from mrta_falsify.stack.allocation.timing import (
     kept_routes,
     pickup_of,
     timed_allocation,
+    without_fleet,
 )
 
 
@@ -34,7 +35,7 @@ class Nearest:
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         if not problem.robots:
-            return timed_allocation(problem, [], reason="there is no robot that can be reached")
+            return without_fleet(problem)
         routes = kept_routes(problem)
         given = {stop.task for route in routes for stop in route}
         for task in sorted(problem.tasks, key=lambda task: (task.deadline, task.number)):

@@ -16,6 +16,8 @@ from mrta_falsify.core.allocation_problem import (
 )
 from mrta_falsify.core.arrays import Array
 
+NO_ROBOT = "there is no robot that can be reached"
+
 
 def closed_travel_times(times: Array) -> Array:
     """Travel times ``(R, R)`` [s] closed under shortest paths (Floyd-Warshall)."""
@@ -79,6 +81,11 @@ def timed_allocation(
         unserved=unserved,
         reason=reason if late or unserved else "",
     )
+
+
+def without_fleet(problem: AllocationProblem) -> Allocation:
+    """Answer that no task is served, since no robot can be reached."""
+    return timed_allocation(problem, [], reason=NO_ROBOT)
 
 
 def lost_in_words(late: Sequence[int], unserved: Sequence[int]) -> str:

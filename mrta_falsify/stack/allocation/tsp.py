@@ -20,6 +20,7 @@ from mrta_falsify.stack.allocation.timing import (
     pickup_of,
     timed_allocation,
     with_kept_plans,
+    without_fleet,
 )
 
 LATE_COST = 1_000  # per second that a drop comes after its deadline
@@ -45,7 +46,7 @@ class Tsp:
             ConfigError: OR-Tools is not installed.
         """
         if not problem.robots:
-            return timed_allocation(problem, [], reason="there is no robot that can be reached")
+            return without_fleet(problem)
         if problem.commitment == "keep":
             return with_kept_plans(problem, self.allocate(append_only(problem)))
         carried = {number for plan in problem.robots for number in plan.onboard}

@@ -40,11 +40,7 @@ def continued_with(
     until = (verdict.violated_at or job.world.horizon) + AFTER
     asked = [job.world, job.config, job.specifications, verdict, at]
     missing = {codec.digest([asked, change]): change for change in changes}
-    for key in list(missing):
-        if key not in journal.answers:
-            break
-        del missing[key]
-        yield journal.answers[key]
+    yield from journal.known_first(missing)
     if not missing:
         return
     if verdict.spec == "stack_runs" and verdict.violated_at == 0.0:

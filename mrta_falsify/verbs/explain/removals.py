@@ -50,11 +50,7 @@ def removals_of(
         return
     asked = [job.world, job.config, job.specifications, verdict, onset]
     missing = {codec.digest([asked, names, n]): n for n in names[: max(0, max_runs - 1)]}
-    for key in list(missing):
-        if key not in journal.answers:
-            break
-        del missing[key]
-        yield journal.answers[key]
+    yield from journal.known_first(missing)
     if not missing:
         return
     with run_to(job.world, job.config, judges_of(job), onset) as running:

@@ -1,0 +1,13 @@
+"""A program whose trials take a second, and now and then miss a deadline."""
+
+PROGRAM = """
+model scenic_worlds.model
+new Robot with name 'robot1', with start_room 0
+new Robot with name 'robot2', with start_room 1
+new Trolley in corridors
+param tasks = [
+    (0, 0, DiscreteRange(2, 5), Range(20, 100)),
+    (Range(0, 20), 1, DiscreteRange(2, 5), Range(30, 120)),
+]
+param horizon = 60
+"""
