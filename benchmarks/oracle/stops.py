@@ -37,6 +37,7 @@ class StopCount:
         near = np.zeros(len(position), dtype=np.bool_)
         near[with_goal] = np.hypot(*(goal - position)[with_goal].T) <= REACH
         serving = (frame.intent.phase == int(Phase.SERVING)) & near
-        self.reached = self._served + serving
+        reached = self._served + serving
         self.wants = with_goal & ~serving
-        self.waiting_since[~self.wants] = frame.sensed.time
+        self.waiting_since[~self.wants | (reached > self.reached)] = frame.sensed.time
+        self.reached = reached
