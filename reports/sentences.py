@@ -111,7 +111,7 @@ def _deadlock_sentence(verdict: Verdict, when: str) -> str:
     since = ""
     if account.onset is not None:
         stood = "it has" if alone else "they have"
-        since = f"; {stood} stood since {account.onset:.1f} s"
+        since = f"; {stood} made no progress since {account.onset:.1f} s"
     victims = [name for name in account.victims if name not in account.members]
     held_up = ""
     if victims:

@@ -18,6 +18,7 @@ from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
+from mrta_falsify.specs.stops_served import StopsServed
 from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.asking_again import ask_again, compared
@@ -89,6 +90,7 @@ class Episode:
         self.state: StackState | None = None
         self.tick = 0  #: of the last frame
         self.books = Books(world)  #: deliveries that motion confirms, the last frame included
+        self._served = StopsServed(world)
         self.repeats: Callable[[int], bool] = lambda tick: False  #: ticks that are asked again
         self._meter = AllocatorMeter()
         self._told = WhatIsTold(config.withheld, len(world.robots))
@@ -184,7 +186,6 @@ class Episode:
                     if self.tick == 0:
                         yield self._unanswered(sensed)  # no trace is without a tick
                     raise
-                self.books.update(frame)
                 yield frame
                 command = self._without_removed(frame.command)
                 human_velocity = self.crowd.velocities(measured)
@@ -211,12 +212,15 @@ class Episode:
         self.state, command, intent, events = answer
         intent, events = self._told.of(intent, events)
         names = [robot.name for robot in self.world.robots]
+        confirmed = self.books.update(sensed, events)
+        served = self._served.update(sensed, intent.goal, confirmed)
         return Frame(
             sensed=sensed,
             command=command,
             intent=intent,
             events=events,
-            blocked_by=self._tracker.update(seen, command, intent, events, self._told.tells),
+            served=served,
+            blocked_by=self._tracker.update(seen, intent, served, self._told.tells),
             signals=self._meter.signals,
             tells=self._told.tells,
             asked_again=None if again is None else compared(answer, again, names),
@@ -239,7 +243,11 @@ class Episode:
             waits_for=("",) * robots,
         )
         return Frame(
-            sensed=sensed, command=Command(twist=np.zeros((robots, 3))), intent=intent, events=()
+            sensed=sensed,
+            command=Command(twist=np.zeros((robots, 3))),
+            intent=intent,
+            events=(),
+            served=nothing,
         )
 
     def swap(self, config: StackConfig) -> None:

@@ -111,6 +111,7 @@ def scripted_trace(world: World, *, seconds: float, dt: float = 0.05, keep: bool
                 command=Command(twist=np.zeros((robots, 3))),
                 intent=_intent(robots, path, Phase.QUEUEING if edges else Phase.DRIVING, ends),
                 events=events,
+                served=np.zeros(robots, dtype=np.int64),
                 blocked_by=edges,
             )
         )

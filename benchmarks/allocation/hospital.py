@@ -43,7 +43,7 @@ class Deliveries:
         self.actual = self._books.delivered
 
     def update(self, frame: Frame) -> None:
-        self._books.update(frame)
+        self._books.update(frame.sensed, frame.events)
         for event in frame.events:
             if event.kind == "assigned" and event.task not in self.expected:
                 found = re.search(r"expected at ([\d.e+]+) s", event.detail)

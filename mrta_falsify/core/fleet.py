@@ -136,6 +136,7 @@ class Frame:
     command: Command
     intent: Intent
     events: tuple[StackEvent, ...]
+    served: IntArray  #: (N,) stops done to date that motion confirms, whatever the stack says
     blocked_by: tuple[BlockedBy, ...] = ()
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
     tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -38,14 +38,14 @@ class Approach:
     since: Array = field(init=False)  #: (N,) of the last improvement [s]
     travelled: Array = field(init=False)  #: (N,) way driven since then [m]
     _best: list[list[tuple[Array, float]]] = field(init=False)  #: goal and waypoint (4,), distance
-    _stops: Array = field(init=False)
+    _served: IntArray = field(init=False)  #: (N,) stops done
     _last: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.since = np.zeros(self.robots)
         self.travelled = np.zeros(self.robots)
         self._best = [[] for _ in range(self.robots)]
-        self._stops = np.full(self.robots, -1.0)
+        self._served = np.full(self.robots, -1)
         self._last = np.full((self.robots, 2), np.nan)
 
     def update(self, frame: Frame) -> None:
@@ -56,12 +56,12 @@ class Approach:
         self.travelled += np.where(np.isfinite(driven), driven, 0.0)
         self._last = position.copy()
         away = np.hypot(*(position - intent.goal).T)
-        served = (intent.tasks_left != self._stops) | np.isnan(away)
-        self._stops = np.array(intent.tasks_left, dtype=np.float64)
+        anew = (frame.served != self._served) | np.isnan(away)
+        self._served = frame.served
         for i in range(self.robots):
-            if served[i]:
+            if anew[i]:
                 self._best[i] = []
-            if served[i] or away[i] <= AT_GOAL:
+            if anew[i] or away[i] <= AT_GOAL:
                 self.restart(i, sensed.time)
                 continue
             path = intent.path[i]

@@ -15,7 +15,7 @@ import numpy as np
 from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.fleet import Sensed, StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Task, World
 from mrta_falsify.specs.halts import STOPPED, Halts
@@ -141,11 +141,10 @@ class Books:
 
     # --- time passes --------------------------------------------------------------------------
 
-    def update(self, frame: Frame) -> list[StackEvent]:
+    def update(self, sensed: Sensed, events: Sequence[StackEvent]) -> list[StackEvent]:
         """Take in one tick; gives the stops that count."""
-        sensed = frame.sensed
         speeds = sensed.velocity[:, :2]
-        return self.take(sensed.time, sensed.pose, speeds, sensed.contact, frame.events)
+        return self.take(sensed.time, sensed.pose, speeds, sensed.contact, events)
 
     def take(
         self,

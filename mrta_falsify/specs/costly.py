@@ -46,7 +46,7 @@ class CostMeter:
         if self._last is not None:
             self._way += np.hypot(*(position - self._last).T)
         self._last = position.copy()
-        self._books.update(frame)
+        self._books.update(frame.sensed, frame.events)
         self._time, self.missing = sensed.time, frame.tells.lacking("deliveries")
         calls = frame.signals.get(CALLS_SIGNAL)
         self._calls = None if calls is None else int(calls)

@@ -29,7 +29,7 @@ class ByTheBooks:
         """Take in one tick."""
         self._time = frame.sensed.time
         self._missing = frame.tells.lacking("deliveries")
-        self._books.update(frame)
+        self._books.update(frame.sensed, frame.events)
 
 
 class AllTasksDone(ByTheBooks):

@@ -190,7 +190,7 @@ class NoStarvation:
         """Take in one tick."""
         sensed = frame.sensed
         self._missing = frame.tells.lacking("deliveries", "goals")
-        for stop in self._books.update(frame):
+        for stop in self._books.update(frame.sensed, frame.events):
             self._last_stop[stop.robot] = sensed.time
         if sensed.tick % self._stride or not len(self._names):
             return

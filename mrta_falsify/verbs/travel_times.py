@@ -171,7 +171,7 @@ class _TripClock:
         self._books = Books(world)
 
     def update(self, frame: Frame) -> None:
-        self._books.update(frame)
+        self._books.update(frame.sensed, frame.events)
 
     @property
     def trip(self) -> float | None:

@@ -77,7 +77,7 @@ def read(html: str) -> Answers:
     what = re.search(rf"^(.+?) (?:{stuck})\b(.*)$", text, re.MULTILINE)
     names = re.findall(r"[\w-]+", what[1].replace(" and ", ", ")) if what else []
     found = re.search(r"\(found at ([\d.]+) s\)", what[2]) if what else None
-    since = re.search(r"stood since ([\d.]+) s", what[2]) if what else None
+    since = re.search(r"no progress since ([\d.]+) s", what[2]) if what else None
     waits = [
         told(match)
         for line in lines

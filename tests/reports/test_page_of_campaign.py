@@ -105,7 +105,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
     text = " ".join("".join(page.text).split())
     assert "robot1 is stuck for good" in text  # what, who
     assert "(found at " in text
-    assert " s); it has stood since " in text  # when
+    assert " s); it has made no progress since " in text  # when
     assert "ward_0 (x " in text  # where
     assert "robot1 has a goal and a free path but does not drive." in text  # why
     assert "suspected layer: waypoint_generator" in text  # whose fault

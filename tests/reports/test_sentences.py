@@ -38,7 +38,7 @@ PAIR = (row("robot1", "barrier", "robot2"), row("robot2", "barrier", "robot1"))
 def test_a_symmetric_pair_waits_for_each_other_and_has_no_victim():
     assert violation_sentence(stuck(*PAIR, members=["robot1", "robot2"])) == (
         "robot1 and robot2 wait for each other for good (found at 42.0 s); "
-        "they have stood since 40.0 s."
+        "they have made no progress since 40.0 s."
     )
 
 
@@ -51,7 +51,7 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
     )
     assert violation_sentence(verdict) == (
         "robot3 is stuck for good behind bed2 (pushed by porter1) (found at 42.0 s); "
-        "it has stood since 40.0 s; robot1 and robot2 are held up by it."
+        "it has made no progress since 40.0 s; robot1 and robot2 are held up by it."
     )
     assert who_text(verdict) == "robot3 (robot1, robot2)"
     ring = stuck(*PAIR, members=["robot1", "robot2"], root="robot2", objects=[BED])

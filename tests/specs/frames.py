@@ -111,7 +111,7 @@ class Script:
         for tick in range(round(self.seconds / DT) + 1):
             frame = self._frame(tick, previous)
             previous = frame.sensed.pose
-            edges = tracker.update(frame.sensed, frame.command, frame.intent, frame.events)
+            edges = tracker.update(frame.sensed, frame.intent, frame.served)
             yield dataclasses.replace(frame, blocked_by=edges)
 
     def _frame(self, tick: int, previous: Array | None) -> Frame:
@@ -161,6 +161,7 @@ class Script:
             command=Command(twist=twist),
             intent=intent,
             events=self.stack_events(tick),
+            served=9 - np.array(stops, dtype=np.int64),
             signals=self.signals(time),
         )
 

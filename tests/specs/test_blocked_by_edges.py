@@ -138,8 +138,8 @@ def test_claims_of_the_stack_change_nothing():
             waits_for=("nothing",) * count,
             slack=np.ones(count),
         )
-        told = liar.update(frame.sensed, frame.command, lies, ())
-        assert told == honest.update(frame.sensed, frame.command, frame.intent, frame.events)
+        told = liar.update(frame.sensed, lies, frame.served)
+        assert told == honest.update(frame.sensed, frame.intent, frame.served)
 
 
 def test_edges_are_the_same_object_while_nothing_changes():
@@ -193,7 +193,7 @@ def test_pushed_furniture_is_named_where_it_stands_now():
             share = frame.sensed.time / 3.0  # it is pushed there
             pose = np.array([[-5.0 + share * (x + 5.0), 5.0 + share * (y - 5.0), share * turn]])
             sensed = dataclasses.replace(frame.sensed, furniture_pose=pose)
-            edges = tracker.update(sensed, frame.command, frame.intent, frame.events)
+            edges = tracker.update(sensed, frame.intent, frame.served)
         return set(edges)
 
     assert named(0.8, 0.0, 0.0) == {BlockedBy(0, "wall", -1, "bed0")}
@@ -223,7 +223,7 @@ def test_robots_that_swap_places_are_named_anew_for_who_has_no_path():
         for frame in script.frames():
             tick = begin + frame.sensed.tick
             sensed = dataclasses.replace(frame.sensed, tick=tick, time=tick * DT)
-            edges = tracker.update(sensed, frame.command, frame.intent, ())
+            edges = tracker.update(sensed, frame.intent, frame.served)
         return {edge for edge in edges if edge.robot == 0}
 
     assert no_path_of(cut_by(1), 0) == {BlockedBy(0, "no-path", 1)}
@@ -268,7 +268,7 @@ def test_a_stack_that_tells_no_paths_is_taken_to_drive_the_shortest_way():
         )
         tracker = BlockedByTracker(script.world(), DT)
         for frame in script.frames():
-            seen = frame.sensed, frame.command, frame.intent, frame.events
+            seen = frame.sensed, frame.intent, frame.served
             found = tracker.update(*seen, Tells(paths=paths))
         return {edge for edge in found if edge.robot == 0}
 

@@ -51,7 +51,7 @@ def kept(script: Script, **changes) -> Books:
     world = dataclasses.replace(script.world(), **changes)
     books = Books(world)
     for frame in script.frames(world):
-        books.update(frame)
+        books.update(frame.sensed, frame.events)
     return books
 
 
@@ -155,10 +155,9 @@ def test_a_robot_that_is_shoved_while_it_loads_loses_no_time():
     for frame in script.frames(world):
         at_it = 2.6 <= frame.sensed.time <= 3.2  # it loads until 3 s
         contact = touched if at_it else frame.sensed.contact
-        books[True].update(
-            dataclasses.replace(frame, sensed=dataclasses.replace(frame.sensed, contact=contact))
-        )
-        books[False].update(frame)
+        sensed = dataclasses.replace(frame.sensed, contact=contact)
+        books[True].update(sensed, frame.events)
+        books[False].update(frame.sensed, frame.events)
     assert books[True].picked == {0: pytest.approx(3.0)}
     assert books[False].picked == {}
 

@@ -433,12 +433,11 @@ def foretold(script: Script, fate) -> NoDeadlock:
     return judged
 
 
-def shown(stuck=None, freed=None, *, drifting=(), edges=()) -> dict:
+def shown(stuck=None, freed=None, *, edges=()) -> dict:
     """The answer of a continuation: last progress of the stuck, first progress of the others."""
     return {
         "stuck": {str(i): at for i, at in (stuck or {}).items()},
         "freed": {str(i): at for i, at in (freed or {}).items()},
-        "drifting": list(drifting),
         "edges": [
             {"robot": robot, "cause": cause, "other": other, "resource": ""}
             for robot, cause, other in edges
@@ -503,7 +502,8 @@ def test_who_waits_for_one_that_still_makes_progress_is_asked_about_after_that()
     asked = []
 
     def fate(watch, without, nudge):
-        asked.append(without)
+        if not nudge:
+            asked.append(without)
         if without < 0:
             return shown({0: 3.0, 1: 12.0}, edges=[(0, "barrier", 1), (1, "barrier", 0)])
         return {"freed": [1 - without]}
@@ -537,7 +537,7 @@ def test_a_forecast_is_forgotten_once_something_comes_from_outside():
     assert not judged(500.0).violated
 
 
-@pytest.mark.parametrize(("nudged_free", "is_deadlock"), [(0, True), (1, False), (2, False)])
+@pytest.mark.parametrize(("nudged_free", "is_deadlock"), [(0, True), (1, True), (2, False)])
 def test_who_goes_free_late_is_stuck_unless_most_of_several_copies_go_free(
     nudged_free, is_deadlock
 ):
@@ -553,21 +553,30 @@ def test_who_goes_free_late_is_stuck_unless_most_of_several_copies_go_free(
         return shown(freed={0: 190.0, 1: 190.0})
 
     verdict = foretold(head_on(), fate).verdict()
-    assert set(nudges) == {1, 2}
+    assert max(nudges) == {0: 3, 1: 4, 2: 2}[nudged_free]
     assert verdict.violated == is_deadlock
 
 
-def test_who_drifts_off_its_place_is_stuck_unless_most_of_several_copies_go_free():
+def test_who_stays_on_a_balance_is_stuck_unless_most_of_several_copies_go_free():
     def judged(nudged):
         def fate(watch, without, nudge):
             if without >= 0:
                 return {"freed": [1 - without]}
-            return nudged if nudge else shown({0: 3.0, 1: 3.0}, drifting=[0])
+            return nudged if nudge else shown({0: 3.0, 1: 3.0})
 
         return foretold(head_on(seconds=8.0), fate).verdict()
 
     assert judged(shown({0: 3.0, 1: 3.0})).who == ("robot1", "robot2")
-    assert judged(shown(freed={0: 40.0, 1: 40.0})).who == ("robot2",)
+    assert not judged(shown(freed={0: 40.0, 1: 40.0})).violated
+
+
+def test_an_engine_that_cannot_move_robots_leaves_it_to_the_first_continuation():
+    def fate(watch, without, nudge):
+        if without >= 0:
+            return {"freed": [1 - without]}
+        return None if nudge else shown({0: 3.0, 1: 3.0})
+
+    assert foretold(head_on(seconds=8.0), fate).verdict().who == ("robot1", "robot2")
 
 
 def test_who_stands_behind_a_person_is_asked_about_soon_even_a_restless_one():
@@ -636,9 +645,8 @@ def test_a_forecast_does_not_take_the_creep_off_an_unstable_balance_for_rest():
     def balanced(time):
         return (1e-6 * np.exp(time / 8.0), 0.0, 0.0)
 
-    looked, answer = watched([Robot(balanced, goal=(5.0, 0.0))])
+    looked, _ = watched([Robot(balanced, goal=(5.0, 0.0))])
     assert looked >= 60.0
-    assert answer["drifting"] == [0]
 
 
 def test_a_forecast_goes_on_while_a_person_squeezes_past_but_not_for_one_who_walks_about():
@@ -652,7 +660,6 @@ def test_a_robot_that_creeps_steadily_is_stuck(speed):
     looked, answer = watched([Robot(drive((0, 0), (5, 0), speed), goal=(5.0, 0.0))], seconds=120.0)
     assert looked < 62.0
     assert list(answer["stuck"]) == ["0"]
-    assert answer["drifting"] == []
 
 
 def test_a_robot_that_drives_slowly_but_steadily_is_free():

@@ -46,7 +46,8 @@ def foretold(script: Script, seconds: float) -> tuple[Verdict, list[float]]:
     asked, now = [], [0]
 
     def forecast(watch, *, without=-1, nudge=0):
-        asked.append(now[0] * DT)
+        if not nudge:
+            asked.append(now[0] * DT)
         seen = copy.deepcopy(watch)  # a forecast runs in a copy of the process
         for frame in frames[now[0] + 1 :]:
             if seen.update(frame):

@@ -166,10 +166,6 @@ def _removals(job):
     return tuple(removals_of(job, leading(judged.verdicts), judged.outcome.trace, 3))
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the oracle names robot3 alone, which waits in the queue behind robot2; docs/status.md",
-)
 @pytest.mark.parametrize(
     "removed",
     [

@@ -19,13 +19,12 @@ Causes:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import BlockedBy, Command, Intent, Sensed, StackEvent, Tells
+from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.fleet import BlockedBy, Intent, Sensed, Tells
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.free_distance import FreeDistance
 from mrta_falsify.specs.deadlock.goals import GoalMap
@@ -73,9 +72,8 @@ class BlockedByTracker:
     def update(
         self,
         sensed: Sensed,
-        command: Command,
         intent: Intent,
-        events: Sequence[StackEvent],
+        served: IntArray,
         tells: Tells = Tells(),  # noqa: B008 - immutable
     ) -> tuple[BlockedBy, ...]:
         """Derive the edges of this tick, sorted by robot.
@@ -84,17 +82,15 @@ class BlockedByTracker:
 
         Args:
             sensed: ground truth.
-            command: not used; commands are claims until they move something.
             intent: only goals, paths and the number of stops left are used.
-            events: not used.
+            served: ``(N,)`` stops done to date.
             tells: whether the stack tells paths; without, robots are taken to drive the shortest
                 way past walls and furniture.
         """
-        del command, events
         since = self._standstill.update(sensed.pose, sensed.time, intent.goal)
         if sensed.tick % self._stride:
             return self._edges
-        self._service.update(sensed, intent)
+        self._service.update(sensed, intent, served)
         self._space.furnish(sensed.furniture_pose)
         still = sensed.time - since >= STANDS_AFTER - 1e-9
         if not still.any():

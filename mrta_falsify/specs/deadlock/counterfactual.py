@@ -2,8 +2,7 @@
 
 A robot is stuck if it never reaches its next stop although nothing more comes from outside. A
 member of a deadlock is a robot without which the others reach theirs. Both are read off copies of
-the run. Where the first copy is not clear, because robots creep in it or get going late, copies
-with small differences vote.
+the run. Copies with small differences vote on robots that stay, or get going late.
 """
 
 from __future__ import annotations
@@ -29,12 +28,13 @@ from mrta_falsify.specs.deadlock.watches import (
     CounterfactualWatch,
 )
 
-NUDGED_COPIES = 2  # further continuations that vote then, each with poses moved by millimetres
+COPIES = 5  # of the run that vote at most, all but the first with poses moved by millimetres
 ASK_SOONEST = (
     1.0  # s between two questions about a robot; doubled, to a minute, while it makes no progress
 )
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
+NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,15 +118,16 @@ class CounterfactualTest:
         span = self._span(time)
         settled = span.settled
         self._lengthen_pauses(asked, time)
-        seen = self._continue(forecast, asked, span)
+        seen = self._continue(forecast, asked, span) or NOTHING_SEEN
         last = {int(i): progress for i, progress in seen.stuck.items()}
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
-        unclear = {i for i in asked if freed.get(i, 0.0) > settled + PARTY_RESTS_FOR}
-        unclear |= asked & set(seen.drifting) - set(freed)
-        for i, is_stuck in self._vote(forecast, unclear, set(last), span).items():
+        # Robots that stay, or get going late, may do so only because nothing pushes them off a
+        # balance; only copies with small differences tell.
+        doubtful = {i for i in asked if freed.get(i, 0.0) > settled + PARTY_RESTS_FOR} | set(last)
+        for i, is_stuck in self._vote(forecast, doubtful, set(last), span).items():
             if is_stuck:
-                last[i] = min(last.get(i, np.inf), float(self._progress.last[i]))
+                last.setdefault(i, float(self._progress.brisk[i]))
             else:
                 last.pop(i, None)
         self._note_free(asked, last, freed, time)
@@ -134,23 +135,32 @@ class CounterfactualTest:
 
     def _continue(
         self, forecast: Forecast, asked: set[int], span: _Span, nudge: int = 0
-    ) -> ContinuationAnswer:
+    ) -> ContinuationAnswer | None:
+        """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
         watch = ContinuationWatch(self._progress, asked, settled=span.settled, until=span.until)
         answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
         if answer is None:
-            return ContinuationAnswer(stuck={}, drifting=(), freed={}, edges=())
+            return None
         return codec.decode(ContinuationAnswer, answer, where="forecast")
 
     def _vote(
-        self, forecast: Forecast, unclear: set[int], stuck: set[int], span: _Span
+        self, forecast: Forecast, doubtful: set[int], stuck: set[int], span: _Span
     ) -> dict[int, bool]:
-        """Decide which of ``unclear`` are stuck in most of several copies."""
-        votes = dict.fromkeys(unclear, 0)
-        for nudge in range(1, NUDGED_COPIES + 1) if unclear else ():
-            seen = self._continue(forecast, unclear, span, nudge)
-            for i in unclear & {int(i) for i in seen.stuck}:
+        """Decide which of ``doubtful`` are stuck in most copies; no more are made than it takes.
+
+        Where a copy cannot be made, the first continuation alone decides.
+        """
+        votes = {i: int(i in stuck) for i in doubtful}
+        for nudge in range(1, COPIES):
+            open_ = {i for i in doubtful if 2 * max(votes[i], nudge - votes[i]) < COPIES}
+            if not open_:
+                break
+            seen = self._continue(forecast, open_, span, nudge)
+            if seen is None:
+                return {i: i in stuck for i in doubtful}
+            for i in open_ & {int(i) for i in seen.stuck}:
                 votes[i] += 1
-        return {i: 2 * (votes[i] + (i in stuck)) > NUDGED_COPIES + 1 for i in unclear}
+        return {i: 2 * votes[i] > COPIES for i in doubtful}
 
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
@@ -187,7 +197,8 @@ class CounterfactualTest:
                 for i in robots:
                     self.free_until[i] = max(complete, time + self._pause[i])
                 continue
-            group = StuckGroup(members, tuple(sorted(here & set(robots))))
+            held = set(robots).union(*(freed_by[i] for i in members))
+            group = StuckGroup(members, tuple(sorted(held)))
             known = {i: last[i] for i in group.robots}
             standing.append(FoundDeadlock(group=group, edges=edges, last=known))
         return standing

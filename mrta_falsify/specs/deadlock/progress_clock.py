@@ -21,6 +21,7 @@ PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's r
 #: ... if it took no longer than at this share of the robot's largest speed. A way at this pace
 #: takes 200 times as long as a free drive; numerical creep is slower by another factor of five
 PACE = 0.005
+BRISK = 0.03  # the same, of a robot that is on its way: slower ones stand, push or are pushed
 GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is no progress
 
 
@@ -40,17 +41,17 @@ class ProgressClock:
     world: World
     step: float = PROGRESS_STEP  #: how much nearer is progress [m]
     last: Array = field(init=False)  #: (N,) [s]
-    _within: Array = field(init=False)  #: (N,) time that a step may take [s]
-    _left: list[int] = field(init=False)  #: stops left
+    brisk: Array = field(init=False)  #: (N,) last progress at more than creep [s]
+    _least_time: Array = field(init=False)  #: (N,) of a step at the largest speed [s]
+    _served: list[int] = field(init=False)  #: stops done
     _approaches: list[list[_Approach]] = field(init=False)  #: since then
     _space: FreeDistance = field(init=False)
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
-        self.last = np.zeros(robots)
-        speed = np.array([robot.max_speed for robot in self.world.robots])
-        self._within = self.step / (PACE * speed)
-        self._left = [-1] * robots
+        self.last, self.brisk = np.zeros(robots), np.zeros(robots)
+        self._least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
+        self._served = [-1] * robots
         self._approaches = [[] for _ in range(robots)]
         self._space = FreeDistance(self.world)
 
@@ -58,29 +59,27 @@ class ProgressClock:
         """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
         intent, pose = frame.intent, frame.sensed.pose
         for i in range(len(self.last)):
-            self.advance(
-                i, frame.sensed.time, pose[i, :2], intent.goal[i], int(intent.tasks_left[i])
-            )
+            self.advance(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(frame.served[i]))
         return self.last
 
-    def advance(self, i: int, time: float, position: Array, goal: Array, left: int) -> float:
+    def advance(self, i: int, time: float, position: Array, goal: Array, served: int) -> float:
         """Take in where robot ``i`` is; time of its last progress [s].
 
-        Progress is a stop done, or a goal that the robot never had at its present number of stops
-        left. To come nearer to such a goal by ``step`` than ever before is progress, too, unless
-        it takes longer than at ``PACE`` times the robot's largest speed.
+        Progress is a stop done, or a goal that the robot never had since its last stop. To come
+        nearer to such a goal by ``step`` than ever before is progress, too, unless it takes longer
+        than at ``PACE`` times the robot's largest speed. Stops taken off its list are none.
 
         Args:
             i: robot.
             time: [s].
             position: ``(2,)`` [m].
             goal: ``(2,)`` where it heads for [m]; nan: none, which changes nothing.
-            left: stops left.
+            served: stops done to date.
         """
         if not np.isfinite(goal[0]):
             return float(self.last[i])
-        if self._left[i] != left:
-            self._left[i] = left
+        if self._served[i] != served:
+            self._served[i] = served
             self._approaches[i].clear()
         away = self._space.between(position, goal)
         for known in self._approaches[i]:
@@ -89,14 +88,17 @@ class ProgressClock:
                 break
         else:
             self._approaches[i].append(_Approach(goal.copy(), away, time))
-            self.last[i] = time
+            self.last[i] = self.brisk[i] = time
         return float(self.last[i])
 
     def _compare(self, i: int, known: _Approach, away: float, time: float) -> None:
-        is_in_time = time - known.since <= self._within[i]
+        share = self._least_time[i] / max(time - known.since, 1e-9)
+        is_in_time = share >= PACE
         if away <= known.nearest - self.step:
             if is_in_time:
                 self.last[i] = time
+            if share >= BRISK:
+                self.brisk[i] = time
         elif is_in_time:
             return
         known.nearest, known.since = min(known.nearest, away), time

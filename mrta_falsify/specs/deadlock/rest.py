@@ -101,10 +101,6 @@ class LastingRest:
             last = max(last, self._people.squeezed)
         return bool(self._time - last >= PARTY_RESTS_FOR + self._pause)
 
-    def is_drifting(self, i: int) -> bool:
-        """Whether robot ``i``, or a robot that it waits for, creeps faster and faster."""
-        return bool(self._party(i)[0] & self._drifting())
-
     def _party(self, i: int) -> tuple[set[int], bool]:
         """Find the robots that ``i`` waits for, itself among them, and whether people count.
 

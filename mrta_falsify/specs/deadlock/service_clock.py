@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import Intent, Sensed
 from mrta_falsify.core.world import Resource, World
 from mrta_falsify.specs.deadlock.goals import Goal, GoalMap, contains
@@ -27,7 +27,7 @@ class ServiceClock:
     goal: list[Goal | None] = field(init=False)  #: N meanings of the goals, None: no goal
     at_goal: BoolArray = field(init=False)  #: (N,)
     _goal_point: Array = field(init=False)  #: (N, 2) [m]
-    _stops: Array = field(init=False)  #: (N,)
+    _served: IntArray = field(init=False)  #: (N,) stops done
     _arrived: Array = field(init=False)  #: (N,) [s]
     _serving: BoolArray = field(init=False)
     _areas: tuple[Resource, ...] = field(init=False)  #: in which robots stand to be served
@@ -39,7 +39,7 @@ class ServiceClock:
         self.goal = [None] * robots
         self.at_goal = np.zeros(robots, dtype=np.bool_)
         self._goal_point = np.full((robots, 2), np.nan)
-        self._stops = np.zeros(robots)
+        self._served = np.zeros(robots, dtype=np.int64)
         self._arrived = np.full(robots, np.inf)
         self._serving = np.zeros(robots, dtype=np.bool_)
         self._areas = tuple(
@@ -48,8 +48,8 @@ class ServiceClock:
         self._entered = np.full((robots, len(self._areas)), np.inf)
         self._in_service = np.zeros(robots, dtype=np.bool_)
 
-    def update(self, sensed: Sensed, intent: Intent) -> None:
-        """Take in goals and positions."""
+    def update(self, sensed: Sensed, intent: Intent, served: IntArray) -> None:
+        """Take in goals and positions, and how many stops each robot has done ``(N,)``."""
         time = sensed.time
         away = np.hypot(*(sensed.pose[:, :2] - intent.goal).T)
         moved = ~(np.hypot(*(intent.goal - self._goal_point).T) <= GOAL_JITTER)
@@ -57,8 +57,8 @@ class ServiceClock:
             given = np.isfinite(intent.goal[i]).all()
             self.goal[i] = self.goals.of(intent.goal[i]) if given else None
             self._goal_point[i] = intent.goal[i]
-        restart = moved | (intent.tasks_left != self._stops)
-        self._stops = np.array(intent.tasks_left, dtype=np.float64)
+        restart = moved | (served != self._served)
+        self._served = served
         self.at_goal = away <= AT_GOAL
         self._arrived[restart | ~self.at_goal] = np.inf
         self._arrived[self.at_goal] = np.minimum(self._arrived[self.at_goal], time)

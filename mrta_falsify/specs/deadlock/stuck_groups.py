@@ -12,7 +12,7 @@ class StuckGroup(NamedTuple):
     """Robots that hold each other up for good."""
 
     members: tuple[int, ...]  #: without any of whom the others go free
-    robots: tuple[int, ...]  #: members and victims
+    robots: tuple[int, ...]  #: members and victims, those to come included
 
 
 def stuck_groups(

@@ -26,8 +26,7 @@ from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 class ContinuationAnswer:
     """What a continuation showed; robots by number, as text."""
 
-    stuck: dict[str, float]  #: last progress of each robot that never makes any again [s]
-    drifting: tuple[int, ...]  #: those of them that creep faster and faster
+    stuck: dict[str, float]  #: since when each robot that makes none for good has but crept [s]
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
     driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
@@ -93,7 +92,6 @@ class ContinuationWatch:
         self._freed: dict[int, float] = {}
         self._kept: set[int] = set()
         self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
-        self._is_complete = False
         self._looks = _Looks(progress.world, settled, until)
 
     def update(self, frame: Frame) -> bool:
@@ -108,20 +106,17 @@ class ContinuationWatch:
                 self._freed[i] = looks.time
         for i in np.flatnonzero(last >= looks.time).tolist():
             looks.edges.pop(i, None)
-        self._is_complete = looks.rest.is_complete()
         self._kept = {i for i in self._asked if looks.rest.keeps(i)}
         are_known = all(i in self._freed or i in self._kept for i in self._asked)
-        return are_known or self._is_complete or looks.are_over
+        return are_known or looks.rest.is_complete() or looks.are_over
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
         looks, last = self._looks, self._progress.last
         stuck = set(np.flatnonzero(self._waits & (looks.time - last >= ALL_REST_FOR)).tolist())
         stuck |= {i for i in self._asked if i not in self._freed}
-        restless = () if self._is_complete else stuck
         seen = ContinuationAnswer(
-            stuck={str(i): float(last[i]) for i in sorted(stuck)},
-            drifting=tuple(i for i in sorted(restless) if looks.rest.is_drifting(i)),
+            stuck={str(i): float(self._progress.brisk[i]) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
             edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
             driven={str(i): float(looks.driven[i]) for i in self._asked},
@@ -144,8 +139,8 @@ class CounterfactualWatch:
         self, world: World, others: Iterable[int], *, settled: float, until: float
     ) -> None:
         self._others = frozenset(others)
-        self._stops: IntArray | None = None
-        self._freed: set[int] = set()
+        self._served: IntArray | None = None
+        self.freed: set[int] = set()  #: who has reached it
         self._looks = _Looks(world, settled, until)
 
     def update(self, frame: Frame) -> bool:
@@ -153,18 +148,18 @@ class CounterfactualWatch:
         looks = self._looks
         if not looks.are_due(frame):
             return False
-        if self._stops is None:
-            self._stops = frame.intent.tasks_left.copy()
-        reached = frame.intent.tasks_left < self._stops
+        if self._served is None:
+            self._served = frame.served
+        reached = frame.served > self._served
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        self._freed |= self._others & set(np.flatnonzero(reached).tolist())
-        left = self._others - self._freed
+        self.freed |= self._others & set(np.flatnonzero(reached).tolist())
+        left = self._others - self.freed
         is_at_rest = looks.rest.is_complete() or all(looks.rest.keeps(i) for i in left)
         return not left or is_at_rest or looks.are_over
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`CounterfactualAnswer`, encoded."""
         encoded: dict[str, Any] = codec.encode(
-            CounterfactualAnswer(freed=tuple(sorted(self._freed)))
+            CounterfactualAnswer(freed=tuple(sorted(self.freed)))
         )
         return encoded

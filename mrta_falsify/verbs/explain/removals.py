@@ -6,8 +6,6 @@ import contextlib
 from collections.abc import Iterator
 from functools import partial
 
-import numpy as np
-
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Removal
@@ -16,13 +14,13 @@ from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
+from mrta_falsify.specs.deadlock.watches import CounterfactualWatch
 from mrta_falsify.trial import Job, judges_of
-from mrta_falsify.verbs.explain.changed_runs import AFTER
 from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
 from simulator_interface.watched_copy import CopyFailed
-
-GOES_ON = 1.0  # m from where it stood: a robot goes on
 
 
 def removals_of(
@@ -32,52 +30,59 @@ def removals_of(
     max_runs: int,
     journal: RunJournal[Removal] | None = None,
 ) -> Iterator[Removal]:
-    """Take away each robot of a deadlock at its onset: members, victims, and whom they wait for.
+    """Take away each robot of a deadlock when it is found: members, victims, whom they wait for.
+
+    Nothing new comes from outside then. A robot goes on if it reaches its next stop.
 
     Args:
         job: that fails.
         verdict: the violated one that explains the failure.
         trace: of the run.
-        max_runs: runs at most; the run up to the onset counts as one.
+        max_runs: runs at most; the run up to that moment counts as one.
         journal: of finished continuations; those in it are not run again.
     """
     journal = journal or RunJournal(Removal, None)
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     account = wait_account(verdict, trace)
     names = [name for name in numbers if name in account.robots] if account.members else []
-    onset = account.onset
-    if len(names) < 2 or onset is None:
+    found = verdict.violated_at
+    if len(names) < 2 or found is None:
         return
-    asked = [job.world, job.config, job.specifications, verdict, onset]
+    asked = [job.world, job.config, job.specifications, verdict]
     missing = {codec.digest([asked, names, n]): n for n in names[: max(0, max_runs - 1)]}
     yield from journal.known_first(missing)
     if not missing:
         return
-    with run_to(job.world, job.config, judges_of(job), onset) as running:
+    with run_to(job.world, job.config, judges_of(job), found) as running:
         if not running.episode.can_remove:
             return
         for key, name in missing.items():
-            others = {other: numbers[other] for other in names if other != name}
-            removed = partial(_removal, running, name, numbers[name], others)
+            others = {
+                other: numbers[other] for other in names if other not in (name, *account.blockers)
+            }
+            removed = partial(_removal, running, job.world, name, numbers[name], others)
             with contextlib.suppress(CopyFailed):  # the stack fails without it: it tells nothing
                 yield journal.keep(key, running.in_a_copy(removed, Removal))
 
 
-def _removal(running: Running, name: str, robot: int, others: dict[str, int]) -> Removal:
+def _removal(
+    running: Running, world: World, name: str, robot: int, others: dict[str, int]
+) -> Removal:
     """Take a robot away, and look who of the others goes on."""
-    start, time = running.last.sensed.pose, running.last.sensed.time
+    time = running.last.sensed.time
+    watch = CounterfactualWatch(world, others.values(), settled=time, until=time + LOOK_AHEAD)
+    watch.update(running.last)
+    running.episode.forget_events()
     running.episode.remove(robot)
-    go_on: set[str] = set()
     for frame in _until_it_fails(running.frames):
-        moved = np.linalg.norm((frame.sensed.pose - start)[:, :2], axis=1)
-        go_on |= {other for other, i in others.items() if moved[i] >= GOES_ON}
-        if len(go_on) == len(others) or frame.sensed.time >= time + AFTER:
+        if watch.update(frame):
             break
+    freed = watch.freed
     return Removal(
         robot=name,
         time=time,
-        go_on=tuple(other for other in others if other in go_on),
-        stay=tuple(other for other in others if other not in go_on),
+        go_on=tuple(other for other, i in others.items() if i in freed),
+        stay=tuple(other for other, i in others.items() if i not in freed),
     )
 
 
