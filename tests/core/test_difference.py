@@ -72,3 +72,9 @@ def test_traces_of_other_robots_are_not_compared(hall_trace):
     other = dataclasses.replace(hall_trace, robots=("a", "b"))
     with pytest.raises(ValueError, match="other robots"):
         first_difference(hall_trace, other)
+
+
+def test_of_several_ticks_that_differ_in_one_column_the_first_is_named(hall_trace):
+    other = _with(_with(hall_trace, "goal", 30, 1.5), "goal", 90, 1.5)
+    found = first_difference(hall_trace, other)
+    assert (found.tick, found.what) == (30, "goal")

@@ -32,6 +32,11 @@ def test_an_edge_that_holds_on_is_one_span(hall_trace):
     ]
 
 
+def test_an_edge_holds_at_both_ends_of_its_span(hall_trace):
+    held = [tick for tick in range(len(hall_trace)) if hall_trace.edges_at(tick)]
+    assert held == list(range(20, 60))
+
+
 def test_an_unchanged_path_is_stored_once(hall_trace):
     assert [(change.tick, change.robot) for change in hall_trace.paths] == [(0, 0), (0, 1)]
 

@@ -24,6 +24,10 @@ OUTAGE = {"kind": "comms_outage", "name": "o", "robots": ["robot9"], "start": 0,
             "tasks[0].end is room 7; rooms are 0 to 1",
         ),
         (
+            {"tasks": [{"arrival": 0, "start": 2, "end": 1, "deadline": 9}]},
+            "tasks[0].start is room 2; rooms are 0 to 1",
+        ),
+        (
             {"tasks": [{"arrival": 5, "start": 0, "end": 1, "deadline": 4}]},
             "tasks[0].deadline is 4.0 s, before its arrival at 5.0 s",
         ),
@@ -31,6 +35,10 @@ OUTAGE = {"kind": "comms_outage", "name": "o", "robots": ["robot9"], "start": 0,
         (
             {"lanes": [{"start": 0, "end": 3, "to_queue": [], "to_room": []}]},
             "lanes[0] joins rooms 0 and 3; rooms are 0 to 1",
+        ),
+        (
+            {"lanes": [{"start": 2, "end": 0, "to_queue": [], "to_room": []}]},
+            "lanes[0] joins rooms 2 and 0; rooms are 0 to 1",
         ),
         (
             {"furniture": [{"name": "a", "kind": "b", "polygon": [[0, 0], [1, 1]]}]},

@@ -149,7 +149,7 @@ def _check_interrupted(ended: Ended) -> None:
 @pytest.mark.parametrize(
     ("moments", "seed"),
     [
-        pytest.param(2, 1, marks=pytest.mark.slow),
+        pytest.param(1, 1, marks=pytest.mark.slow),
         pytest.param(20, 2, marks=pytest.mark.long),
     ],
 )
@@ -201,5 +201,5 @@ def test_a_command_that_was_interrupted_comes_to_the_same_result(
     assert _steady(json.loads(last.stdout)) == _steady(json.loads(peace.stdout))
     assert _results(folder, files) == whole_results
     record_property("stopped_in", [round(seconds, 2) for seconds in took])
-    if moments > 2:
+    if moments > 1:
         assert max(took, default=0.0) <= LIMIT, took
