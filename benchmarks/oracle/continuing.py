@@ -21,7 +21,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.fleet import Frame, Phase
 from mrta_falsify.core.world import World
-from simulator_interface.forking import run_in_copy
+from simulator_interface.watched_copy import run_in_watched_copy
 
 CONTINUE = 3600.0  # s, as issue 15 says
 CREPT = 600.0  # s; who stood or crept for so long before it got through got through by creeping
@@ -143,7 +143,7 @@ class Run:
                 self._episode.remove(robot)
             return self._continue(asked - set(without), goal, needed is None, limit)
 
-        answer = run_in_copy(run)
+        answer = run_in_watched_copy(run)
         return Fate(
             outcomes=tuple(Outcome(outcome) for outcome in answer["outcomes"]),
             freed_at=tuple(answer["freed_at"]),
