@@ -6,7 +6,7 @@ rule of who is a member. What counts are motion and the stops that robots reach.
 - A robot is *stuck* at a moment if it does not reach its next stop (of an idle robot on its way
   to a parking spot: the spot) in most of five continuations of 3,600 s without outside events. The
   first one is the run itself; in the others all robots are shifted by up to 3 mm. One that gets
-  through only after it has stood or crept for 600 s counts as stuck, and its label is *borderline*.
+  through only after all have stood or crept for 120 s counts as stuck; its label is *borderline*.
 - Members and victims: see :mod:`benchmarks.oracle.membership`.
 - The *onset* of a deadlock is the later one of two moments. *Sealed*: the latest fork time from
   which most of three continuations with small differences still let a member through. *Standing*:

@@ -18,7 +18,6 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
-from mrta_falsify.specs.deadlock.rest import PARTY_RESTS_FOR
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 from mrta_falsify.specs.deadlock.watches import (
@@ -29,9 +28,9 @@ from mrta_falsify.specs.deadlock.watches import (
 )
 
 COPIES = 5  # of the run that vote at most, all but the first with poses moved by millimetres
-ASK_SOONEST = (
-    1.0  # s between two questions about a robot; doubled, to a minute, while it makes no progress
-)
+#: s between two questions about a robot; doubled, to a minute, while it makes no progress
+ASK_SOONEST = 1.0
+A_MINUTE = 60.0  # s; copies vote on who goes free no sooner
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
@@ -124,7 +123,7 @@ class CounterfactualTest:
         edges = edges_by_robot(seen.edges)
         # Robots that stay, or get going late, may do so only because nothing pushes them off a
         # balance; only copies with small differences tell.
-        doubtful = {i for i in asked if freed.get(i, 0.0) > settled + PARTY_RESTS_FOR} | set(last)
+        doubtful = {i for i in asked if freed.get(i, 0.0) > settled + A_MINUTE} | set(last)
         for i, is_stuck in self._vote(forecast, doubtful, set(last), span).items():
             if is_stuck:
                 last.setdefault(i, float(self._progress.brisk[i]))
@@ -165,9 +164,7 @@ class CounterfactualTest:
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
             has_moved = self._progress.last[i] > self._asked_at[i]
-            self._pause[i] = (
-                ASK_SOONEST if has_moved else min(2.0 * self._pause[i], PARTY_RESTS_FOR)
-            )
+            self._pause[i] = ASK_SOONEST if has_moved else min(2.0 * self._pause[i], A_MINUTE)
             self._asked_at[i] = time
 
     def _note_free(

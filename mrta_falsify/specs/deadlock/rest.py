@@ -14,8 +14,7 @@ from mrta_falsify.specs.deadlock.progress_clock import PACE
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, is_unexplained
 
 ALL_REST_FOR = 30.0  # s without any motion in the building: three times our stack's longest wait
-#: s in which nothing that a robot waits for does more than creep; who goes free later is late
-PARTY_RESTS_FOR = 60.0
+PARTY_RESTS_FOR = 120.0  # s in which nothing that a robot waits for does more than creep
 SAME_POSE = 1e-3  # m, rad or m/s; smaller changes are no motion
 LEG = 10.0  # s; a robot that moves in a leg farther than in the one before drifts off ...
 DRIFT = 1e-5  # m, rad ... if it is more than this: less may be rounding or jitter

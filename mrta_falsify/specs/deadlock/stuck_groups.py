@@ -22,22 +22,29 @@ def stuck_groups(
 ) -> list[StuckGroup]:
     """Split stuck robots into groups that hold each other up, and name the members.
 
+    A robot *holds* those who go free without it, and whom they hold. Members are robots of whom
+    each holds each other one, and whom no other robot holds; victims are whom they hold.
+
     Args:
         stuck: robots that never make progress again.
         freed: for each of them, who goes free without it.
         edges: the wait-for graph, for robots of whom no single removal frees any other.
 
     Returns:
-        Groups whose members are those without whom all others of the group go free; where there
-        is no such robot, those without whom some do. Robots whom no removal frees, and that
-        free no other, are told apart by the graph: knots are groups, and who waits for a group
-        is its victim.
+        The groups. Robots whom no removal frees, and that free no other, are told apart by the
+        graph: knots are groups, and who waits for a group is its victim.
     """
     stuck = sorted(stuck)
-    joined = _joined(stuck, freed)
-    groups = [group for group in joined if len(group) > 1]
-    alone = [i for group in joined if len(group) == 1 for i in group]
-    found = [StuckGroup(_members_of(group, freed), tuple(sorted(group))) for group in groups]
+    holds = {i: _held_by(i, freed) for i in stuck}
+    found: list[StuckGroup] = []
+    for i in stuck:
+        holders = {j for j in stuck if i in holds[j]} - {i}
+        if not holds[i] or not holders <= holds[i]:
+            continue
+        group = StuckGroup(tuple(sorted({i} | holders)), tuple(sorted({i} | holds[i])))
+        if group not in found:
+            found.append(group)
+    alone = [i for i in stuck if not any(i in group.robots for group in found)]
     graph = edges or {}
     knots = [StuckGroup(knot, knot) for knot in knots_of(alone, graph)]
     found += [knot for knot in knots if not _leads_to(knot.members, found, stuck, graph)]
@@ -49,20 +56,15 @@ def stuck_groups(
     return found
 
 
-def _joined(stuck: Iterable[int], freed: Mapping[int, set[int]]) -> list[set[int]]:
-    groups: list[set[int]] = []
-    for i in stuck:
-        joined = {i} | freed.get(i, set())
-        for group in [group for group in groups if group & joined]:
-            joined |= group
-            groups.remove(group)
-        groups.append(joined)
-    return groups
-
-
-def _members_of(group: set[int], freed: Mapping[int, set[int]]) -> tuple[int, ...]:
-    members = tuple(i for i in sorted(group) if freed.get(i, set()) >= group - {i})
-    return members or tuple(i for i in sorted(group) if freed.get(i))
+def _held_by(i: int, freed: Mapping[int, set[int]]) -> set[int]:
+    """Find whom robot ``i`` holds, directly or through others."""
+    held: set[int] = set()
+    border = [i]
+    while border:
+        new = freed.get(border.pop(), set()) - held - {i}
+        held |= new
+        border += new
+    return held
 
 
 def _leads_to(
