@@ -1,8 +1,8 @@
 """Deadlocks by continuation and counterfactual.
 
 A robot is stuck if it never reaches its next stop although nothing more comes from outside. A
-member of a deadlock is a robot without which the others reach theirs. Both are read off copies of
-the run. Copies with small differences vote on robots that stay, or get going late.
+robot holds those who reach theirs without it; members of a deadlock hold each other. Both are read
+off copies of the run. Copies with small differences vote on robots that stay, or get going late.
 """
 
 from __future__ import annotations

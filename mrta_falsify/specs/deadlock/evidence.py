@@ -25,7 +25,7 @@ ObjectKind = Literal["furniture", "person", "blockage", "wall"]
 class Deadlock:
     """A set of robots that waits for itself for good."""
 
-    members: tuple[int, ...]  #: without whom the others go free
+    members: tuple[int, ...]  #: who hold each other, and whom no other robot holds
     victims: tuple[int, ...]  #: robots that wait for the members
     edges: EdgesByRobot  #: of the wait-for graph, once the deadlock had settled
     onsets: Mapping[int, float]  #: since when each member has made no progress [s]

@@ -4,8 +4,8 @@ A robot is *stuck* if it never reaches its next stop although nothing more comes
 run itself tells (see :class:`~mrta_falsify.core.protocols.Forecast`): a copy of it continues
 without new tasks, blockages and outages. A robot that creeps, or gets free in fewer than half of
 several copies with small differences, is stuck as well. Copies without one robot each tell the
-*members* of a deadlock: those without whom the others reach their stops. The others are its
-victims.
+*members* of a deadlock: robots that hold each other, and whom no other robot holds. Whom they hold
+are its victims.
 
 Where the run cannot be copied (a recorded trace, a system other than Linux, an open window) one
 rule applies. Robots are *suspected* once they and all that they wait for have stood for 30 s. A

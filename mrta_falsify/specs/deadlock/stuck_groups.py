@@ -11,7 +11,7 @@ from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, kno
 class StuckGroup(NamedTuple):
     """Robots that hold each other up for good."""
 
-    members: tuple[int, ...]  #: without any of whom the others go free
+    members: tuple[int, ...]  #: who hold each other, and whom no other robot holds
     robots: tuple[int, ...]  #: members and victims, those to come included
 
 
