@@ -1,8 +1,9 @@
-"""Forks of this process, in which an episode can be continued and thrown away.
+"""What a fork of this process needs to be a copy that can be thrown away.
 
 A copy made by ``os.fork`` shares nothing with the original but its past. So an episode can be
 continued from any moment, physics included, and the original stays as it was. A copy ends with the
 process that made it. It does not hear Ctrl-C: the original does, and kills it.
+:mod:`simulator_interface.watched_copy` makes all copies.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ arrives, no blockage or outage begins. Those in force run their course and peopl
 from __future__ import annotations
 
 import enum
-import os
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -18,7 +17,6 @@ from benchmarks.oracle.shifting import ShiftingEpisode
 from benchmarks.oracle.stops import StopCount
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.fleet import Frame, Phase
 from mrta_falsify.core.world import World
 from simulator_interface.watched_copy import run_in_watched_copy
@@ -80,7 +78,6 @@ class Run:
         self._slowest = CREEPING * np.array([robot.max_speed for robot in world.robots])
         self.count = StopCount(world)
         self.time = 0.0
-        self._parent = os.getpid()
         self.is_over = False  #: all is delivered, and no robot wants anything
 
     def close(self) -> None:
@@ -135,7 +132,6 @@ class Run:
             among: robots of interest; None: all that want something now. Others count as free.
             limit: how long the continuation lasts at most [s].
         """
-        self._parent = os.getpid()
         goal = self.count.reached + 1 if needed is None else needed
         asked = set(np.flatnonzero(self.count.wants).tolist() if among is None else among)
 
@@ -185,8 +181,6 @@ class Run:
                 proved = not self.thorough and self._repeats_itself(began, settled)
                 if proved:
                     break
-                if os.getppid() != self._parent:
-                    raise HarnessError("the process that forked it has ended")
         names = np.where(crept, Outcome.CREPT.value, Outcome.FREE.value)
         names[waiting & count.wants] = Outcome.STUCK.value
         return {

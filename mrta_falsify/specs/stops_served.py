@@ -10,9 +10,8 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import Sensed, StackEvent
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import ROOM_REACH
+from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER
 from mrta_falsify.specs.halts import STOPPED
-
-SAME_GOAL = 0.3  # m; a goal that moves by no more is the same one
 
 
 class StopsServed:
@@ -41,7 +40,7 @@ class StopsServed:
             goal: ``(N, 2)`` where robots are heading for [m], nan: nowhere.
             confirmed: stops of this tick that the books hold.
         """
-        moved = ~(np.hypot(*(goal - self._goal).T) <= SAME_GOAL)
+        moved = ~(np.hypot(*(goal - self._goal).T) <= GOAL_JITTER)
         moved &= np.isfinite(goal[:, 0]) | np.isfinite(self._goal[:, 0])
         done = moved & self._has_come
         for event in confirmed:
@@ -61,5 +60,5 @@ class StopsServed:
     def _take_goals(self, goal: Array, moved: BoolArray) -> None:
         self._goal = np.where(moved[:, None], goal, self._goal)
         away = np.hypot(*(self._goal[:, None] - self._rooms).transpose(2, 0, 1))
-        self._is_room = (away <= SAME_GOAL).any(axis=1)
+        self._is_room = (away <= GOAL_JITTER).any(axis=1)
         self._has_come &= ~moved
