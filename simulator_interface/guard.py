@@ -93,23 +93,23 @@ class Guard:
             self._copy = None
 
     def _ask(self, request: Request, limits: StackLimits, on_time: Callable[[float], None]) -> Any:
-        copy, self._copy = self._copy, None
-        if copy is not None and not copy.ask(request):
-            copy.close()
-            copy = None
-        copy = copy or WatchedCopy(request, limits)
+        copy, self._copy = self._copy or WatchedCopy(limits), None
+        is_sound = False
         try:
-            answer = copy.answer(on_time)
-        except Exception as error:
-            if isinstance(error, CopyFailed | HarnessError):
+            if not copy.ask(request):
                 copy.close()
-            else:
+                copy = WatchedCopy(limits)
+                copy.ask(request)
+            answer = copy.answer(on_time)
+            is_sound = True
+        except Exception as error:
+            is_sound = not isinstance(error, CopyFailed | HarnessError)
+            raise
+        finally:
+            if is_sound:
                 self._copy = copy
-            raise
-        except BaseException:  # Ctrl-C
-            copy.close()
-            raise
-        self._copy = copy
+            else:  # it failed, or Ctrl-C
+                copy.close()
         return answer
 
 

@@ -82,28 +82,26 @@ class Request(NamedTuple):
 class WatchedCopy:
     """A copy of this process that answers requests until it is closed.
 
+    It is made with the first request, which reaches it as it is; later ones are sent.
+
     Args:
-        first: the first request; it reaches the copy as it is, later ones are sent.
         limits: of the stack under test.
     """
 
-    def __init__(self, first: Request, limits: StackLimits) -> None:
+    def __init__(self, limits: StackLimits) -> None:
         self._limits = limits
         self._heartbeat = Heartbeat()
         self._dump = os.memfd_create("traceback")
-        self._ours, theirs = Pipe()
-        sys.stdout.flush()
-        sys.stderr.flush()
+        self._ours, self._theirs = Pipe()
         self._owner = os.getpid()
+        self._process = 0  # until there is one
         self._status: int | None = None  # of the process, once it has ended
-        with signals_held():
-            self._process = os.fork()
-            if self._process == 0:
-                self._serve(theirs, first)
-        theirs.close()
 
     def ask(self, request: Request) -> bool:
-        """Send another request, the one before being answered; False: the copy has ended."""
+        """Put a request, the one before being answered; False: the copy has ended."""
+        if not self._process:
+            self._begin(request)
+            return True
         try:
             self._ours.send(request)
         except (BrokenPipeError, ConnectionResetError):
@@ -143,12 +141,22 @@ class WatchedCopy:
         """End the copy; may be called twice, and does nothing in copies of this process."""
         if self._ours.closed or os.getpid() != self._owner:
             return
-        if self._status is None:
+        if self._process and self._status is None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)
             self._has_ended(wait=True)
         self._ours.close()
+        self._theirs.close()
         os.close(self._dump)
+
+    def _begin(self, request: Request) -> None:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        with signals_held():
+            self._process = os.fork()
+            if self._process == 0:
+                self._serve(self._theirs, request)
+        self._theirs.close()
 
     # --- ends -----------------------------------------------------------------------------
 
@@ -323,8 +331,9 @@ def run_in_watched_copy(call: Callable[[], Any]) -> Any:
         HarnessError: the process ended outside the stack, or ``call`` failed.
     """
     here = post()
-    copy = WatchedCopy(Request(call, here.ending), here.limits)
+    copy = WatchedCopy(here.limits)
     try:
+        copy.ask(Request(call, here.ending))
         return copy.answer()
     except (CopyFailed, StackFailed, MrtaFalsifyError):
         raise

@@ -23,15 +23,17 @@ def burn(seconds: float) -> None:
 
 
 def asked(call, limits=LIMITS):
-    copy = WatchedCopy(Request(call), limits)
+    copy = WatchedCopy(limits)
     try:
+        copy.ask(Request(call))
         return copy.answer()
     finally:
         copy.close()
 
 
 def test_what_a_call_returns_comes_back_and_the_copy_is_kept_for_more():
-    copy = WatchedCopy(Request(os.getpid), LIMITS)
+    copy = WatchedCopy(LIMITS)
+    copy.ask(Request(os.getpid))
     first = copy.answer()
     assert copy.ask(Request(os.getpid))
     assert copy.answer() == first != os.getpid()
