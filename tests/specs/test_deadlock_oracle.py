@@ -595,8 +595,8 @@ def test_who_stands_behind_a_person_is_asked_about_soon_even_a_restless_one():
     def to_and_fro(time):
         return (0.6, 0.4 * np.sin(2.0 * time))
 
-    assert 4.0 < found_at((0.6, 0.0)) < 7.0
-    assert 4.0 < found_at(to_and_fro) < 7.0
+    assert 2.0 < found_at((0.6, 0.0)) < 5.0
+    assert 2.0 < found_at(to_and_fro) < 5.0
 
 
 def test_who_moves_to_and_fro_on_one_place_is_asked_about_though_no_edge_shows_it_stuck():

@@ -126,7 +126,7 @@ class CounterfactualTest:
         doubtful = {i for i in asked if freed.get(i, 0.0) > settled + A_MINUTE} | set(last)
         for i, is_stuck in self._vote(forecast, doubtful, set(last), span).items():
             if is_stuck:
-                last.setdefault(i, float(self._progress.brisk[i]))
+                last.setdefault(i, float(self._progress.on_the_way()[i]))
             else:
                 last.pop(i, None)
         self._note_free(asked, last, freed, time)

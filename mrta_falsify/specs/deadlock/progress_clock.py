@@ -7,6 +7,7 @@ does not. Neither does creep: a robot must come nearer at a pace that leads some
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +23,7 @@ PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's r
 #: takes 200 times as long as a free drive; numerical creep is slower by another factor of five
 PACE = 0.005
 BRISK = 0.03  # the same, of a robot that is on its way: slower ones stand, push or are pushed
+PACED_OVER = 2.0  # s over which the pace of a robot is measured
 GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is no progress
 
 
@@ -41,7 +43,9 @@ class ProgressClock:
     world: World
     step: float = PROGRESS_STEP  #: how much nearer is progress [m]
     last: Array = field(init=False)  #: (N,) [s]
-    brisk: Array = field(init=False)  #: (N,) last progress at more than creep [s]
+    _brisk: Array = field(init=False)  #: (N,) last progress at more than creep [s]
+    _driven: Array = field(init=False)  #: (N,) last time of more than creep, or of a new goal [s]
+    _places: deque[tuple[float, Array]] = field(init=False)  #: (N, 2) of the last PACED_OVER
     _least_time: Array = field(init=False)  #: (N,) of a step at the largest speed [s]
     _served: list[int] = field(init=False)  #: stops done
     _approaches: list[list[_Approach]] = field(init=False)  #: since then
@@ -49,7 +53,8 @@ class ProgressClock:
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
-        self.last, self.brisk = np.zeros(robots), np.zeros(robots)
+        self.last, self._brisk, self._driven = np.zeros((3, robots))
+        self._places = deque()
         self._least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
         self._served = [-1] * robots
         self._approaches = [[] for _ in range(robots)]
@@ -60,7 +65,20 @@ class ProgressClock:
         intent, pose = frame.intent, frame.sensed.pose
         for i in range(len(self.last)):
             self.advance(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(frame.served[i]))
+        self._note_pace(frame.sensed.time, pose[:, :2])
         return self.last
+
+    def on_the_way(self) -> Array:
+        """Tell until when each robot was on its way, at more than creep, ``(N,)`` [s]."""
+        return np.minimum(self._brisk, self._driven)
+
+    def _note_pace(self, time: float, places: Array) -> None:
+        self._places.append((time, places.copy()))
+        while self._places[0][0] < time - PACED_OVER - 1e-6:
+            self._places.popleft()
+        began, before = self._places[0]
+        least = BRISK * self.step / self._least_time * max(time - began, 1e-9)  # (N,) m
+        self._driven[np.hypot(*(places - before).T) >= least] = time
 
     def advance(self, i: int, time: float, position: Array, goal: Array, served: int) -> float:
         """Take in where robot ``i`` is; time of its last progress [s].
@@ -88,7 +106,7 @@ class ProgressClock:
                 break
         else:
             self._approaches[i].append(_Approach(goal.copy(), away, time))
-            self.last[i] = self.brisk[i] = time
+            self.last[i] = self._brisk[i] = self._driven[i] = time
         return float(self.last[i])
 
     def _compare(self, i: int, known: _Approach, away: float, time: float) -> None:
@@ -98,7 +116,7 @@ class ProgressClock:
             if is_in_time:
                 self.last[i] = time
             if share >= BRISK:
-                self.brisk[i] = time
+                self._brisk[i] = time
         elif is_in_time:
             return
         known.nearest, known.since = min(known.nearest, away), time

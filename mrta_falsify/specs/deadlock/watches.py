@@ -26,7 +26,7 @@ from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 class ContinuationAnswer:
     """What a continuation showed; robots by number, as text."""
 
-    stuck: dict[str, float]  #: since when each robot that makes none for good has but crept [s]
+    stuck: dict[str, float]  #: since when each robot that stays for good stands or creeps [s]
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
     driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
@@ -113,10 +113,11 @@ class ContinuationWatch:
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
         looks, last = self._looks, self._progress.last
+        way = self._progress.on_the_way()
         stuck = set(np.flatnonzero(self._waits & (looks.time - last >= ALL_REST_FOR)).tolist())
         stuck |= {i for i in self._asked if i not in self._freed}
         seen = ContinuationAnswer(
-            stuck={str(i): float(self._progress.brisk[i]) for i in sorted(stuck)},
+            stuck={str(i): float(way[i]) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
             edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
             driven={str(i): float(looks.driven[i]) for i in self._asked},
