@@ -21,6 +21,7 @@ from mrta_falsify.specs.costly import CostMeter
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from mrta_falsify.specs.objectives import objectives
+from simulator_interface.external.told import Told
 from simulator_interface.guard import Guard, current_guard
 from simulator_interface.simulate import Outcome, simulate
 
@@ -47,6 +48,7 @@ class Job:
     early_stop: bool = False  #: end soon after the first violation
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
+    told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -174,7 +176,8 @@ def _reference_costs(job: Job, changes: Sequence[str]) -> Costs:
     key = (job.world.digest(), config.digest())
     if key not in _references:
         meter = _Metering()
-        _run_episode(dataclasses.replace(job, config=config), (meter,), keep_trace=False)
+        job = dataclasses.replace(job, config=config, told=None)
+        _run_episode(job, (meter,), keep_trace=False)
         while len(_references) >= REFERENCES_KEPT:
             _references.pop(next(iter(_references)))
         _references[key] = meter.costs()
@@ -215,7 +218,7 @@ def _run_episode(
     stop: Callable[[Frame], str] | None = None,
 ) -> Outcome:
     """Run our own loop, or Scenic's over the same loop for a scripted world."""
-    episode = functools.partial(simulate, job.world, job.config)
+    episode = functools.partial(simulate, job.world, job.config, told=job.told)
     if _needs_scene(job):
         from simulator_interface.scenic_bridge.simulator import simulate_scene  # noqa: PLC0415 - Scenic
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrta_falsify.campaigns import lost_time
-from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.signature import signature
@@ -31,6 +31,7 @@ from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from scenic_worlds.variation import jittered_worlds
+from simulator_interface.external.told import TOLD_NAME, Told, write_told
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
 
@@ -171,7 +172,9 @@ class TrialRunner:
             descriptors=judged.descriptors,
             score=-record.jittered.share if record.jittered else search_score(judged.margins),
             signature=signature(judged.verdicts),
-            layer=suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
+            layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
+            if judged.failed
+            else "",
             trace_file=trace_file,
             trace_digest=outcome.trace.digest,
             engine=engine,
@@ -188,6 +191,8 @@ class TrialRunner:
         folder.mkdir(parents=True, exist_ok=True)
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
+        if outcome.told is not None:
+            write_told(outcome.told, folder / TOLD_NAME)
         return str((folder / "trace.zip").relative_to(root))
 
 
@@ -202,18 +207,22 @@ def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any 
     )
 
 
-def rerun(settings: TrialSettings, record: TrialRecord, world: World) -> Judged:
+def rerun(
+    settings: TrialSettings, record: TrialRecord, world: World, told: Told | None = None
+) -> Judged:
     """Run a recorded trial again, on the engine its verdicts come from.
 
     Args:
         settings: of its campaign.
         record: of the trial.
         world: its world.
+        told: what a stack in a process of its own said then; None: it is asked again.
     """
     scene = None
     if world.scripted:
         scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
-    return judge(_job(settings, world, stack_of(settings, record), scene))
+    job = _job(settings, world, stack_of(settings, record), scene)
+    return judge(dataclasses.replace(job, told=told))
 
 
 def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:

@@ -21,10 +21,8 @@ import numpy as np
 
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
-from mrta_falsify.core.protocols import Repeating
+from mrta_falsify.core.protocols import FleetStack, Repeating
 from mrta_falsify.core.stack_failure import AskedAgain, OtherAnswer
-from mrta_falsify.stack.mission import StackState
-from mrta_falsify.stack.pipeline import Stack
 from simulator_interface import forking
 from simulator_interface.heartbeat import post
 from simulator_interface.stack_door import Answer
@@ -48,15 +46,20 @@ class Answered(NamedTuple):
 def repeats_of(specifications: Iterable[object], config: StackConfig) -> Callable[[int], bool]:
     """Collect the ticks that specifications want to be asked again: those any of them wants.
 
-    None are where processes cannot be copied safely, or with a window open.
+    None are where processes cannot be copied safely, with a window open, or if the stack runs in
+    a process of its own: whoever copies it compares its answers.
     """
     wanting = [one for one in specifications if isinstance(one, Repeating)]
-    if not forking.can_fork() or config.engine.options.get("gui", False):
+    if (
+        config.stack is not None
+        or not forking.can_fork()
+        or config.engine.options.get("gui", False)
+    ):
         wanting = []
     return lambda tick: any(one.asks_again(tick) for one in wanting)
 
 
-def ask_again(stack: Stack, state: StackState, fleet: FleetState) -> list[Answered] | str:
+def ask_again(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answered] | str:
     """Ask the stack a tick in a copy of this process, twice; here it has not been asked yet.
 
     Returns:
@@ -70,7 +73,7 @@ def ask_again(stack: Stack, state: StackState, fleet: FleetState) -> list[Answer
     return answers
 
 
-def _ask_twice(stack: Stack, state: StackState, fleet: FleetState) -> list[Answered] | str:
+def _ask_twice(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answered] | str:
     gc.disable()  # a collection would touch, and so copy, all memory
     random.seed()
     np.random.seed()  # noqa: NPY002 - the stack's own global state is what is tried

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
@@ -38,9 +38,14 @@ class Running:
             kind: of its answer.
 
         Raises:
-            HarnessError: the copy failed.
+            HarnessError: the copy failed, or a stack in a process of its own has none.
         """
-        data = run_in_watched_copy(lambda: codec.encode(run()))
+
+        def answer() -> Any:
+            self.episode.become_copy()
+            return codec.encode(run())
+
+        data = run_in_watched_copy(answer)
         return codec.decode(kind, data, where="re-run")
 
 
@@ -73,3 +78,4 @@ def run_to(
         yield Running(episode=episode, frames=frames, specifications=specifications, last=frame)
     finally:
         frames.close()
+        episode.close()

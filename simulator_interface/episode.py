@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Generator
+from typing import Any
 
 import numpy as np
 
@@ -12,21 +13,22 @@ from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.fleet import Command, FleetState, Frame, Intent, Phase, Sensed
-from mrta_falsify.core.protocols import CostmapSource, Engine
+from mrta_falsify.core.fleet import Command, FleetState, Frame, Intent, Phase, Sensed, Tells
+from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.stops_served import StopsServed
-from mrta_falsify.stack.mission import StackState
 from mrta_falsify.stack.pipeline import Stack
 from simulator_interface.asking_again import ask_again, compared
 from simulator_interface.engines.sensing import fill_rest
+from simulator_interface.external.stack import ProcessStack
+from simulator_interface.external.told import Told
 from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
-from simulator_interface.stack_door import StackDoor
+from simulator_interface.stack_door import OpenDoor, StackDoor
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
@@ -81,26 +83,34 @@ class _Localisation:
 
 
 class Episode:
-    """An episode in progress: iterate it for its frames, or fork its stack on the way."""
+    """An episode in progress: iterate it for its frames, or fork its stack on the way.
 
-    def __init__(self, world: World, config: StackConfig) -> None:
+    Args:
+        world: what to simulate.
+        config: the stack under test.
+        told: answers of an earlier run, for a stack in a process of its own; None: it is asked.
+    """
+
+    def __init__(self, world: World, config: StackConfig, told: Told | None = None) -> None:
         self.world = world
         self.config = config
         self.dt = 1.0 / config.control_rate
-        self.state: StackState | None = None
+        self.state: Any = None  #: memory of the stack
         self.tick = 0  #: of the last frame
         self.books = Books(world)  #: deliveries that motion confirms, the last frame included
         self._served = StopsServed(world)
         self.repeats: Callable[[int], bool] = lambda tick: False  #: ticks that are asked again
         self._meter = AllocatorMeter()
-        self._told = WhatIsTold(config.withheld, len(world.robots))
-        self._door = StackDoor(world, config)
+        self._door = StackDoor(world, config) if config.stack is None else OpenDoor()
+        self._answers = told
         self._engine: Engine = registry.build("engine", config.engine)
         self._unbuilt: StackFailed | None = None
         try:
             self._source, self.stack = self._door.ask(self._build, 0, 0.0)
         except StackFailed as failed:
             self._unbuilt = failed  # the episode ends at its first tick
+        tells = self.outside.tells if self.outside else Tells()
+        self._told = WhatIsTold(config.withheld, len(world.robots), tells)
         if needs_stage(world) and self._unbuilt is None:
             self._check_stage()
         self.crowd = self._new_crowd()
@@ -110,11 +120,38 @@ class Episode:
         self._tracker = BlockedByTracker(world, self.dt)
         self._localisation = _Localisation(world, np.array([h.radius for h in world.humans]))
 
-    def _build(self, source: CostmapSource | None = None) -> tuple[CostmapSource, Stack]:
+    @property
+    def outside(self) -> ProcessStack | None:
+        """The stack, if it runs in a process of its own."""
+        stack = getattr(self, "stack", None)
+        return stack if isinstance(stack, ProcessStack) else None
+
+    @property
+    def can_copy(self) -> bool:
+        """Whether a copy of the run can go on, as far as the stack is concerned."""
+        return self.outside is None or self.outside.can_branch
+
+    def become_copy(self) -> None:
+        """Take a stack of its own; call it in a copy of the process before it goes on.
+
+        Raises:
+            CannotBranch: there is none to be had.
+        """
+        if self.outside is not None:
+            self.outside.branch()
+
+    def close(self) -> None:
+        """End the stack's process; may be called twice."""
+        if self.outside is not None:
+            self.outside.close()
+
+    def _build(self, source: CostmapSource | None = None) -> tuple[CostmapSource, FleetStack]:
         config = self.config
         if source is None:
             layer = registry.build("costmap", config.costmap, defects=config.defects)
             source = layer.bind(self.world)
+        if config.stack is not None:
+            return source, ProcessStack(self.world, config, source, self.books, self._answers)
         return source, Stack(self.world, config, source, metered=self._meter.around)
 
     def _new_crowd(self) -> Crowd:
@@ -196,6 +233,7 @@ class Episode:
                 sensed = self._engine.step(command, human_velocity)
         finally:
             self._engine.close()
+            self.close()
 
     def _answered(self, sensed: Sensed) -> Frame:
         """Let the stack take the tick of ``sensed``."""
@@ -221,7 +259,7 @@ class Episode:
             events=events,
             served=served,
             blocked_by=self._tracker.update(seen, intent, served, self._told.tells),
-            signals=self._meter.signals,
+            signals=self.outside.signals if self.outside else self._meter.signals,
             tells=self._told.tells,
             asked_again=None if again is None else compared(answer, again, names),
         )
@@ -260,6 +298,7 @@ class Episode:
             StackFailed: the other stack cannot be built.
         """
         assert self.state is not None, "the episode has not begun"
+        assert self.outside is None, "a stack in a process of its own has no layers to swap"
         is_defective = config.defects != self.config.defects
         kept = None if is_defective or config.costmap != self.config.costmap else self._source
         has_other = is_defective or config.controller != self.config.controller

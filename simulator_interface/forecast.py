@@ -12,10 +12,12 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Foreseeing, Watch
+from mrta_falsify.core.protocols import Forecast, Foreseeing, Watch
 from mrta_falsify.core.stack_failure import StackFailed
 from simulator_interface import forking
 from simulator_interface.episode import Episode
+from simulator_interface.external.branching import CannotBranch
+from simulator_interface.external.conversation import ToldTalk
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 
@@ -40,8 +42,9 @@ class EpisodeForecast:
             nudge: number of a copy with small differences, 0: without any.
 
         Returns:
-            The watch's answer. None if the engine cannot take robots away, or move them, or if the
-            stack fails in the continuation, which says nothing of this run.
+            The watch's answer. None if the engine cannot take robots away, or move them, if the
+            stack cannot be copied, or if it fails in the continuation: that says nothing of this
+            run.
 
         Raises:
             HarnessError: the copy failed.
@@ -51,7 +54,11 @@ class EpisodeForecast:
         if nudge and not self._episode.can_nudge:
             return None
 
-        def run() -> dict[str, Any]:
+        def run() -> dict[str, Any] | None:
+            try:
+                self._episode.become_copy()
+            except CannotBranch:
+                return None
             self._episode.forget_events()
             if without >= 0:
                 self._episode.remove(without)
@@ -62,11 +69,30 @@ class EpisodeForecast:
                     break
             return watch.answer()
 
+        answer: dict[str, Any] | None
         try:
-            answer: dict[str, Any] = run_in_watched_copy(run)
+            answer = run_in_watched_copy(run)
         except (StackFailed, CopyFailed):
-            return None
+            answer = None
+        if self._episode.outside is not None:
+            self._episode.outside.talk.note_forecast(answer)
         return answer
+
+
+class ToldForecast:
+    """Tells again what an earlier run saw in its copies; its questions come in the same order.
+
+    Args:
+        answers: in the order of the questions.
+    """
+
+    def __init__(self, answers: Iterable[dict[str, Any] | None]) -> None:
+        self._answers = iter(answers)
+
+    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
+        """Give the next answer; None: there is none."""
+        del watch, without, nudge
+        return next(self._answers, None)
 
 
 def offer_forecasts(
@@ -74,11 +100,22 @@ def offer_forecasts(
 ) -> None:
     """Offer forecasts of an episode to the specifications that use them.
 
-    None are offered where processes cannot be forked safely, or with a window open.
+    None are offered where processes cannot be forked safely, with a window open, or if the stack
+    runs elsewhere and cannot be copied.
     """
-    if not forking.can_fork() or episode.config.engine.options.get("gui", False):
+    forecast = _forecast_of(episode, frames)
+    if forecast is None:
         return
-    forecast = EpisodeForecast(episode, frames)
     for specification in specifications:
         if isinstance(specification, Foreseeing):
             specification.foresee(forecast)
+
+
+def _forecast_of(episode: Episode, frames: Iterator[Frame]) -> Forecast | None:
+    outside = episode.outside
+    if outside is not None and isinstance(outside.talk, ToldTalk):
+        return ToldForecast(outside.talk.told().forecasts)
+    has_window = episode.config.engine.options.get("gui", False)
+    if has_window or not episode.can_copy or not forking.can_fork():
+        return None
+    return EpisodeForecast(episode, frames)

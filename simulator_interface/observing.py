@@ -18,8 +18,10 @@ from mrta_falsify.specs.costly import CALLS_SIGNAL
 class WhatIsTold:
     """Keeps from observers what a configuration withholds, as if the stack did not tell it."""
 
-    def __init__(self, withheld: Sequence[str], robots: int) -> None:
-        self.tells = Tells(**{name: name not in withheld for name in Tells._fields})
+    def __init__(self, withheld: Sequence[str], robots: int, tells: Tells) -> None:
+        told = tells._asdict()
+        self.tells = Tells(**{name: told[name] and name not in withheld for name in told})
+        self._keeps_back = bool(withheld)
         self._nowhere = np.full((robots, 2), np.nan)
         self._no_stops = np.zeros(robots, dtype=np.int64)
         self._no_paths = (NO_POINTS,) * robots
@@ -28,7 +30,7 @@ class WhatIsTold:
         self, intent: Intent, events: tuple[StackEvent, ...]
     ) -> tuple[Intent, tuple[StackEvent, ...]]:
         """Leave out what is withheld."""
-        if all(self.tells):
+        if not self._keeps_back:
             return intent, events
         if not self.tells.deliveries:
             events = tuple(event for event in events if event.kind not in STOP_KINDS)

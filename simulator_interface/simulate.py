@@ -25,6 +25,7 @@ from mrta_falsify.specs.contacts import ContactCounter
 from mrta_falsify.specs.stack_runs import StackRuns
 from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
+from simulator_interface.external.told import Told
 from simulator_interface.forecast import offer_forecasts
 
 #: why an episode ended, by how the stack failed
@@ -58,6 +59,7 @@ class Outcome:
     ended: str  #: why the episode ended
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
+    told: Told | None = None  #: what a stack in a process of its own has said, if it is kept
 
 
 def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
@@ -106,6 +108,7 @@ def simulate(
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
     stop: Callable[[Frame], str] | None = None,
+    told: Told | None = None,
 ) -> Outcome:
     """Run one episode to its end.
 
@@ -116,6 +119,7 @@ def simulate(
         keep_trace: keep columns and tables; without, the trace has only its digest.
         on_progress: called about once per simulated second with the time [s].
         stop: ends the episode at the first frame for which it returns a reason.
+        told: what a stack in a process of its own has said; it is not asked again.
 
     Returns:
         Trace, verdicts and counts.
@@ -126,7 +130,7 @@ def simulate(
     """
     _check_unscripted(world)
     running = EpisodeRun(
-        world, config, specifications=specifications, keep_trace=keep_trace, stop=stop
+        world, config, specifications=specifications, keep_trace=keep_trace, stop=stop, told=told
     )
     per_second = config.control_rate
     try:
@@ -151,6 +155,7 @@ class EpisodeRun:
         specifications: folds that score the run; they are started here.
         keep_trace: keep columns and tables; without, the trace has only its digest.
         stop: ends the episode at the first frame for which it returns a reason.
+        told: what a stack in a process of its own has said; it is not asked again.
 
     Raises:
         InputError: as in :func:`frames_of`.
@@ -164,9 +169,11 @@ class EpisodeRun:
         specifications: Sequence[Specification] = (),
         keep_trace: bool = True,
         stop: Callable[[Frame], str] | None = None,
+        told: Told | None = None,
     ) -> None:
         self._began = wall_clock.perf_counter()
-        self.episode = Episode(world, config)
+        self.episode = Episode(world, config, told)
+        self._keeps_answers = keep_trace
         self.ended = ""  #: why the episode ended, empty: it goes on
         self.frame: Frame | None = None  #: of the last tick
         self._recorder = TraceRecorder(
@@ -222,8 +229,9 @@ class EpisodeRun:
         self.ended = self.ended or reason
 
     def close(self) -> None:
-        """Free the engine; may be called twice."""
+        """Free the engine, and end the stack's process; may be called twice."""
         self._frames.close()
+        self.episode.close()
 
     def outcome(self) -> Outcome:
         """Sum up the run; call it once, at its end."""
@@ -237,7 +245,12 @@ class EpisodeRun:
             ended=self.ended,
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
             wall_s=wall_clock.perf_counter() - self._began,
+            told=self._told(),
         )
+
+    def _told(self) -> Told | None:
+        outside = self.episode.outside
+        return outside.talk.told() if outside is not None and self._keeps_answers else None
 
     def _verdicts(self) -> tuple[Verdict, ...]:
         verdicts = tuple(specification.verdict() for specification in self._asked_for)

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -29,6 +30,7 @@ from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
 #: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
 DISPATCHER = "dispatcher"
+WHOLE = "stack"  #: of which no layer is known: it runs in a process of its own
 #: layer that decides about what blocks a robot, by cause
 LAYER_OF_CAUSE = {
     "queue": "queue_policy",
@@ -70,6 +72,14 @@ PATH_AHEAD = 1.5  # m of path that are looked at
 def points_directly(verdict: Verdict) -> bool:
     """Whether the violation itself names the layer that should have prevented it."""
     return verdict.spec in LAYER_OF_SPECIFICATION or verdict.spec == "stack_runs"
+
+
+def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
+    """Name the layer of a stack to look at first; see :func:`suspected_layer`."""
+    has_failed = any(verdict.violated for verdict in verdicts)
+    if config.stack is not None:
+        return WHOLE if has_failed else ""
+    return suspected_layer(verdicts, trace)
 
 
 def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:

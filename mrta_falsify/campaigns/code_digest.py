@@ -12,6 +12,7 @@ from pathlib import Path
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.record import versions
 
 PACKAGES = ("mrta_falsify", "simulator_interface", "scenic_worlds", "samplers")  #: that runs use
@@ -23,7 +24,8 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
     """Hash the code of a stack, of specifications and of the toolkit, with all versions.
 
     A component of the user's own counts with all Python files of its package, or of the folder
-    that its module lies in.
+    that its module lies in. A stack in a process of its own counts with the files that its command
+    names, and the sources beside them.
 
     Args:
         config: the stack.
@@ -34,7 +36,8 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
 
 
 def _places(config: StackConfig, specifications: Iterable[str]) -> Iterator[tuple[Path, str]]:
-    """Yield the folders of components that are not ours, each with the pattern of its files."""
+    """Yield the folders of what is not ours, each with the pattern of its files."""
+    yield from _places_of_program(config.stack)
     named = [("specification", name) for name in specifications]
     for field in dataclasses.fields(config):
         choice = getattr(config, field.name)
@@ -57,10 +60,20 @@ def _places(config: StackConfig, specifications: Iterable[str]) -> Iterator[tupl
             yield folder, "*"
 
 
+def _places_of_program(stack: ExternalStack | None) -> Iterator[tuple[Path, str]]:
+    folder = Path(stack.folder) if stack is not None else Path()
+    for word in stack.command if stack is not None else ():
+        path = (folder / word).resolve()
+        if path.is_file():
+            yield path.parent, path.name
+            if path.is_relative_to(folder.resolve()):
+                yield path.parent, "*"
+
+
 @functools.cache
 def _digest_of(folder: Path, pattern: str) -> str:
     seen = hashlib.sha256()
     for path in sorted(folder.glob(pattern)):
-        if path.suffix in SUFFIXES and path.is_file():
+        if (path.suffix in SUFFIXES or path.name == pattern) and path.is_file():
             seen.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
     return seen.hexdigest()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -158,16 +158,22 @@ def _exit_code(result: CampaignResult) -> int:
 
 @main.command("init")
 @click.argument("directory", type=FILE, default=".")
-def init_command(directory: Path) -> int:
+@click.option(
+    "--stack",
+    type=click.Choice(["python", "cpp"]),
+    help="A stack of your own in a process of its own, in this language.",
+)
+def init_command(directory: Path, stack: Literal["python", "cpp"] | None) -> int:
     """Write a scenario and a stack file to begin with into DIRECTORY (default: here)."""
     from mrta_falsify.verbs.init import init
 
-    scenario, stack = init(directory)
-    click.echo(str(scenario))
-    click.echo(str(stack))
-    output.say(f"try: mrta-falsify check {shlex.quote(str(scenario))}")
-    output.say(
-        f"then: mrta-falsify campaign {shlex.quote(str(scenario))} --stack "
-        f"{shlex.quote(str(stack))} -o runs/first"
-    )
+    written = init(directory, stack)
+    for path in written:
+        click.echo(str(path))
+    scenario, config = (shlex.quote(str(path)) for path in written[:2])
+    if stack == "cpp":
+        folder = shlex.quote(str(directory))
+        output.say(f"build: c++ -std=c++17 -O2 -o {folder}/my_stack {folder}/my_stack.cpp")
+    output.say(f"try: mrta-falsify check {scenario}")
+    output.say(f"then: mrta-falsify campaign {scenario} --stack {config} -o runs/first")
     return ExitCode.DONE

@@ -174,7 +174,7 @@ def output_option(
 
 
 def stack_options(command: Command) -> Command:
-    """Add ``--stack FILE`` and repeatable ``--set LAYER[.OPTION]=VALUE``, as ``settings``."""
+    """Add ``--stack`` and repeatable ``--set LAYER[.OPTION]=VALUE``, as ``settings``."""
     command = click.option(
         "--set",
         "settings",
@@ -183,7 +183,9 @@ def stack_options(command: Command) -> Command:
         help="Choose an implementation or set an option; defects=[a,b] plants defects. Repeatable.",
     )(command)
     return click.option(
-        "--stack", type=FILE, metavar="FILE", help="YAML with a name or options per layer."
+        "--stack",
+        metavar="FILE|exec:CMD",
+        help="YAML with a name or options per layer, or a stack's own command.",
     )(command)
 
 

@@ -116,8 +116,9 @@ def show_command(directory: Path, id: str, style: str) -> int:
 @main.command("replay")
 @trial_arguments
 @count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
+@click.option("--live", is_flag=True, help="Ask a stack in a process of its own again.")
 @format_option
-def replay_command(directory: Path, id: str, verify: int, style: str) -> int:
+def replay_command(directory: Path, id: str, verify: int, live: bool, style: str) -> int:
     """Run a stored trial again and compare digests. Exit code 1: they differ.
 
     Where they do, says whether the verdicts still agree, and names the first tick that differs
@@ -126,7 +127,7 @@ def replay_command(directory: Path, id: str, verify: int, style: str) -> int:
     """
     from mrta_falsify.verbs.replay import replay, summarise_replay
 
-    result = replay(directory, id, verify)
+    result = replay(directory, id, verify, live)
     if style == "json":
         output.print_json(summarise_replay(result))
     else:

@@ -13,6 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.core.external import ExternalStack, located, parse_exec
 from mrta_falsify.core.fleet import Tells
 
 
@@ -40,6 +41,7 @@ class StackConfig:
     control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
     defects: tuple[str, ...] = ()  #: planted defects switched on, sorted
     withheld: tuple[str, ...] = later(())  #: fields of ``Tells`` kept from all observers, sorted
+    stack: ExternalStack | None = later(None)  #: takes the place of all layers of the stack
 
     def __post_init__(self) -> None:
         for name in self.withheld:
@@ -66,11 +68,17 @@ STACK_LAYERS = tuple(layer for layer in LAYERS if layer not in ("human_model", "
 LISTS = ("defects", "withheld")  # fields that list names
 
 
-def decode_config(data: Any, *, where: str) -> StackConfig:
+def decode_config(data: Any, *, where: str, folder: Path | None = None) -> StackConfig:
     """Read a stack configuration from YAML-shaped data.
 
     A layer is written as a name (``planner: astar``) or as a name with options
-    (``planner: {name: astar, resolution: 0.1}``).
+    (``planner: {name: astar, resolution: 0.1}``). A stack in a process of its own is written as
+    ``stack: exec:CMD`` or ``stack: {command: [...], ...}``.
+
+    Args:
+        data: of the YAML file.
+        where: it stands, for messages.
+        folder: paths in the stack's command are relative to it; None: they are bound already.
 
     Raises:
         ConfigError: unknown layer or ill-typed value.
@@ -86,7 +94,14 @@ def decode_config(data: Any, *, where: str) -> StackConfig:
     for field in LISTS:
         if isinstance(shaped.get(field), list):
             shaped[field] = sorted(set(map(str, shaped[field])))
-    return codec.decode(StackConfig, shaped, where=where)
+    if isinstance(shaped.get("stack"), str):
+        bound = parse_exec(shaped["stack"], where=f"{where}: stack", folder=folder)
+        shaped["stack"] = codec.encode(bound)
+    config = codec.decode(StackConfig, shaped, where=where)
+    if config.stack is None or folder is None:
+        return config
+    bound = located(config.stack, where=f"{where}: stack", folder=folder)
+    return dataclasses.replace(config, stack=bound)
 
 
 def _shaped_layer(layer: str, value: Any, where: str) -> dict[str, Any]:
@@ -106,7 +121,7 @@ def _shaped_layer(layer: str, value: Any, where: str) -> dict[str, Any]:
 
 def read_config(path: Path) -> StackConfig:
     """Read a stack configuration from a YAML file."""
-    return decode_config(codec.read_yaml(path), where=str(path))
+    return decode_config(codec.read_yaml(path), where=str(path), folder=path.parent)
 
 
 def apply_setting(config: StackConfig, setting: str) -> StackConfig:

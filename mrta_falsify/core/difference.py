@@ -72,7 +72,8 @@ def _in_column(name: str, one: Trace, other: Trace) -> Difference | None:
     if differs.ndim > 1 and name != "furniture_pose":
         which = np.flatnonzero(differs[tick].reshape(len(names), -1).any(axis=1))
         who = names[int(which[0])]
-    gap = np.abs(a[tick].astype(np.float64) - b[tick].astype(np.float64))[differs[tick]]
+    first, second = (np.asarray(of[tick], dtype=np.float64)[differs[tick]] for of in (a, b))
+    gap = np.abs(first - second)
     size = float(np.max(gap)) if np.isfinite(gap).all() else None
     return Difference(tick=tick, time=_time(one, tick), what=name, who=who, size=size)
 

@@ -16,10 +16,43 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.feedback import Feedback
-from mrta_falsify.core.fleet import Command, Frame, Sensed
+from mrta_falsify.core.fleet import (
+    Command,
+    FleetState,
+    Frame,
+    Intent,
+    Sensed,
+    StackEvent,
+)
 from mrta_falsify.core.stack_failure import StackFailure
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
+
+# --- the whole stack -------------------------------------------------------------------
+
+
+class FleetStack(Protocol):
+    """The whole stack under test, as an episode asks it; its memory is a value of its own."""
+
+    def start(self) -> Any:
+        """Give the memory at time 0; it has ``digest()``, a hash of all that decides."""
+
+    def step(
+        self, state: Any, fleet: FleetState
+    ) -> tuple[Any, Command, Intent, tuple[StackEvent, ...]]:
+        """Run one control tick.
+
+        Args:
+            state: memory; it is consumed.
+            fleet: what the robots' sensors say.
+
+        Returns:
+            The memory for the next tick, the command, what the stack intends, and what happened.
+        """
+
+    def forget_after(self, state: Any, time: float) -> None:
+        """Let no task arrive any more, and no outage begin, after ``time`` [s]."""
+
 
 # --- allocation ------------------------------------------------------------------------
 

@@ -4,18 +4,40 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.verbs.folders import Place
 
-STARTER = ("my_scenario.scenic", "stack.yaml")  # files of the folder ``starter``
+Language = Literal["python", "cpp"]
+
+#: files by the language of the stack: where they come from, by name
+STARTERS: dict[Language | None, dict[str, tuple[str, str]]] = {
+    None: {
+        "my_scenario.scenic": ("mrta_falsify.verbs", "starter/my_scenario.scenic"),
+        "stack.yaml": ("mrta_falsify.verbs", "starter/stack.yaml"),
+    },
+    "python": {
+        "my_scenario.scenic": ("mrta_falsify.verbs", "starter/first_ward.scenic"),
+        "stack.yaml": ("mrta_falsify.verbs", "starter/python/stack.yaml"),
+        "my_stack.py": ("mrta_falsify.verbs", "starter/python/my_stack.py"),
+        "mrta_stack.py": ("simulator_interface.clients", "mrta_stack.py"),
+    },
+    "cpp": {
+        "my_scenario.scenic": ("mrta_falsify.verbs", "starter/first_ward.scenic"),
+        "stack.yaml": ("mrta_falsify.verbs", "starter/cpp/stack.yaml"),
+        "my_stack.cpp": ("mrta_falsify.verbs", "starter/cpp/my_stack.cpp"),
+        "mrta_stack.hpp": ("simulator_interface.clients", "mrta_stack.hpp"),
+    },
+}
 
 
-def init(directory: Place = ".") -> tuple[Path, ...]:
+def init(directory: Place = ".", stack: Language | None = None) -> tuple[Path, ...]:
     """Write a scenario and a stack to begin with.
 
     Args:
         directory: made if missing; files that are there are never overwritten.
+        stack: language of a stack in a process of its own; None: the shipped one, by layers.
 
     Returns:
         The files.
@@ -24,18 +46,15 @@ def init(directory: Place = ".") -> tuple[Path, ...]:
         FormatError: a file is there already, or cannot be written.
     """
     folder = Path(directory)
-    paths = tuple(folder / name for name in STARTER)
+    paths = tuple(folder / name for name in STARTERS[stack])
     for path in paths:
         if path.exists():
             raise FormatError(f"{path}: is there already; nothing was written")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path in paths:
-            path.write_bytes(_starter_file(path.name))
+            package, file = STARTERS[stack][path.name]
+            path.write_bytes(resources.files(package).joinpath(file).read_bytes())
     except OSError as error:
         raise FormatError(f"{folder}: cannot be written: {error.strerror}") from None
     return paths
-
-
-def _starter_file(name: str) -> bytes:
-    return resources.files("mrta_falsify.verbs").joinpath("starter", name).read_bytes()

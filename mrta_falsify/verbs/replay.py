@@ -19,6 +19,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
 from mrta_falsify.worker import rerun, specifications_of
+from simulator_interface.external.told import TOLD_NAME, read_told
 from simulator_interface.guard import guarded
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
@@ -67,13 +68,16 @@ class Replay:
         return agreeing == len(self.runs)
 
 
-def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
+def replay(directory: Place, id: str | int, verify: int = 1, live: bool = False) -> Replay:
     """Run a stored trial again, and keep what that shows beside it, for the report.
+
+    A stack in a process of its own is not asked again: its stored answers are told.
 
     Args:
         directory: of the campaign.
         id: of the trial.
         verify: how often to run it.
+        live: ask the stack again.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
@@ -85,7 +89,7 @@ def replay(directory: Place, id: str | int, verify: int = 1) -> Replay:
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)
     with going_on(f"replay {record.id}", journal):
-        result = replay_trial(campaign, record, times=verify, journal=journal)
+        result = replay_trial(campaign, record, times=verify, live=live, journal=journal)
         store_replay(campaign, result)
     journal.discard()
     return result
@@ -97,9 +101,17 @@ def replay_trial(
     record: TrialRecord,
     *,
     times: int = 1,
+    live: bool = False,
     journal: RunJournal[ReplayRun] | None = None,
 ) -> Replay:
     """Run a stored trial again ``times`` times, but for the runs in ``journal``.
+
+    Args:
+        campaign: that has it.
+        record: of the trial.
+        times: how often.
+        live: ask a stack in a process of its own again, instead of telling its stored answers.
+        journal: keeps finished runs.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
@@ -108,9 +120,9 @@ def replay_trial(
     journal = journal or RunJournal(ReplayRun, None)
     runs = []
     for number in range(times):
-        key = codec.digest([record, campaign.settings.trials, number])
+        key = codec.digest([record, campaign.settings.trials, number, live])
         known = journal.answers.get(key)
-        runs.append(known or journal.keep(key, _run(campaign, record, world)))
+        runs.append(known or journal.keep(key, _run(campaign, record, world, live=live)))
     wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
     same_version = _is_same_version(campaign, record)
     differences = [run.difference for run in runs if run.trace_digest != record.trace_digest]
@@ -128,9 +140,11 @@ def replay_trial(
     )
 
 
-def _run(campaign: Campaign, record: TrialRecord, world: World) -> ReplayRun:
+def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -> ReplayRun:
     """Run a stored trial once and compare it with its trace, if that was kept."""
-    judged = rerun(campaign.settings.trials, record, world)
+    path = campaign.folder(record) / TOLD_NAME
+    told = read_told(path) if path.is_file() and not live else None
+    judged = rerun(campaign.settings.trials, record, world, told)
     trace = judged.outcome.trace
     stored: Path = campaign.folder(record) / "trace.zip"
     difference = None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
@@ -324,7 +324,7 @@ def _write_files(
         versions=versions(),
         picture=written.picture,
         animation=written.gif,
-        layer=suspected_layer(outcome.verdicts, outcome.trace),
+        layer=suspect(config, outcome.verdicts, outcome.trace),
     )
     page.write_page(report, written.report)
 

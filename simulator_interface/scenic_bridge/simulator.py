@@ -33,6 +33,7 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications
+from simulator_interface.external.told import Told
 from simulator_interface.scenic_bridge.parameters import read_parameters
 from simulator_interface.scenic_bridge.scene_contract import BEHAVIORS_FILE
 from simulator_interface.scenic_bridge.simulation import PyBulletSimulation
@@ -54,6 +55,7 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         specifications: new specifications for a run; by default those of ``param specs``.
         keep_trace: keep the trace's columns and tables, not only its digest.
         stop: ends a run at the first frame for which it returns a reason.
+        told: what a stack in a process of its own has said; it is not asked again.
     """
 
     def __init__(
@@ -64,9 +66,11 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         specifications: Callable[[], Sequence[Specification]] | None = None,
         keep_trace: bool = True,
         stop: Callable[[Frame], str] | None = None,
+        told: Told | None = None,
     ) -> None:
         super().__init__()
         self._stop = stop
+        self._told = told
         self._realise = realise
         self._config = config
         self._specifications = specifications
@@ -97,6 +101,7 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
                 ),
                 keep_trace=self._keep_trace,
                 stop=self._stop,
+                told=self._told,
             )
         except InputError as error:
             raise SimulationCreationError(str(error)) from error
@@ -118,6 +123,7 @@ def simulate_scene(
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
     stop: Callable[[Frame], str] | None = None,
+    told: Told | None = None,
 ) -> Outcome:
     """Run one scene through Scenic, as :func:`simulator_interface.simulate.simulate` a world.
 
@@ -137,6 +143,7 @@ def simulate_scene(
         specifications=lambda: specifications,
         keep_trace=keep_trace,
         stop=_watching(stop, on_progress, config.control_rate),
+        told=told,
     )
     timeout = dynamics.stuckBehaviorWarningTimeout
     dynamics.stuckBehaviorWarningTimeout = (

@@ -78,3 +78,12 @@ def test_of_several_ticks_that_differ_in_one_column_the_first_is_named(hall_trac
     other = _with(_with(hall_trace, "goal", 30, 1.5), "goal", 90, 1.5)
     found = first_difference(hall_trace, other)
     assert (found.tick, found.what) == (30, "goal")
+
+
+def test_what_is_infinite_in_both_is_left_out_of_the_size(hall_trace):
+    points = np.full_like(hall_trace.columns["obstacle_points"][9, 1], np.inf)
+    other = points.copy()
+    other[0] = 1.0
+    one = _with(hall_trace, "obstacle_points", 9, points)
+    found = first_difference(one, _with(hall_trace, "obstacle_points", 9, other))
+    assert (found.tick, found.what, found.size) == (9, "obstacle_points", None)

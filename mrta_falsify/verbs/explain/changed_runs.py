@@ -43,8 +43,9 @@ def continued_with(
     yield from journal.known_first(missing)
     if not missing:
         return
-    if verdict.spec == "stack_runs" and verdict.violated_at == 0.0:
-        for key, change in missing.items():  # nothing runs until then
+    fails_at_once = verdict.spec == "stack_runs" and verdict.violated_at == 0.0
+    if fails_at_once or job.config.stack is not None:  # no other stack can go on in mid-run
+        for key, change in missing.items():
             yield journal.keep(key, _from_the_start(job, verdict, change, until))
         return
     with run_to(job.world, job.config, judges_of(job), at) as running:

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from mrta_falsify.campaigns.attribution import WHOLE
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.findings import Counterfactual
 
 #: layers of the stack in the order of the pipeline; people and physics are not the stack's own
@@ -37,8 +39,23 @@ class Change:
 
 
 def changes_of(config: StackConfig) -> tuple[Change, ...]:
-    """List the changes of each layer: to the shipped one, or from the shipped one to others."""
+    """List the changes of each layer: to the shipped one, or from the shipped one to others.
+
+    A stack in a process of its own is replaced as a whole: by its own variants, by the shipped one.
+    """
+    if config.stack is not None:
+        return tuple(_changes_of_whole(config, config.stack))
     return tuple(change for layer in SUSPECTS for change in _changes_of_layer(config, layer))
+
+
+def _changes_of_whole(config: StackConfig, stack: ExternalStack) -> Iterator[Change]:
+    for name, params in stack.variants.items():
+        varied = dataclasses.replace(stack, params={**stack.params, **params})
+        changed = dataclasses.replace(config, stack=varied)
+        yield Change(layer=WHOLE, text=f"stack: its variant {name}", config=changed)
+    text = "stack: the shipped one instead of the one under test"
+    shipped = dataclasses.replace(config, stack=None)
+    yield Change(layer=WHOLE, text=text, config=shipped, restores=True)
 
 
 def _changes_of_layer(config: StackConfig, layer: str) -> Iterator[Change]:
@@ -82,7 +99,7 @@ def suspicion_from(
 ) -> Suspicion:
     """Suspect a layer from what its changes did.
 
-    The rules, the first one that applies:
+    A stack in a process of its own is suspected as a whole. The rules, the first that applies:
 
     1. The shipped layer in place of another one removes the failure: that layer, the trace's own
        guess if there are several.
@@ -103,6 +120,8 @@ def suspicion_from(
         direct: whether the violation itself names the layer.
         knife_edge: whether most copies with small differences pass.
     """
+    if guess == WHOLE:
+        return Suspicion(WHOLE, _of_whole(counterfactuals))
     restored = _cures([found for found in counterfactuals if found.restores])
     if restored:
         return _chosen(restored, guess, "the shipped one in its place removes the failure")
@@ -122,6 +141,15 @@ def suspicion_from(
         reason = "a knife edge, which many changes remove; named by what the trace shows"
         return Suspicion(guess, reason)
     return _chosen(cures, guess, "changing it, and nothing else, removes the failure")
+
+
+def _of_whole(counterfactuals: Sequence[Counterfactual]) -> str:
+    """Say what a stack without known layers has to do with a failure."""
+    if any(found.restores and found.failure_gone for found in counterfactuals):
+        return "the shipped stack does not fail in this world"
+    if any(found.failure_gone for found in counterfactuals):
+        return "one of its own variants does not fail in this world"
+    return "the shipped stack fails in this world in the same way"
 
 
 def _cures(counterfactuals: Sequence[Counterfactual]) -> list[str]:

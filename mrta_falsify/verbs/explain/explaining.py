@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from mrta_falsify.campaigns.attribution import points_directly, suspected_layer
+from mrta_falsify.campaigns.attribution import points_directly, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
@@ -108,8 +108,8 @@ def explain_job(
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to explain")
     trace = judged.outcome.trace
-    guess = suspected_layer(judged.verdicts, trace)
-    at = moment_of_change(verdict)
+    guess = suspect(job.config, judged.verdicts, trace)
+    at = moment_of_change(verdict) if job.config.stack is None else 0.0
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
     count = _Count(max_runs, min(max_runs, 1 + len(changes) + JITTERED), on_done)
     count.add()

@@ -54,7 +54,7 @@ def removals_of(
     if not missing:
         return
     with run_to(job.world, job.config, judges_of(job), found) as running:
-        if not running.episode.can_remove:
+        if not (running.episode.can_remove and running.episode.can_copy):
             return
         for key, name in missing.items():
             others = {

@@ -1,0 +1,310 @@
+"""What a stack in another process answers, checked field by field.
+
+A field that the protocol does not know is refused by name, unless it begins with ``x_``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.fleet import Phase, StackEvent
+from simulator_interface.external.messages import PROTOCOL, Message
+
+READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can")
+SAYS = ("deliveries", "goals", "paths")
+CAN = ("branch",)
+LONGEST_PATH = 100_000  # points
+MOST_SIGNALS = 100
+MOST_PEOPLE = 1 << 20  # an event may name a person by number
+MOST_TEXT = 500  # characters
+EVENT_FIELDS = ("kind", "robot", "task", "resource", "other", "detail")
+#: fields of a command that become fields of an ``Intent``
+FIELDS = {
+    "stops_left": "tasks_left",
+    "phase": "phase",
+    "waypoint": "waypoint",
+    "cluster": "cluster",
+    "leader": "leader",
+    "slack": "slack",
+    "queue": "queue",
+}
+#: whole numbers, one per robot: from, and below; 0: the number of robots
+NUMBERS = {
+    "stops_left": (0, 1 << 31),
+    "phase": (0, len(Phase)),
+    "cluster": (0, 0),
+    "leader": (0, 0),
+    "queue": (-1, 1 << 31),
+}
+ARRAYS: dict[str, tuple[int, ...]] = {"waypoint": (2,), "slack": ()}  # shapes behind the robots
+FREE_PREFIX = "x_"  # begins fields that are the stack's own
+
+
+class Wrong(Exception):  # noqa: N818 - says what is wrong with an answer
+    """An answer breaks the protocol.
+
+    Args:
+        field: of the message.
+        text: what is wrong with it.
+    """
+
+    def __init__(self, field: str, text: str) -> None:
+        super().__init__(text)
+        self.field, self.text = field, text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ready:
+    """Who the stack is, and what it says and can."""
+
+    name: str
+    version: str
+    encoding: Literal["msgpack", "json"]
+    says: tuple[str, ...]
+    can: tuple[str, ...]
+    minor: int  #: version of the protocol
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """A checked `command`; N robots."""
+
+    twist: Array  #: (N, 3)
+    goal: Array | None  #: (N, 2), None: not said
+    paths: dict[int, Array]  #: those that changed, (L, 2)
+    intent: dict[str, Array | IntArray]  #: other fields of an ``Intent`` that were said
+    waits_for: dict[int, str] | None  #: robot -> whom or what; None: not said
+    events: tuple[StackEvent, ...]
+    took: float  #: [s] of simulated time
+    signals: dict[str, float]
+
+
+def read_ready(message: Message) -> Ready:
+    """Read the answer to `hello`.
+
+    Raises:
+        ConfigError: it is none, or the stack speaks another version.
+    """
+    where = "the stack's `ready`"
+    if message.get("type") != "ready":
+        raise ConfigError(f"{where}: its type is {message.get('type')!r}")
+    try:
+        _refuse_unknown(message, READY_FIELDS)
+        major, minor = _pair(message.get("protocol"))
+        if major != PROTOCOL[0]:
+            raise Wrong("protocol", f"speaks version {major}; this harness speaks {PROTOCOL[0]}")
+        encoding = message.get("encoding", "msgpack")
+        if encoding not in ("msgpack", "json"):
+            raise Wrong("encoding", f"is {encoding!r}; it must be msgpack or json")
+        return Ready(
+            name=str(message.get("name", ""))[:100] or "unnamed",
+            version=str(message.get("version", ""))[:100],
+            encoding=encoding,
+            says=_names("says", message.get("says", ()), SAYS),
+            can=_names("can", message.get("can", ()), CAN),
+            minor=minor,
+        )
+    except Wrong as wrong:
+        raise ConfigError(f"{where}: {wrong.field} {wrong.text}") from None
+
+
+def _pair(value: Any) -> tuple[int, int]:
+    is_pair = isinstance(value, (list, tuple)) and len(value) == 2
+    if not is_pair or not all(isinstance(number, int) for number in value):
+        raise Wrong("protocol", f"is {value!r}; it must be [major, minor]")
+    return value[0], value[1]
+
+
+def _names(field: str, value: Any, known: tuple[str, ...]) -> tuple[str, ...]:
+    if not isinstance(value, (list, tuple)):
+        raise Wrong(field, f"is {value!r}; it must be a list of {', '.join(known)}")
+    for name in value:
+        if name not in known:
+            raise Wrong(field, f"has {name!r}; known are {', '.join(known)}")
+    return tuple(name for name in known if name in value)
+
+
+def _refuse_unknown(message: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for name in message:
+        if name not in known and not str(name).startswith(FREE_PREFIX):
+            near = difflib.get_close_matches(str(name), known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            raise Wrong(str(name)[:50], f"is no field of the message; {hint}")
+
+
+# --- a command ------------------------------------------------------------------------------
+
+
+class Reader:
+    """Reads commands of one episode.
+
+    Args:
+        robots: their names.
+        tasks: how many there are.
+    """
+
+    def __init__(self, robots: tuple[str, ...], tasks: int) -> None:
+        self._robots = robots
+        self._tasks = tasks
+        self._readers: dict[str, Callable[[Any], Any]] = {
+            "twist": self._twist,
+            "goal": lambda value: self._array("goal", value, (len(robots), 2)),
+            "paths": self._paths,
+            "waits_for": self._waits,
+            "took": lambda value: self._real("took", value, low=0.0),
+            "signals": self._signals,
+            "events": lambda value: value,
+            **{name: functools.partial(self._numbers, name) for name in NUMBERS},
+            **{name: functools.partial(self._rows_of, name) for name in ARRAYS},
+        }
+        self._known = ("type", "tick", *self._readers)
+
+    def read(self, message: Message, tick: int, time: float) -> Answer:
+        """Check a command.
+
+        Args:
+            message: as received.
+            tick: that was asked.
+            time: of the tick [s].
+
+        Raises:
+            Wrong: it is none, or a field is not as the protocol says.
+        """
+        if message["type"] != "command":
+            raise Wrong("type", f"is {message['type']!r:.50}; a tick is answered by 'command'")
+        _refuse_unknown(message, self._known)
+        if message.get("tick") != tick:
+            raise Wrong("tick", f"is {message.get('tick')!r:.50}; tick {tick} was asked")
+        if "twist" not in message:
+            raise Wrong("twist", "is missing")
+        readers = self._readers
+        found = {name: readers[name](message[name]) for name in readers if name in message}
+        return Answer(
+            twist=found["twist"],
+            goal=found.get("goal"),
+            paths=found.get("paths", {}),
+            intent={FIELDS[name]: found[name] for name in FIELDS if name in found},
+            waits_for=found.get("waits_for"),
+            events=self._events(found.get("events", ()), time),
+            took=found.get("took", 0.0),
+            signals=found.get("signals", {}),
+        )
+
+    def _twist(self, value: Any) -> Array:
+        twist = self._array("twist", value, (len(self._robots), 3))
+        finite = np.isfinite(twist).all(axis=1)
+        if not finite.all():
+            robot = int(np.argmin(finite))
+            numbers = ", ".join(f"{number:g}" for number in twist[robot])
+            raise Wrong("twist", f"of {self._robots[robot]} is ({numbers}); it must be finite")
+        return twist
+
+    def _numbers(self, field: str, value: Any) -> IntArray:
+        rows = self._rows(field, value)
+        if len(rows) != len(self._robots):
+            raise Wrong(field, f"has {len(rows)} numbers, not {len(self._robots)}")
+        low, below = NUMBERS[field]
+        below = below or len(self._robots)
+        return np.array([self._number(field, n, below, low) for n in rows], dtype=np.int64)
+
+    def _rows_of(self, field: str, value: Any) -> Array:
+        return self._array(field, value, (len(self._robots), *ARRAYS[field]))
+
+    def _paths(self, value: Any) -> dict[int, Array]:
+        found = {}
+        for row in self._rows("paths", value, 2):
+            robot = self._number("paths", row[0], len(self._robots))
+            path = self._array("paths", row[1], (-1, 2))
+            if len(path) > LONGEST_PATH or not np.isfinite(path).all():
+                raise Wrong("paths", f"of {self._robots[robot]} is too long or not finite")
+            found[robot] = path
+        return found
+
+    def _events(self, value: Any, time: float) -> tuple[StackEvent, ...]:
+        return tuple(self._event(row, time) for row in self._rows("events", value))
+
+    def _event(self, row: Any, time: float) -> StackEvent:
+        if not isinstance(row, dict) or not isinstance(row.get("kind"), str):
+            raise Wrong("events", f"has {row!r:.50}; each must be a map with a `kind`")
+        for name in row:
+            if name not in EVENT_FIELDS:
+                raise Wrong("events", f"has {name!r:.50}; known are {', '.join(EVENT_FIELDS)}")
+        return StackEvent(
+            time=time,
+            kind=row["kind"][:MOST_TEXT],
+            robot=self._number("events", row.get("robot", -1), len(self._robots), -1),
+            task=self._number("events", row.get("task", -1), self._tasks, -1),
+            resource=str(row.get("resource", ""))[:MOST_TEXT],
+            other=self._number("events", row.get("other", -1), MOST_PEOPLE, -1),
+            detail=str(row.get("detail", ""))[:MOST_TEXT],
+        )
+
+    def _waits(self, value: Any) -> dict[int, str]:
+        return {
+            self._number("waits_for", robot, len(self._robots)): str(what)[:MOST_TEXT]
+            for robot, what in self._rows("waits_for", value, 2)
+        }
+
+    def _signals(self, value: Any) -> dict[str, float]:
+        if not isinstance(value, dict) or len(value) > MOST_SIGNALS:
+            raise Wrong("signals", f"must map at most {MOST_SIGNALS} names to numbers")
+        return {str(k)[:100]: self._real("signals", v, low=-math.inf) for k, v in value.items()}
+
+    # --- parts ------------------------------------------------------------------------------
+
+    def _rows(self, field: str, value: Any, width: int = 0) -> list[Any]:
+        if not isinstance(value, (list, tuple)):
+            raise Wrong(field, f"is {type(value).__name__}; it must be a list")
+        for row in value if width else ():
+            if not isinstance(row, (list, tuple)) or len(row) != width:
+                raise Wrong(field, f"has {row!r:.50}; each entry must be a list of {width}")
+        return list(value)
+
+    def _number(self, field: str, value: Any, below: int, low: int = 0) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value < below:
+            text = f"it must be a whole number from {low} to {below - 1}"
+            raise Wrong(field, f"has {value!r:.50}; {text}")
+        return value
+
+    def _real(self, field: str, value: Any, *, low: float) -> float:
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value) or value < low:
+            raise Wrong(field, f"has {value!r:.50}; it must be a finite number")
+        return float(value)
+
+    def _array(self, field: str, value: Any, shape: tuple[int, ...]) -> Array:
+        """Read an array: bytes, or nested lists with null for nan."""
+        if isinstance(value, bytes):
+            width = int(np.prod([n for n in shape if n >= 0])) * 8
+            fits = len(value) % width == 0 if -1 in shape else len(value) == width
+            if not fits:
+                raise Wrong(
+                    field, f"has {len(value)} bytes; {_words(shape)} float64 are {width} each"
+                )
+            return np.frombuffer(value, dtype="<f8").reshape(shape).copy()
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise Wrong(
+                field, f"is {type(value).__name__}; it must be {_words(shape)} numbers"
+            ) from None
+        if array.size == 0 and -1 in shape:
+            array = array.reshape((0, *shape[1:]))
+        fits = array.ndim == len(shape)
+        fits = fits and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
+        if not fits:
+            raise Wrong(field, f"has shape {array.shape}, not {_words(shape)}")
+        return array
+
+
+def _words(shape: tuple[int, ...]) -> str:
+    return "(" + ", ".join("L" if n < 0 else str(n) for n in shape) + ")"

@@ -1,0 +1,124 @@
+"""How a copy of the run gets a copy of the stack: by its own fork, or by telling all again."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import shutil
+import socket
+import struct
+import tempfile
+from collections.abc import Iterator
+
+from simulator_interface.external.wire import Late, Unreadable, Wire
+
+_SIZES = struct.Struct("<II")
+_PEER = struct.Struct("3i")  # pid, uid, gid
+
+
+class CannotBranch(Exception):  # noqa: N818 - says what the stack cannot do
+    """No copy of the stack can be had."""
+
+
+class Exchanges:
+    """All that was said and heard in an episode; what was heard is kept in memory.
+
+    Args:
+        keeps_questions: whether what was said is kept too, in a file without a name.
+    """
+
+    def __init__(self, *, keeps_questions: bool) -> None:
+        # Not buffered: a copy of this process must not write what the original has not yet.
+        self._file = tempfile.TemporaryFile(buffering=0) if keeps_questions else None  # noqa: SIM115
+        self._size = 0
+        self._own: list[tuple[bytes, bytes]] | None = None  # of this copy, since it is one
+        # Copies tell the original by this byte that a copy of the stack by fork hangs.
+        self._shared = mmap.mmap(-1, 1)
+
+    def add(self, said: bytes, heard: bytes) -> None:
+        """Keep a message of the harness and the stack's answer, which may be a question."""
+        if self._file is None:
+            return
+        if self._own is not None:
+            self._own.append((said, heard))
+            return
+        row = _SIZES.pack(len(said), len(heard)) + said + heard
+        self._file.write(row)
+        self._size += len(row)
+
+    def all(self) -> Iterator[tuple[bytes, bytes]]:
+        """Give what was said and heard, from the world on."""
+        if self._file is None:
+            raise CannotBranch("what was said to the stack is not kept")
+        number, at = self._file.fileno(), 0
+        while at < self._size:
+            said, heard = _SIZES.unpack(_read(number, _SIZES.size, at))
+            row = _read(number, said + heard, at + _SIZES.size)
+            yield row[:said], row[said:]
+            at += _SIZES.size + said + heard
+        yield from self._own or ()
+
+    def become_copy(self) -> None:
+        """Keep what follows apart: this is a copy of the run, and the file is the original's."""
+        self._own = self._own or []
+
+    def close(self) -> None:
+        """Throw the file away; may be called twice."""
+        if self._file is not None:
+            self._file.close()
+
+    @property
+    def forking_failed(self) -> bool:
+        """Whether a copy of the stack by fork did not answer, in any copy of the run."""
+        return self._shared[0] != 0
+
+    def note_forking_failed(self) -> None:
+        """Tell the original and all copies that the stack does not survive a fork."""
+        self._shared[0] = 1
+
+
+def _read(number: int, size: int, at: int) -> bytes:
+    parts = []
+    while size:
+        part = os.pread(number, size, at)
+        if not part:
+            raise CannotBranch("what was said to the stack is cut short")
+        parts.append(part)
+        size, at = size - len(part), at + len(part)
+    return b"".join(parts)
+
+
+def connect_branch(wire: Wire, limit: float) -> tuple[Wire, int]:
+    """Let a stack fork itself; its copy connects here.
+
+    Args:
+        wire: to the stack.
+        limit: [s] that it has.
+
+    Returns:
+        The wire to the copy, and its process number.
+
+    Raises:
+        Closed: the stack is gone.
+        Late: the copy does not come.
+        Unreadable: the stack does not say that it has branched.
+    """
+    folder = tempfile.mkdtemp(prefix="mrta-stack-")  # for this user alone
+    address = os.path.join(folder, "branch")
+    try:
+        with socket.socket(socket.AF_UNIX) as door:
+            door.bind(address)
+            door.listen(1)
+            door.settimeout(limit)
+            wire.send({"type": "branch", "address": address}, limit)
+            answer = wire.receive(limit)
+            if answer["type"] != "branched":
+                raise Unreadable(f"`branch` was answered by {answer['type']!r:.50}")
+            try:
+                link, _ = door.accept()
+            except TimeoutError:
+                raise Late from None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    peer = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    return Wire(link), _PEER.unpack(peer)[0]

@@ -1,0 +1,131 @@
+"""A stack's process: started, asked within limits, and ended with all that it started."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import os
+import socket
+import time
+from collections.abc import Iterator
+
+from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.external import ExternalStack
+from simulator_interface.external import messages
+from simulator_interface.external.answers import Ready, read_ready
+from simulator_interface.external.keeper import Keeper
+from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
+from simulator_interface.heartbeat import PAGE
+
+LINK = "MRTA_STACK_FD"
+#: sources of noise that can be stilled from outside
+STILL = {
+    "PYTHONHASHSEED": "0",
+    "TZ": "UTC",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "PYTHONUNBUFFERED": "1",  # what is printed before a crash is seen
+}
+LAST_LINES = 8  # of the stack's output that are kept
+LONGEST_LINE = 300  # characters
+
+
+class StackProcess:
+    """A running stack that has said who it is.
+
+    Args:
+        options: how it is started.
+
+    Raises:
+        ConfigError: it cannot be started, or does not shake hands.
+    """
+
+    def __init__(self, options: ExternalStack) -> None:
+        self._options = options
+        self._owner = os.getpid()
+        self._pid = 0
+        ours, theirs = socket.socketpair()
+        environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
+        folder = options.folder or os.getcwd()
+        self._keeper = Keeper(options.command, folder, environment, theirs)
+        theirs.close()
+        self.wire = Wire(ours)
+        try:
+            self.ready = self._shake_hands()
+        except BaseException:
+            self.close()
+            raise
+
+    @contextlib.contextmanager
+    def starting(self) -> Iterator[None]:
+        """Turn what goes wrong before the first tick into an error of the user's input.
+
+        Raises:
+            ConfigError: says what the stack did, and what it printed last.
+        """
+        label = self._options.label()
+        try:
+            yield
+        except Closed:
+            code, lines = self.last_words()
+            said = f"; it printed last: {' | '.join(lines[-3:])}" if lines else ""
+            how = "closed the connection" if code is None else f"ended with exit code {code}"
+            raise ConfigError(f"the stack ({label}) {how} before it was ready{said}") from None
+        except Late:
+            limit = self._options.start_limit
+            raise ConfigError(
+                f"the stack ({label}) was not ready within {limit:g} s (stack.start_limit)"
+            ) from None
+        except Unreadable as error:
+            raise ConfigError(f"the stack ({label}) does not shake hands: {error}") from None
+
+    def resident(self) -> float:
+        """Measure the memory that its first process takes up [bytes]; 0: it has ended."""
+        try:
+            with open(f"/proc/{self._pid}/statm", encoding="ascii") as file:
+                return float(file.read().split()[1]) * PAGE
+        except OSError:
+            return 0.0
+
+    def last_words(self) -> tuple[int | None, tuple[str, ...]]:
+        """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
+        until = time.monotonic() + 1.0
+        state = self._keeper.state()
+        while state and state.get("exit") is None and time.monotonic() < until:
+            time.sleep(0.01)
+            state = self._keeper.state()
+        return state.get("exit"), _last_lines(state.get("tail", ""))
+
+    def printed(self) -> tuple[str, ...]:
+        """Give the last lines that it printed, while it runs."""
+        return _last_lines(self._keeper.state().get("tail", ""))
+
+    def close(self) -> None:
+        """End it, and all that it has started; may be called twice. A copy only lets go of it."""
+        if os.getpid() != self._owner:
+            self.wire.close()
+            return
+        with contextlib.suppress(Closed, Late, OSError):
+            self.wire.send({"type": "bye"}, 0.1)
+        self.wire.close()
+        self._keeper.close()
+
+    def _shake_hands(self) -> Ready:
+        error = self._keeper.begun()
+        if error:
+            raise ConfigError(f"the stack cannot be started: {error}")
+        with self.starting():
+            self.wire.send(
+                messages.hello(importlib.metadata.version("mrta-falsify")),
+                self._options.start_limit,
+            )
+            ready = read_ready(self.wire.receive(self._options.start_limit))
+        self.wire.is_binary = ready.encoding == "msgpack"
+        self._pid = self._keeper.state().get("pid", 0)
+        return ready
+
+
+def _last_lines(text: str) -> tuple[str, ...]:
+    lines = (line.rstrip()[:LONGEST_LINE] for line in text.splitlines())
+    return tuple(line for line in lines if line)[-LAST_LINES:]

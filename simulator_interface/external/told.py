@@ -1,0 +1,120 @@
+"""All that a stack in another process has said in a run, so that it can be told again without it.
+
+Copies of the run talked to copies of the stack. What the specifications saw there is kept as well,
+in the order in which they asked.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.stack_failure import StackFailure
+from mrta_falsify.core.trace import DAMAGE
+from simulator_interface.clients.mrta_stack import MOST_BYTES
+from simulator_interface.external.answers import Ready
+
+TOLD_NAME = "answers.zip"
+_LENGTH = struct.Struct("<I")
+_HEAD, _BODY = "told.json", "answers"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """What a stack has said."""
+
+    ready: Ready
+    packed: bytes  #: the answers, each behind its length (u32), deflated
+    forecasts: tuple[dict[str, Any] | None, ...]
+    failure: StackFailure | None  #: how it ended, if it failed
+
+    def answers(self) -> Iterator[bytes]:
+        """Give the answers to the ticks, from the first on."""
+        unpacker, rest = zlib.decompressobj(), b""
+        for at in range(0, len(self.packed), 1 << 16):
+            rest += unpacker.decompress(self.packed[at : at + (1 << 16)])
+            start = 0
+            while len(rest) >= start + _LENGTH.size:
+                (length,) = _LENGTH.unpack_from(rest, start)
+                end = start + _LENGTH.size + length
+                if length > MOST_BYTES:
+                    raise FormatError(f"{TOLD_NAME}: an answer of {length} bytes")
+                if len(rest) < end:
+                    break
+                yield rest[start + _LENGTH.size : end]
+                start = end
+            rest = rest[start:]
+
+
+@dataclass(slots=True)
+class ToldRecorder:
+    """Collects what a stack says.
+
+    Args:
+        ready: who it is.
+    """
+
+    ready: Ready
+    forecasts: list[dict[str, Any] | None] = field(default_factory=list)
+    failure: StackFailure | None = None
+    _packer: Any = field(default_factory=lambda: zlib.compressobj(1))
+    _parts: list[bytes] = field(default_factory=list)
+
+    def add(self, body: bytes) -> None:
+        """Take in the answer to a tick."""
+        self._parts.append(self._packer.compress(_LENGTH.pack(len(body)) + body))
+
+    def finish(self) -> Told:
+        """Give all; nothing may be added afterwards."""
+        self._parts.append(self._packer.flush())
+        return Told(
+            ready=self.ready,
+            packed=b"".join(self._parts),
+            forecasts=tuple(self.forecasts),
+            failure=self.failure,
+        )
+
+
+def write_told(told: Told, path: Path) -> None:
+    """Write what a stack has said; the file is there whole or not at all."""
+    head = {
+        "ready": codec.encode(told.ready),
+        "forecasts": list(told.forecasts),
+        "failure": codec.encode(told.failure),
+    }
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        archive.writestr(zipfile.ZipInfo(_HEAD), json.dumps(head))
+        archive.writestr(zipfile.ZipInfo(_BODY), told.packed)
+    write_atomically(path, made.getvalue())
+
+
+def read_told(path: Path) -> Told:
+    """Read what a stack has said.
+
+    Raises:
+        FormatError: the file is damaged.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            head = json.loads(archive.read(_HEAD))
+            packed = archive.read(_BODY)
+    except DAMAGE as error:
+        raise FormatError(f"{path}: cannot be read: {error}") from None
+    failure = head.get("failure")
+    return Told(
+        ready=codec.decode(Ready, head.get("ready"), where=str(path)),
+        packed=packed,
+        forecasts=tuple(head.get("forecasts", ())),
+        failure=codec.decode(StackFailure, failure, where=str(path)) if failure else None,
+    )

@@ -1,0 +1,130 @@
+"""The shipped stack through the door: the same runs as in process, copies of it included."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import mrta_falsify as mf
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.external import ExternalStack
+from mrta_falsify.core.world import write_world
+from mrta_falsify.specs.library import build_specifications
+from simulator_interface.external.told import read_told, write_told
+from simulator_interface.simulate import Outcome, simulate
+from tests.recorded.record import stored_cases, stored_world
+
+ROOT = Path(__file__).resolve().parents[2]
+
+pytestmark = [
+    pytest.mark.slow,  # whole runs
+    pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux"),
+]
+
+
+def run(world, config, **more) -> Outcome:
+    """Run until a deadlock is claimed, or to the end."""
+    judges = build_specifications(["no_deadlock", "all_tasks_done"])
+
+    def stop(frame) -> str:
+        return "decided" if judges[0].verdict().violated else ""
+
+    return simulate(world, config, specifications=judges, stop=stop, **more)
+
+
+@pytest.fixture(scope="module")
+def in_process():
+    """Runs of recorded worlds by the stack in this process, by name."""
+    known = {}
+
+    def outcome(name: str, engine: str):
+        if (name, engine) not in known:
+            world, config = case(name, engine)
+            known[name, engine] = run(world, config)
+        return known[name, engine]
+
+    return outcome
+
+
+def case(name: str, engine: str):
+    row = next(row for row in stored_cases() if row["name"] == name)
+    config = codec.decode(StackConfig, row["stack"], where=name)
+    return stored_world(name), dataclasses.replace(config, engine=Choice(engine))
+
+
+def outside(world, config: StackConfig, folder: Path, branch: str) -> StackConfig:
+    write_world(world, folder / "world.json")
+    (folder / "stack.yaml").write_text(yaml.safe_dump(codec.encode(config)))
+    stack = ExternalStack(
+        command=(sys.executable, "-m", "tests.external.shipped_stack"),
+        folder=str(ROOT),
+        env={"PYTHONPATH": str(ROOT)},
+        params={"world": str(folder / "world.json"), "stack": str(folder / "stack.yaml")},
+        branch=branch,
+        tick_limit=300.0,  # it may compile kernels
+    )
+    return dataclasses.replace(config, stack=stack)
+
+
+@pytest.mark.parametrize("branch", ["fork", "replay"])
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [
+        ("narrow_pair", "kinematic"),
+        ("closing_doors", "bullet"),
+        ("costmap_blind_to_furniture", "kinematic"),
+    ],
+)
+def test_the_same_stack_through_the_door_gives_the_same_run(
+    in_process, tmp_path, name, engine, branch
+):
+    world, config = case(name, engine)
+    usual = in_process(name, engine)
+    found = run(world, outside(world, config, tmp_path, branch))
+    assert found.trace.digest == usual.trace.digest
+    assert found.verdicts == usual.verdicts
+
+
+def test_stored_answers_give_the_run_again_without_the_stack(tmp_path):
+    world, config = case("costmap_blind_to_furniture", "kinematic")
+    through = outside(world, config, tmp_path, "fork")
+    first = run(world, through)
+    write_told(first.told, tmp_path / "answers.zip")
+    stack = dataclasses.replace(through.stack, command=("there-is-no-such-program",))
+    again = run(
+        world,
+        dataclasses.replace(through, stack=stack),
+        told=read_told(tmp_path / "answers.zip"),
+    )
+    assert again.trace.digest == first.trace.digest
+    assert again.verdicts == first.verdicts
+    assert any(verdict.violated for verdict in again.verdicts)
+
+
+def test_a_live_replay_names_the_first_tick_that_differs(tmp_path, monkeypatch):
+    """A stack that draws noise without a seed is told its answers, but not found the same."""
+    monkeypatch.chdir(tmp_path)
+    bad = Path(__file__).with_name("bad_stack.py")
+    Path("stack.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "engine": "kinematic",
+                "stack": {
+                    "command": [sys.executable, str(bad), "noise", "30"],
+                    "env": {"PYTHONPATH": str(ROOT)},
+                    "branch": "never",
+                },
+            }
+        )
+    )
+    mf.campaign("narrow_doors", stack="stack.yaml", output="runs", budget=1, workers=1)
+    told, live = mf.replay("runs", 0), mf.replay("runs", 0, live=True)
+    assert told.identical
+    assert not live.identical
+    assert live.difference.tick == 30
+    assert live.difference.who == "robot1"
