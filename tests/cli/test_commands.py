@@ -41,6 +41,7 @@ def test_help_lists_every_command_with_what_it_does(cli):
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
         "allocate", "bench", "campaign", "check", "compare", "corpus", "demo", "doctor",
+        "door-test",
         "explain", "export", "family", "init", "list", "minimize", "plugins", "replay", "report",
         "run", "sample", "show", "travel-times",
     ]  # fmt: skip
@@ -253,7 +254,7 @@ def test_travel_times_are_measured_both_ways_and_resumed(cli, ward_file, tmp_pat
     assert "holds another measurement" in other.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_demo_ends_with_the_path_of_its_page(cli, tmp_path):
     result = cli("demo")
     assert result.exit_code == 0, result.stderr

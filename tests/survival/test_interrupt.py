@@ -39,6 +39,7 @@ class Case:
     again: tuple[str, ...] = ()  #: the call that goes on; empty: the same
 
 
+QUICK = ("run", "campaign", "replay", "minimize")  # in every run of CI; `make long` has all
 CASES = {
     "run": Case(("run", "c/trials/{id}/world.json", *STACK, "-o", "out"), ("out/verdicts.json",)),
     "campaign": Case(
@@ -145,12 +146,11 @@ def _check_interrupted(ended: Ended) -> None:
         assert "verdicts" not in said
 
 
-@pytest.mark.parametrize("command", CASES)
 @pytest.mark.parametrize(
-    ("moments", "seed"),
+    ("command", "moments", "seed"),
     [
-        pytest.param(1, 1, marks=pytest.mark.slow),
-        pytest.param(20, 2, marks=pytest.mark.long),
+        *(pytest.param(name, 1, 1, marks=pytest.mark.slow) for name in CASES if name in QUICK),
+        *(pytest.param(name, 20, 2, marks=pytest.mark.long) for name in CASES),
     ],
 )
 def test_a_command_that_was_interrupted_comes_to_the_same_result(

@@ -169,7 +169,7 @@ def _removals(job):
 @pytest.mark.parametrize(
     "removed",
     [
-        pytest.param(_removals, marks=pytest.mark.slow, id="alone"),
+        pytest.param(_removals, marks=pytest.mark.long, id="alone"),
         pytest.param(
             lambda job: explain_job(job, max_runs=14).removals, marks=pytest.mark.long, id="explain"
         ),

@@ -72,7 +72,7 @@ def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered, 
         assert signature(judge(without).verdicts) != found.finding.signature
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
     path = tmp_path / "runs.jsonl"
     few = minimize_job(cluttered, max_runs=2, journal=RunJournal(SmallerRun, path))
@@ -98,7 +98,7 @@ def test_several_workers_come_to_the_same_world(cluttered, alone):
     assert together.finding.runs >= alone.finding.runs  # what runs ahead is not always needed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
     path = tmp_path / "runs.jsonl"
     few = minimize_job(cluttered, max_runs=3, workers=2, journal=RunJournal(SmallerRun, path))
