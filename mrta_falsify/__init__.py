@@ -28,6 +28,7 @@ VERBS = {
     "corpus": "mrta_falsify.verbs.stored_failures:recheck_corpus",
     "demo": "mrta_falsify.verbs.demo:demo",
     "doctor": "mrta_falsify.verbs.doctor:doctor",
+    "door_test": "mrta_falsify.verbs.door_test.testing:door_test",
     "explain": "mrta_falsify.verbs.stored_failures:explain_trial",
     "export": "mrta_falsify.verbs.export:export",
     "family": "mrta_falsify.verbs.stored_failures:family_of_trial",

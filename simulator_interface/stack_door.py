@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.interruption import is_interruption
 from mrta_falsify.core.protocols import FleetStack
-from mrta_falsify.core.stack_failure import StackFailed, StackFailure
+from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.world import World
+from simulator_interface.external.layers import LayerFailed
 from simulator_interface.failing_layer import layer_of_places, places_in, texts_of
 from simulator_interface.heartbeat import post
 
@@ -83,6 +84,16 @@ class StackDoor:
             answer = question()
         except (InputError, KeyboardInterrupt):
             raise
+        except LayerFailed as failed:
+            raise StackFailed(
+                self._failure(
+                    failed.kind,
+                    failed.message,
+                    layer=failed.layer,
+                    exception=failed.part,
+                    frames=failed.lines,
+                )
+            ) from None
         except BaseException as error:  # SystemExit, too
             if is_interruption(error):
                 raise KeyboardInterrupt from error
@@ -112,7 +123,7 @@ class StackDoor:
 
     def _failure(
         self,
-        kind: Literal["crash", "memory", "answer"],
+        kind: FailureKind,
         message: str,
         *,
         layer: str = "",

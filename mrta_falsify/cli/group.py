@@ -26,6 +26,7 @@ COMMANDS = {
     "corpus": Listed("failure_commands", "Run all stored failures on a changed stack."),
     "demo": Listed("demo_command", "Show the main job in miniature on the AWS hospital."),
     "doctor": Listed("machine_commands", "Check this machine: libraries, cache, determinism."),
+    "door-test": Listed("machine_commands", "Test a stack in a process of its own."),
     "explain": Listed("failure_commands", "Ask which layer a failure belongs to."),
     "export": Listed("export_command", "Write a world, or a trial, for another system."),
     "family": Listed("failure_commands", "Find the rule behind a failure."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import FiniteRange, Listing, format_option, stack_options
+from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
+from mrta_falsify.core import codec
 
 MOST_ROBOTS = 200
 MOST_WIDE = 22  # columns of the names of figures
@@ -23,15 +25,20 @@ def _fleet_size(text: str) -> int:
     return size
 
 
+def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
+    """Add ``--robots N,N,...``, sizes of fleets."""
+    return click.option(
+        "--robots",
+        type=Listing(_fleet_size, f"numbers from 1 to {MOST_ROBOTS}, as 2,4,6"),
+        default=default,
+        show_default=True,
+        metavar="N,N,...",
+        help=text,
+    )
+
+
 @main.command("bench")
-@click.option(
-    "--robots",
-    type=Listing(_fleet_size, f"numbers from 1 to {MOST_ROBOTS}, as 2,4,6"),
-    default="2,4,6,12,24",
-    show_default=True,
-    metavar="N,N,...",
-    help="Fleet sizes to run.",
-)
+@fleets_option("2,4,6,12,24", "Fleet sizes to run.")
 @click.option(
     "--seconds",
     type=FiniteRange(min=10.0),
@@ -118,3 +125,37 @@ def doctor_command(style: str) -> int:
             table.add_row(check.state, check.name, check.detail, style=styles[check.state])
         output.print_table(table)
     return ExitCode.DONE if is_healthy(checks) else ExitCode.HARNESS
+
+
+@main.command("door-test")
+@click.argument("command", metavar="CMD|FILE")
+@fleets_option("6,24,100", "Fleet sizes whose ticks are timed.")
+@format_option
+def door_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
+    """Test a stack in a process of its own: protocol, determinism, copies, speed.
+
+    CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`. Exit code 1: a
+    check failed.
+    """
+    from mrta_falsify.verbs.door_test.testing import door_test, steps
+
+    with output.progress("door-test", steps(robots), "steps") as on_progress:
+        report = door_test(command, robots=robots, on_progress=on_progress)
+    if style == "json":
+        output.print_json({"passed": report.passed, **codec.encode(report)})
+        return ExitCode.DONE if report.passed else ExitCode.VIOLATED
+    version = f" {report.version}" if report.version else ""
+    says, can = (", ".join(names) or "nothing" for names in (report.says, report.can))
+    click.echo(f"{report.name}{version}; says {says}; can {can}")
+    styles = {"ok": "green", "skipped": "yellow", "failed": "red"}
+    table = output.new_table("outcome", "check", "what was found")
+    for check in report.checks:
+        table.add_row(check.outcome, check.name, check.text, style=styles[check.outcome])
+    output.print_table(table)
+    if report.ticks:
+        table = output.new_table("robots", "a tick, p50", "p95", "answer")
+        for tick in report.ticks:
+            p50, p95 = f"{tick.p50_us:.0f} us", f"{tick.p95_us:.0f} us"
+            table.add_row(str(tick.robots), p50, p95, f"{tick.message_bytes} bytes")
+        output.print_table(table)
+    return ExitCode.DONE if report.passed else ExitCode.VIOLATED

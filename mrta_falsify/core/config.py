@@ -66,6 +66,7 @@ LAYERS: tuple[str, ...] = tuple(
 #: layers of the stack under test; people and physics are not the stack's own
 STACK_LAYERS = tuple(layer for layer in LAYERS if layer not in ("human_model", "engine"))
 LISTS = ("defects", "withheld")  # fields that list names
+STACK = "stack"  # field of a stack in a process of its own
 
 
 def decode_config(data: Any, *, where: str, folder: Path | None = None) -> StackConfig:
@@ -94,9 +95,9 @@ def decode_config(data: Any, *, where: str, folder: Path | None = None) -> Stack
     for field in LISTS:
         if isinstance(shaped.get(field), list):
             shaped[field] = sorted(set(map(str, shaped[field])))
-    if isinstance(shaped.get("stack"), str):
-        bound = parse_exec(shaped["stack"], where=f"{where}: stack", folder=folder)
-        shaped["stack"] = codec.encode(bound)
+    if isinstance(shaped.get(STACK), str):
+        bound = parse_exec(shaped[STACK], where=f"{where}: stack", folder=folder)
+        shaped[STACK] = codec.encode(bound)
     config = codec.decode(StackConfig, shaped, where=where)
     if config.stack is None or folder is None:
         return config
@@ -127,7 +128,8 @@ def read_config(path: Path) -> StackConfig:
 def apply_setting(config: StackConfig, setting: str) -> StackConfig:
     """Apply one ``layer=name``, ``layer.option=value`` or ``defects=[a,b]`` to a copy.
 
-    ``withheld=[deliveries]`` is set like ``defects``.
+    ``withheld=[deliveries]`` is set like ``defects``, ``stack=exec:CMD`` and ``stack.option=value``
+    like a layer.
 
     Raises:
         ConfigError: the text is not of that form.
@@ -142,12 +144,16 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
     except yaml.YAMLError:
         raise ConfigError(f"{where}: {text!r} is not a YAML value") from None
     layer, _, option = key.strip().partition(".")
-    known = (*LAYERS, "control_rate", *LISTS)
+    known = (*LAYERS, "control_rate", *LISTS, STACK)
     if layer not in known:
         raise UnknownNameError("layer", layer, known, where=where)
     data: dict[str, Any] = codec.encode(config)
     if option and layer in LAYERS:
         data[layer]["options"][option] = value
+    elif option and layer == STACK:
+        if config.stack is None:
+            raise ConfigError(f"{where}: there is no stack in a process of its own to set it for")
+        data[STACK][option] = value
     elif option:
         raise ConfigError(f"{where}: {layer} has no options")
     elif layer in LAYERS:

@@ -19,6 +19,7 @@ from typing import Any
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.core.external import EXEC
 
 #: extension points; each is an entry-point group ``mrta_falsify.<name>``
 EXTENSION_POINTS = (
@@ -37,6 +38,8 @@ EXTENSION_POINTS = (
     "executor",
 )
 
+OUTSIDE = "simulator_interface.external.layers"  #: module of layers that run by ``exec:``
+
 
 @functools.cache
 def _entry_points(point: str) -> dict[str, str]:
@@ -54,13 +57,16 @@ def names(point: str) -> tuple[str, ...]:
 def load(point: str, name: str, *, where: str = "") -> Any:
     """Load the class (or function) registered as ``name``, or named as ``module:Class``.
 
-    A module that is named is looked for on Python's path, then in the current directory.
+    ``exec:CMD`` is a layer that runs in a process of its own. A module that is named is looked for
+    on Python's path, then in the current directory.
 
     Raises:
         UnknownNameError: the name is not registered.
         ConfigError: ``module:Class`` cannot be imported, or is not a component.
     """
     known = _entry_points(point)
+    if name.startswith(EXEC):
+        return importlib.import_module(OUTSIDE).external_layer(point, name)
     if name not in known and ":" not in name:
         raise UnknownNameError(point, name, known, where=where)
     target = known.get(name, name)

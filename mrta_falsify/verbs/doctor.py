@@ -28,6 +28,7 @@ REQUIRED = {
     "imageio": "imageio",
     "jinja2": "jinja2",
     "matplotlib": "matplotlib",
+    "msgpack": "msgpack",
     "networkx": "networkx",
     "numba": "numba",
     "numpy": "numpy",

@@ -198,6 +198,33 @@ def serve(
             return
 
 
+def serve_layer(
+    answer: Callable[[dict[str, Any]], dict[str, Any]], *, name: str, version: str = ""
+) -> None:
+    """Answer as one layer of the shipped stack, for ``--set allocator=exec:CMD``.
+
+    Args:
+        answer: called with each message; gives the fields of the answer. It must be a function of
+            the message alone: nothing may be remembered that decides.
+        name: of the layer, for reports.
+        version: of it.
+    """
+    connection = _connect()
+    while True:
+        try:
+            body = connection.receive()
+        except Closed:
+            return
+        if body[:1] == b"{":
+            connection.send(_ready(name, version, (), ()))
+            continue
+        message = msgpack.unpackb(body)
+        if message["type"] == "bye":
+            return
+        fields = {key: _wired(value) for key, value in answer(message).items()}
+        connection.send(msgpack.packb({"type": message["type"], **fields}))
+
+
 def _connect() -> Connection:
     number = os.environ.get("MRTA_STACK_FD")
     if number is None:

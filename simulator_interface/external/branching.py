@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from simulator_interface.external.wire import Late, Unreadable, Wire
 
 _SIZES = struct.Struct("<II")
+BLOCK = 1 << 20  # bytes that are kept in memory
 _PEER = struct.Struct("3i")  # pid, uid, gid
 
 
@@ -21,17 +22,22 @@ class CannotBranch(Exception):  # noqa: N818 - says what the stack cannot do
 
 
 class Exchanges:
-    """All that was said and heard in an episode; what was heard is kept in memory.
+    """All that was said and heard in an episode, so that a fresh process can be told it.
+
+    The last of it is in memory, the rest in a file without a name. A copy of the run has the
+    memory for its own, and reads the file without moving it.
 
     Args:
-        keeps_questions: whether what was said is kept too, in a file without a name.
+        are_kept: whether anything is.
     """
 
-    def __init__(self, *, keeps_questions: bool) -> None:
+    def __init__(self, *, are_kept: bool) -> None:
         # Not buffered: a copy of this process must not write what the original has not yet.
-        self._file = tempfile.TemporaryFile(buffering=0) if keeps_questions else None  # noqa: SIM115
-        self._size = 0
-        self._own: list[tuple[bytes, bytes]] | None = None  # of this copy, since it is one
+        self._file = tempfile.TemporaryFile(buffering=0) if are_kept else None  # noqa: SIM115
+        self._size = 0  # of what is in the file
+        self._rows: list[tuple[bytes, bytes]] = []  # not in the file
+        self._waiting = 0  # bytes of them
+        self._is_copy = False
         # Copies tell the original by this byte that a copy of the stack by fork hangs.
         self._shared = mmap.mmap(-1, 1)
 
@@ -39,12 +45,19 @@ class Exchanges:
         """Keep a message of the harness and the stack's answer, which may be a question."""
         if self._file is None:
             return
-        if self._own is not None:
-            self._own.append((said, heard))
-            return
-        row = _SIZES.pack(len(said), len(heard)) + said + heard
-        self._file.write(row)
-        self._size += len(row)
+        self._rows.append((said, heard))
+        self._waiting += len(said) + len(heard)
+        if self._waiting > BLOCK and not self._is_copy:
+            self._write()
+
+    def _write(self) -> None:
+        assert self._file is not None
+        parts = [_SIZES.pack(len(said), len(heard)) + said + heard for said, heard in self._rows]
+        block = b"".join(parts)
+        while block:
+            written = self._file.write(block)
+            self._size, block = self._size + written, block[written:]
+        self._rows, self._waiting = [], 0
 
     def all(self) -> Iterator[tuple[bytes, bytes]]:
         """Give what was said and heard, from the world on."""
@@ -56,11 +69,11 @@ class Exchanges:
             row = _read(number, said + heard, at + _SIZES.size)
             yield row[:said], row[said:]
             at += _SIZES.size + said + heard
-        yield from self._own or ()
+        yield from self._rows
 
     def become_copy(self) -> None:
-        """Keep what follows apart: this is a copy of the run, and the file is the original's."""
-        self._own = self._own or []
+        """Write no more: this is a copy of the run, and the file is the original's."""
+        self._is_copy = True
 
     def close(self) -> None:
         """Throw the file away; may be called twice."""

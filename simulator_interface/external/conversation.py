@@ -77,7 +77,7 @@ class Conversation:
         self._services = services
         self._branch_pid = 0  # of the copy of the stack that this copy talks to
         self._process: StackProcess | None = StackProcess(options)
-        self._exchanges = Exchanges(keeps_questions=self._may_replay())
+        self._exchanges = Exchanges(are_kept=self._may_replay())
         self._wire: Wire = self._process.wire
         self.ready = self._process.ready
         self._recorder = ToldRecorder(self.ready)

@@ -25,6 +25,7 @@ from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
 TOLD_NAME = "answers.zip"
+BLOCK = 1 << 18  # bytes that are deflated at once
 _LENGTH = struct.Struct("<I")
 _HEAD, _BODY = "told.json", "answers"
 
@@ -69,13 +70,23 @@ class ToldRecorder:
     failure: StackFailure | None = None
     _packer: Any = field(default_factory=lambda: zlib.compressobj(1))
     _parts: list[bytes] = field(default_factory=list)
+    _fresh: list[bytes] = field(default_factory=list)  # not deflated yet: one by one is slow
+    _size: int = 0  # of them
 
     def add(self, body: bytes) -> None:
         """Take in the answer to a tick."""
-        self._parts.append(self._packer.compress(_LENGTH.pack(len(body)) + body))
+        self._fresh += (_LENGTH.pack(len(body)), body)
+        self._size += len(body)
+        if self._size > BLOCK:
+            self._deflate()
+
+    def _deflate(self) -> None:
+        self._parts.append(self._packer.compress(b"".join(self._fresh)))
+        self._fresh, self._size = [], 0
 
     def finish(self) -> Told:
         """Give all; nothing may be added afterwards."""
+        self._deflate()
         self._parts.append(self._packer.flush())
         return Told(
             ready=self.ready,

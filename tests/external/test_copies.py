@@ -76,7 +76,7 @@ def outside(world, config: StackConfig, folder: Path, branch: str) -> StackConfi
     ("name", "engine"),
     [
         ("narrow_pair", "kinematic"),
-        ("closing_doors", "bullet"),
+        pytest.param("closing_doors", "bullet", marks=pytest.mark.long),
         ("costmap_blind_to_furniture", "kinematic"),
     ],
 )

@@ -74,3 +74,11 @@ def test_answers_of_a_changed_program_are_not_taken_for_those_of_the_old_one(tmp
     assert digest() == before
     (tmp_path / "helper.py").write_text("one = 2\n")
     assert digest() != before
+
+
+def test_options_of_the_stack_are_set_like_those_of_a_layer(tmp_path):
+    (tmp_path / "stack.yaml").write_text(f"stack: exec:{sys.executable}")
+    changed = load_stack(tmp_path / "stack.yaml", ["stack.branch=never", "stack.tick_limit=2"])
+    assert (changed.stack.branch, changed.stack.tick_limit) == ("never", 2.0)
+    with pytest.raises(ConfigError, match="there is no stack in a process of its own"):
+        load_stack(None, ["stack.branch=never"])
