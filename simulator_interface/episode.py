@@ -13,7 +13,7 @@ from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.fleet import Command, FleetState, Frame, Intent, Phase, Sensed, Tells
+from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, Tells, no_intent
 from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import Blockage, HumanSpec, World
@@ -267,25 +267,12 @@ class Episode:
     def _unanswered(self, sensed: Sensed) -> Frame:
         """Make a frame in which every robot rests, for a stack that fails at once."""
         robots = len(self.world.robots)
-        nowhere, nothing = np.full((robots, 2), np.nan), np.zeros(robots, dtype=np.int64)
-        intent = Intent(
-            phase=np.full(robots, Phase.OFF),
-            goal=nowhere,
-            waypoint=nowhere,
-            path=(np.zeros((0, 2)),) * robots,
-            cluster=np.arange(robots),
-            leader=np.arange(robots),
-            slack=np.zeros(robots),
-            tasks_left=nothing,
-            queue=nothing - 1,
-            waits_for=("",) * robots,
-        )
         return Frame(
             sensed=sensed,
             command=Command(twist=np.zeros((robots, 3))),
-            intent=intent,
+            intent=no_intent(robots),
             events=(),
-            served=nothing,
+            served=np.zeros(robots, dtype=np.int64),
         )
 
     def swap(self, config: StackConfig) -> None:

@@ -24,8 +24,8 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
     """Hash the code of a stack, of specifications and of the toolkit, with all versions.
 
     A component of the user's own counts with all Python files of its package, or of the folder
-    that its module lies in. A stack in a process of its own counts with the files that its command
-    names, and the sources beside them.
+    that its module lies in. A stack or layer in a process of its own counts with the files that its
+    command names, and the sources beside them.
 
     Args:
         config: the stack.
@@ -48,6 +48,7 @@ def _places(config: StackConfig, specifications: Iterable[str]) -> Iterator[tupl
             component = registry.load(point, name)
         except InputError:
             continue  # a formula, or what is not installed
+        yield from _places_of_program(getattr(component, "COMMAND", None))
         module = sys.modules.get(component.__module__)
         file = getattr(module, "__file__", None)
         if file is None or any(Path(file).resolve().is_relative_to(place) for place in OURS):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @seed_option("Of the day and of both campaigns.")
 @stack_options
 @output_option("DIR", default=Path("demo-run"))
-def demo_command(seed: int, stack: Path | None, settings: tuple[str, ...], **options: Path) -> int:
+def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **options: Path) -> int:
     """Show the main job in miniature on the AWS hospital; the last line is the report's path.
 
     First one day in PyBullet: six robots, eight people, the stream testcase_6agents_3_3, with

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import click
@@ -12,7 +11,6 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
-from mrta_falsify.core import codec
 
 MOST_ROBOTS = 200
 MOST_WIDE = 22  # columns of the names of figures
@@ -52,7 +50,7 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
 def bench_command(
     robots: tuple[int, ...],
     seconds: float,
-    stack: Path | None,
+    stack: str | None,
     settings: tuple[str, ...],
     style: str,
 ) -> int:
@@ -137,6 +135,7 @@ def door_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
     CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`. Exit code 1: a
     check failed.
     """
+    from mrta_falsify.core import codec
     from mrta_falsify.verbs.door_test.testing import door_test, steps
 
     with output.progress("door-test", steps(robots), "steps") as on_progress:

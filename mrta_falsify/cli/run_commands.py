@@ -56,7 +56,7 @@ WORLD_HELP = (
 def run_command(
     world: str,
     seed: int | None,
-    stack: Path | None,
+    stack: str | None,
     settings: tuple[str, ...],
     tasks: Path | None,
     robots: Path | None,
@@ -150,7 +150,7 @@ def print_run(summary: RunSummary) -> None:
     required=True,
 )
 def travel_times_command(
-    world: str, stack: Path | None, settings: tuple[str, ...], **options: Any
+    world: str, stack: str | None, settings: tuple[str, ...], **options: Any
 ) -> int:
     """Drive one robot between all pairs of rooms and write how long it takes."""
     path: Path = options["output"]

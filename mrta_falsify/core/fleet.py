@@ -105,6 +105,23 @@ class Intent:
     waits_for: tuple[str, ...]  #: N names of the resource waited for, "" if none
 
 
+def no_intent(robots: int) -> Intent:
+    """Make what a stack intends that says nothing of its N ``robots``."""
+    nowhere, nothing = np.full((robots, 2), np.nan), np.zeros(robots, dtype=np.int64)
+    return Intent(
+        phase=np.full(robots, Phase.OFF),
+        goal=nowhere,
+        waypoint=nowhere,
+        path=(np.zeros((0, 2)),) * robots,
+        cluster=np.arange(robots),
+        leader=np.arange(robots),
+        slack=np.zeros(robots),
+        tasks_left=nothing,
+        queue=nothing - 1,
+        waits_for=("",) * robots,
+    )
+
+
 class Tells(NamedTuple):
     """What a stack tells of itself; a specification that needs what is missing cannot judge."""
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bisect
+import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +32,15 @@ class LinkTimetable:
     """Links of a world's robots from each change to the next.
 
     Epoch 0 is the time before the first change; change n begins epoch n.
+
+    Args:
+        world: with its outages.
+        until: outages that begin later are left out [s].
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, until: float = math.inf) -> None:
+        events = tuple(event for event in world.events if event.start <= until)
+        world = dataclasses.replace(world, events=events) if until < math.inf else world
         self._robots = len(world.robots)
         self._changes = outage_times(world)
         self._links = [links_at(world, time) for time in (-1.0, *self._changes)]

@@ -9,7 +9,6 @@ for the rules.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -106,8 +105,7 @@ class Stack:
     def forget_after(self, state: StackState, time: float) -> None:
         """Let no task arrive any more, and no outage begin, after ``time`` [s]."""
         self._dispatcher.take_no_more(state.dispatcher)
-        events = tuple(event for event in self._world.events if event.start <= time)
-        self._links = LinkTimetable(dataclasses.replace(self._world, events=events))
+        self._links = LinkTimetable(self._world, until=time)
         state.link_epoch = self._links.epoch_at(time)
 
     def start(self) -> StackState:

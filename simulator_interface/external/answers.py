@@ -58,7 +58,7 @@ class Wrong(Exception):  # noqa: N818 - says what is wrong with an answer
     """
 
     def __init__(self, field: str, text: str) -> None:
-        super().__init__(text)
+        super().__init__(f"{field} {text}")
         self.field, self.text = field, text
 
 
@@ -114,7 +114,7 @@ def read_ready(message: Message) -> Ready:
             minor=minor,
         )
     except Wrong as wrong:
-        raise ConfigError(f"{where}: {wrong.field} {wrong.text}") from None
+        raise ConfigError(f"{where}: {wrong}") from None
 
 
 def _pair(value: Any) -> tuple[int, int]:

@@ -8,6 +8,7 @@ import signal
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import GIB, FailureKind, StackFailed, StackFailure
 from simulator_interface.external.answers import Ready, Wrong
@@ -103,8 +104,7 @@ class Conversation:
         except Unreadable as error:
             raise self.failed("answer", str(error), tick, time, "message") from None
         except Wrong as wrong:
-            text = f"{wrong.field} {wrong.text}"
-            raise self.failed("answer", text, tick, time, wrong.field) from None
+            raise self.failed("answer", str(wrong), tick, time, wrong.field) from None
         if tick % WEIGHED_EVERY == 0:
             self._weigh(tick, time)
         self._recorder.add(body)
@@ -219,12 +219,21 @@ class Conversation:
     def _replay(self) -> None:
         """Say everything again to a fresh process; it must answer the same."""
         self._let_go()
-        self._process = StackProcess(self._options)
+        try:
+            self._process = StackProcess(self._options)
+            self._say_again(self._process.wire)
+        except (Closed, Late, Unreadable, ConfigError) as error:
+            text = (
+                f"a fresh process of the stack does not go on: {str(error) or type(error).__name__}"
+            )
+            raise CannotBranch(text) from None
         self._wire = self._process.wire
+
+    def _say_again(self, wire: Wire) -> None:
         limit = self._options.start_limit
         for number, (said, heard) in enumerate(self._exchanges.all()):
-            self._wire.send_bytes(said, limit)
-            if self._wire.receive_bytes(limit) != heard:
+            wire.send_bytes(said, limit)
+            if wire.receive_bytes(limit) != heard:
                 raise CannotBranch(f"the stack gives another answer to message {number}")
             limit = self._options.tick_limit
 

@@ -109,8 +109,7 @@ class ExternalLayer:
         try:
             return read(answer)
         except Wrong as wrong:
-            text = f"{wrong.field} {wrong.text}"
-            raise self._failed("answer", wrong.field, text) from None
+            raise self._failed("answer", wrong.field, str(wrong)) from None
 
     def _running(self) -> StackProcess:
         if self._process is None or self._owner != os.getpid():  # a copy of this process

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from simulator_interface.external import messages
-from simulator_interface.external.answers import Ready, read_ready
+from simulator_interface.external.answers import Ready, Wrong, read_ready
 from simulator_interface.external.keeper import Keeper
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import PAGE
@@ -77,7 +77,7 @@ class StackProcess:
             raise ConfigError(
                 f"the stack ({label}) was not ready within {limit:g} s (stack.start_limit)"
             ) from None
-        except Unreadable as error:
+        except (Unreadable, Wrong) as error:
             raise ConfigError(f"the stack ({label}) does not shake hands: {error}") from None
 
     def resident(self) -> float:

@@ -17,7 +17,15 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.fleet import Command, FleetState, Intent, Phase, StackEvent, Tells
+from mrta_falsify.core.fleet import (
+    Command,
+    FleetState,
+    Intent,
+    Phase,
+    StackEvent,
+    Tells,
+    no_intent,
+)
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import LINKS, World
@@ -41,12 +49,12 @@ ROUNDING = 1e-9  # s
 class ProcessState:
     """What the harness remembers of a stack that is asked over a socket."""
 
+    intent: Intent  #: as last said
+    twist: Array  #: (N, 3) in force
     told: int = 0  #: tasks that it knows, in the order of their arrival
     closed: bool = False  #: no task is told any more
     epoch: int = -1  #: of the links that it knows
     claimed: tuple[StackEvent, ...] = ()  #: stops, in the last tick
-    intent: dict[str, Any] = field(default_factory=dict)  #: as last said
-    twist: Array = field(default_factory=lambda: np.zeros((0, 3)))  #: (N, 3) in force
     coming: deque[tuple[float, Array]] = field(default_factory=deque)  #: not yet in force
     said: bytes = b""  #: sha256 of all answers to date
 
@@ -102,24 +110,12 @@ class ProcessStack:
     def start(self) -> ProcessState:
         """Memory at time 0."""
         robots = len(self._names)
-        intent = {
-            "goal": np.full((robots, 2), np.nan),
-            "waypoint": np.full((robots, 2), np.nan),
-            "path": (NO_POINTS,) * robots,
-            "cluster": np.arange(robots),
-            "leader": np.arange(robots),
-            "slack": np.zeros(robots),
-            "tasks_left": np.zeros(robots, dtype=np.int64),
-            "queue": np.full(robots, -1),
-            "waits_for": ("",) * robots,
-        }
-        return ProcessState(intent=intent, twist=np.zeros((robots, 3)))
+        return ProcessState(intent=no_intent(robots), twist=np.zeros((robots, 3)))
 
     def forget_after(self, state: ProcessState, time: float) -> None:
         """Tell of no task any more, and of no outage that begins after ``time`` [s]."""
         state.closed = True
-        events = tuple(event for event in self._world.events if event.start <= time)
-        self._links = LinkTimetable(dataclasses.replace(self._world, events=events))
+        self._links = LinkTimetable(self._world, until=time)
         state.epoch = -1
 
     def step(
@@ -135,8 +131,9 @@ class ProcessStack:
         try:
             answer = self._reader.read(heard, fleet.tick, fleet.time)
         except Wrong as wrong:
-            text = f"{wrong.field} {wrong.text}"
-            raise self.talk.failed("answer", text, fleet.tick, fleet.time, wrong.field) from None
+            raise self.talk.failed(
+                "answer", str(wrong), fleet.tick, fleet.time, wrong.field
+            ) from None
         state.said = hashlib.sha256(state.said + body).digest()
         return self._taken(state, answer, fleet)
 
@@ -200,21 +197,21 @@ class ProcessStack:
     ) -> tuple[ProcessState, Command, Intent, tuple[StackEvent, ...]]:
         state.claimed = tuple(event for event in answer.events if event.kind in STOP_KINDS)
         self.signals = answer.signals
-        intent = state.intent
-        intent |= answer.intent
+        said: dict[str, Any] = dict(answer.intent)
         if answer.goal is not None:
-            intent["goal"] = answer.goal
+            said["goal"] = answer.goal
         if answer.paths:
-            intent["path"] = tuple(answer.paths.get(i, p) for i, p in enumerate(intent["path"]))
+            said["path"] = tuple(answer.paths.get(i, p) for i, p in enumerate(state.intent.path))
         if answer.waits_for is not None:
             waits = answer.waits_for
-            intent["waits_for"] = tuple(waits.get(i, "") for i in range(len(self._names)))
-        if "phase" not in answer.intent:
-            intent["phase"] = self._phase(intent["goal"], fleet.time)
+            said["waits_for"] = tuple(waits.get(i, "") for i in range(len(self._names)))
+        if "phase" not in said:
+            said["phase"] = self._phase(said.get("goal", state.intent.goal), fleet.time)
+        state.intent = dataclasses.replace(state.intent, **said)
         state.coming.append((fleet.time + answer.took, answer.twist))
         while state.coming and state.coming[0][0] <= fleet.time + ROUNDING:
             state.twist = state.coming.popleft()[1]
-        return state, Command(twist=state.twist), Intent(**intent), answer.events
+        return state, Command(twist=state.twist), state.intent, answer.events
 
     def _phase(self, goal: Array, time: float) -> IntArray:
         """Derive what each robot is doing, ``(N,)``, from whether it wants to be anywhere."""

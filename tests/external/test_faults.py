@@ -18,8 +18,11 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import RobotSpec, World
+from simulator_interface.episode import Episode
+from simulator_interface.external.branching import CannotBranch
 from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
+from simulator_interface.watched_copy import run_in_watched_copy
 
 ROOT = Path(__file__).resolve().parents[2]
 BAD = Path(__file__).with_name("bad_stack.py")
@@ -106,6 +109,7 @@ def test_too_much_memory_is_seen_within_a_second(hall):
     ("how", "message"),
     [
         ("refuses", "ended with exit code 1 before it was ready; it printed last: no world like"),
+        ("asks", r"start is \[0.0, nan\]; it must be two finite numbers"),
         ("silent", r"was not ready within 1 s \(stack.start_limit\)"),
         ("old", "`ready`: protocol speaks version 9; this harness speaks 1"),
     ],
@@ -120,6 +124,26 @@ def test_a_program_that_cannot_be_run_is_bad_input(hall, tmp_path):
     config = dataclasses.replace(bad("nan"), stack=ExternalStack(command=(f"{tmp_path}/stack",)))
     with pytest.raises(ConfigError, match="stack: Permission denied"):
         simulate(hall, config)
+
+
+def test_a_stack_that_starts_only_once_has_no_copy_by_replay_and_no_error(hall, tmp_path):
+    config = bad("once", branch="replay")
+    env = {**config.stack.env, "MARK": str(tmp_path / "mark")}
+    stack = dataclasses.replace(config.stack, env=env)
+    episode = Episode(hall, dataclasses.replace(config, stack=stack))
+    frames = episode.frames()
+    next(frames)
+
+    def copied() -> str:
+        try:
+            episode.become_copy()
+        except CannotBranch as error:
+            return str(error)
+        return ""
+
+    said = run_in_watched_copy(copied)
+    frames.close()
+    assert said.startswith("a fresh process of the stack does not go on")
 
 
 # --- nothing is left running ---------------------------------------------------------------

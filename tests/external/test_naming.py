@@ -60,11 +60,14 @@ def test_a_file_that_is_wrong_says_what_and_what_is_allowed(tmp_path, text, mess
         read_config(tmp_path / "stack.yaml")
 
 
-def test_answers_of_a_changed_program_are_not_taken_for_those_of_the_old_one(tmp_path):
+@pytest.mark.parametrize("part", ["stack", "allocator"])
+def test_answers_of_a_changed_program_are_not_taken_for_those_of_the_old_one(
+    part, tmp_path, monkeypatch
+):
     for name in ("my_stack.py", "helper.py"):
         (tmp_path / name).write_text("one = 1\n")
-    (tmp_path / "stack.yaml").write_text(f"stack: exec:{sys.executable} my_stack.py")
-    config = read_config(tmp_path / "stack.yaml")
+    monkeypatch.chdir(tmp_path)
+    config = load_stack(settings=[f"{part}=exec:{sys.executable} my_stack.py"])
 
     def digest() -> str:
         digests._digest_of.cache_clear()

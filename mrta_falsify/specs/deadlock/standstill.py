@@ -9,8 +9,8 @@ import numpy as np
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.compiled import njit
 
-#: a robot that stays within this distance of one place stands [m]; with 4 s of patience
-#: anything faster than 0.025 m/s still counts as moving
+#: a robot that stays within this distance of one place stands [m]; within 2 s anything
+#: faster than 0.05 m/s leaves it
 SPOT_RADIUS = 0.1
 GOALS_KEPT = 8  # goals remembered per spot; later ones no longer count as new
 GOAL_JITTER = 0.3  # m; smaller changes of goal are jitter
