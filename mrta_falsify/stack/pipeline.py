@@ -9,32 +9,28 @@ for the rules.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import (
     Allocator,
-    ControlView,
     CostmapSource,
-    PriorityRule,
-    PriorityView,
 )
 from mrta_falsify.core.world import World
-from mrta_falsify.stack.activity import Idle, Off, Serving, Waiting
+from mrta_falsify.stack.activity import Idle, Off, Waiting
 from mrta_falsify.stack.comms import Links, LinkTimetable
-from mrta_falsify.stack.cruising import BRAKING_SHARE, Cruise
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
+from mrta_falsify.stack.driving import Driving
 from mrta_falsify.stack.intent import Declaration
 from mrta_falsify.stack.itinerary import ItineraryFollower
-from mrta_falsify.stack.lookahead import Outlook, Views
+from mrta_falsify.stack.lookahead import Views
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.replanning import Replanning
@@ -43,7 +39,7 @@ from mrta_falsify.stack.resources.corridors import STOP_SHORT, CorridorTraffic, 
 from mrta_falsify.stack.resources.crossings import find_crossing
 from mrta_falsify.stack.resources.parking import ParkingTraffic
 from mrta_falsify.stack.resources.rooms import RoomTraffic
-from mrta_falsify.stack.route import RETRY, SPOT_REACHED, Way
+from mrta_falsify.stack.route import SPOT_REACHED, Way
 
 
 class Stack:
@@ -67,8 +63,6 @@ class Stack:
         """
         defects = config.defects
         self._world = world
-        self._config = config
-        self._dt = 1.0 / config.control_rate
         allocator = registry.build("allocator", config.allocator, defects=defects)
         self._dispatcher = Dispatcher(world, metered(allocator), defects)
         self._links = LinkTimetable(world)
@@ -82,24 +76,9 @@ class Stack:
         )
         self._replanning = Replanning(world, config, costmaps)
         self._corridors = CorridorTraffic(self._rooms.queues)
-        self._priority: PriorityRule = registry.build(
-            "priority_rule", config.priority_rule, defects=defects
-        )
-        robots = world.robots
-        self._max_speed = np.array([robot.max_speed for robot in robots])
-        self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
-        self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
-        self._nowhere = np.full((len(robots), 2), np.nan)
-        # What follows only saves work: it holds nothing that the memory does not say as well.
-        self._outlook = Outlook(
-            [
-                Cruise(
-                    min(robot.max_speed, robot.cruise_speed),
-                    BRAKING_SHARE * robot.max_acceleration,
-                )
-                for robot in robots
-            ]
-        )
+        self._nowhere = np.full((len(world.robots), 2), np.nan)
+        # What these remember only saves work: the memory says it as well.
+        self._driving = Driving(world, config)
         self._declaration = Declaration(world, self._rooms)
 
     def forget_after(self, state: StackState, time: float) -> None:
@@ -116,9 +95,7 @@ class Stack:
             queues=queues,
             dispatcher=DispatcherState(),
             service=ServiceState(),
-            controller=registry.build(
-                "controller", self._config.controller, defects=self._config.defects
-            ),
+            controller=self._driving.new_controller(),
         )
 
     def step(
@@ -142,7 +119,7 @@ class Stack:
         missions, granted = self._rooms.grant(missions, state.queues, fleet)
         missions, parked = self._parking.step(missions, state.queues, fleet)
         missions, planned = self._replanning.step(missions, state, fleet, links)
-        views = self._outlook.views([mission.way for mission in missions], fleet.pose)
+        views = self._driving.views(missions, fleet.pose)
         missions, views = self._stop_short(missions, views, fleet)
         missions, views, passed = self._pass_corridors(missions, views, state, fleet)
         state.missions = missions
@@ -273,64 +250,12 @@ class Stack:
         self, state: StackState, views: Views, fleet: FleetState, links: Links
     ) -> tuple[Command, Intent]:
         missions = state.missions
-        goal, waypoint = self._nowhere.copy(), self._nowhere.copy()
+        waypoint = self._nowhere.copy()
         for robot, mission in enumerate(missions):
             if len(mission.way.route):
                 waypoint[robot] = mission.way.route[0]
-            if len(views.rest[robot]):
-                goal[robot] = views.rest[robot][-1]
-        lengths = views.length.tolist()
-        at_spot = [_is_at_spot(m, length) for m, length in zip(missions, lengths, strict=True)]
-        target = views.target
-        if any(at_spot):
-            target = target.copy()
-            target[at_spot] = np.nan
-        active = np.array(
-            [
-                not at and _is_active(mission, rest)
-                for at, mission, rest in zip(at_spot, missions, views.rest, strict=True)
-            ],
-            dtype=np.bool_,
-        )
-        view = ControlView(
-            time=fleet.time,
-            dt=self._dt,
-            pose=fleet.pose,
-            velocity=fleet.velocity,
-            target=target,
-            goal=goal,
-            path=tuple(views.rest),
-            active=active,
-            present=np.array([not isinstance(m.activity, Off) for m in missions], dtype=np.bool_),
-            rank=self._ranks(missions, views, fleet, active),
-            obstacle_points=fleet.obstacle_points,
-            human_position=fleet.human_position,
-            human_velocity=fleet.human_velocity,
-            human_radius=fleet.human_radius,
-            states_link=links.states,
-            leader_link=links.leader,
-            max_speed=self._max_speed,
-            max_acceleration=self._max_acceleration,
-            max_turn_rate=self._max_turn_rate,
-            cruise=views.pace,
-        )
-        result = state.controller.control(view)
+        result = self._driving.control(state.controller, missions, views, fleet, links)
         return result.command, self._declaration.intent(missions, state.queues, waypoint, result)
-
-    def _ranks(
-        self, missions: Sequence[Mission], views: Views, fleet: FleetState, active: BoolArray
-    ) -> IntArray:
-        """Rank the robots: who goes first where they meet."""
-        since = [m.moved_at if fleet.time - m.moved_at > RETRY else math.inf for m in missions]
-        return self._priority.ranks(
-            PriorityView(
-                time=fleet.time,
-                pose=fleet.pose,
-                active=active,
-                distance_to_goal=views.length,
-                waiting_since=np.array(since),
-            )
-        )
 
 
 def _way_ahead(way: Way, rest: Array) -> Array:
@@ -338,16 +263,3 @@ def _way_ahead(way: Way, rest: Array) -> Array:
     if not len(rest) or len(way.halt) or len(way.route) < 3:
         return rest
     return np.vstack([rest, way.route[2:]])
-
-
-def _is_at_spot(mission: Mission, length: float) -> bool:
-    """Whether the robot waits at its spot, with ``length`` [m] of its way left."""
-    activity = mission.activity
-    return isinstance(activity, Waiting) and activity.arrived and length < SPOT_REACHED
-
-
-def _is_active(mission: Mission, rest: Array) -> bool:
-    """Whether the robot drives along ``rest`` ``(L, 2)`` [m], or loads."""
-    if not len(rest):
-        return isinstance(mission.activity, Serving)
-    return mission.passage.standing is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -17,13 +18,21 @@ from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.stack.comms import Links
-from mrta_falsify.stack.mission import Mission, StackState
-from mrta_falsify.stack.planning_service import PlanningService
+from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.planning_service import PlanningService, ServiceState
 from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED, WAYPOINT_REACHED, Way
 
 PLANS_PER_TICK = 6  # so many a tick of 50 ms has time for
 CHECK_TICKS = 10  # between two checks of a path, 2 Hz at 20 Hz control
 OFF_PATH = 0.5  # m beside the path, then the robot plans again
+
+
+class PlanningMemory(Protocol):
+    """What is remembered of planning, wherever it is kept."""
+
+    service: ServiceState
+    next_planner: int  #: robot whose plan is computed first
+    map_epoch: int  #: changes of blockages seen so far
 
 
 class Replanning:
@@ -39,7 +48,7 @@ class Replanning:
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
 
     def step(
-        self, missions: Sequence[Mission], state: StackState, fleet: FleetState, links: Links
+        self, missions: Sequence[Mission], state: PlanningMemory, fleet: FleetState, links: Links
     ) -> tuple[list[Mission], list[StackEvent]]:
         """Drop waypoints that are reached, then plan for robots that need it.
 
@@ -72,14 +81,16 @@ class Replanning:
             planned[robot] = _with_way(mission, way)
         return planned, events
 
-    def _map_has_changed(self, state: StackState, time: float) -> bool:
+    def _map_has_changed(self, state: PlanningMemory, time: float) -> bool:
         """Whether a blockage began or ended since the last tick."""
         epoch = bisect.bisect_right(self._map_changes, time)
         changed = epoch != state.map_epoch
         state.map_epoch = epoch
         return changed
 
-    def _checked(self, robot: int, mission: Mission, state: StackState, fleet: FleetState) -> Way:
+    def _checked(
+        self, robot: int, mission: Mission, state: PlanningMemory, fleet: FleetState
+    ) -> Way:
         """Let the robot plan again if its path is outdated; checked every CHECK_TICKS."""
         way = mission.way
         if way.must_plan or (fleet.tick + robot) % CHECK_TICKS != 0:
@@ -89,7 +100,7 @@ class Replanning:
         return way
 
     def _is_outdated(
-        self, mission: Mission, state: StackState, position: Array, time: float
+        self, mission: Mission, state: PlanningMemory, position: Array, time: float
     ) -> bool:
         way = mission.way
         if not len(way.path):
