@@ -334,7 +334,8 @@ struct Event {
 };
 
 struct Command {
-    std::vector<double> twist;  // N x 3 forward, left [m/s], turn rate [rad/s]
+    std::vector<double> twist;  // N x 3 forward, left [m/s], turn rate [rad/s]; empty: not said
+    std::vector<int> follow;  // robots that the harness is to drive to their goals
     std::vector<double> goal;  // N x 2, nan: none; empty: not said
     std::vector<int> stops_left;  // N; empty: not said
     std::vector<std::pair<int, std::vector<double>>> paths;  // robot, L x 2; those that changed
@@ -437,14 +438,19 @@ inline Tick tick_of(const Value& message) {
 
 inline std::string packed(const Command& command, int tick) {
     Packer made;
-    made.map(3 + !command.goal.empty() + !command.stops_left.empty() + !command.paths.empty()
-             + 1 + !command.events.empty());
+    made.map(3 + !command.twist.empty() + !command.goal.empty() + !command.stops_left.empty() + !command.paths.empty()
+             + 1 + !command.events.empty());  // waits_for is always said
     made.text("type");
     made.text("command");
     made.text("tick");
     made.whole(tick);
-    made.text("twist");
-    made.array(command.twist);
+    made.text("follow");
+    made.list(command.follow.size());
+    for (const int robot : command.follow) made.whole(robot);
+    if (!command.twist.empty()) {
+        made.text("twist");
+        made.array(command.twist);
+    }
     if (!command.goal.empty()) {
         made.text("goal");
         made.array(command.goal);

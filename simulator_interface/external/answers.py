@@ -78,7 +78,8 @@ class Ready:
 class Answer:
     """A checked `command`; N robots."""
 
-    twist: Array  #: (N, 3)
+    twist: Array | None  #: (N, 3), None: not said
+    follow: frozenset[int] | None  #: robots that the harness is to drive, None: not said
     goal: Array | None  #: (N, 2), None: not said
     paths: dict[int, Array]  #: those that changed, (L, 2)
     intent: dict[str, Array | IntArray]  #: other fields of an ``Intent`` that were said
@@ -158,6 +159,7 @@ class Reader:
         self._readers: dict[str, Callable[[Any], Any]] = {
             "twist": self._twist,
             "goal": lambda value: self._array("goal", value, (len(robots), 2)),
+            "follow": self._follow,
             "paths": self._paths,
             "waits_for": self._waits,
             "took": lambda value: self._real("took", value, low=0.0),
@@ -184,12 +186,11 @@ class Reader:
         _refuse_unknown(message, self._known)
         if message.get("tick") != tick:
             raise Wrong("tick", f"is {message.get('tick')!r:.50}; tick {tick} was asked")
-        if "twist" not in message:
-            raise Wrong("twist", "is missing")
         readers = self._readers
         found = {name: readers[name](message[name]) for name in readers if name in message}
         return Answer(
-            twist=found["twist"],
+            twist=found.get("twist"),
+            follow=found.get("follow"),
             goal=found.get("goal"),
             paths=found.get("paths", {}),
             intent={FIELDS[name]: found[name] for name in FIELDS if name in found},
@@ -218,6 +219,10 @@ class Reader:
 
     def _rows_of(self, field: str, value: Any) -> Array:
         return self._array(field, value, (len(self._robots), *ARRAYS[field]))
+
+    def _follow(self, value: Any) -> frozenset[int]:
+        rows, robots = self._rows("follow", value), len(self._robots)
+        return frozenset(self._number("follow", row, robots) for row in rows)
 
     def _paths(self, value: Any) -> dict[int, Array]:
         found = {}

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import LINKS, World
 from mrta_falsify.specs.books import STOP_KINDS, Books
 from mrta_falsify.stack.comms import LinkTimetable
+from mrta_falsify.stack.following import Following
 from simulator_interface.external.answers import Answer, Reader, Wrong
 from simulator_interface.external.conversation import Conversation, Talk, ToldTalk
 from simulator_interface.external.messages import (
@@ -39,10 +39,9 @@ from simulator_interface.external.messages import (
     tick_message,
     world_message,
 )
+from simulator_interface.external.orders import ROUNDING, Orders, carry_out, no_orders, take
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told
-
-ROUNDING = 1e-9  # s
 
 
 @dataclass(slots=True)
@@ -50,12 +49,11 @@ class ProcessState:
     """What the harness remembers of a stack that is asked over a socket."""
 
     intent: Intent  #: as last said
-    twist: Array  #: (N, 3) in force
+    orders: Orders
     told: int = 0  #: tasks that it knows, in the order of their arrival
     closed: bool = False  #: no task is told any more
     epoch: int = -1  #: of the links that it knows
     claimed: tuple[StackEvent, ...] = ()  #: stops, in the last tick
-    coming: deque[tuple[float, Array]] = field(default_factory=deque)  #: not yet in force
     said: bytes = b""  #: sha256 of all answers to date
 
     def digest(self) -> str:
@@ -92,6 +90,7 @@ class ProcessStack:
         self._links = LinkTimetable(world)
         self._order = sorted(range(len(world.tasks)), key=lambda k: (world.tasks[k].arrival, k))
         self._reader = Reader(self._names, len(world.tasks))
+        self._following = Following(world, config, costmaps)
         self.signals: Mapping[str, float] = {}  #: of the last tick
         self.talk: Talk
         if told is None:
@@ -110,7 +109,7 @@ class ProcessStack:
     def start(self) -> ProcessState:
         """Memory at time 0."""
         robots = len(self._names)
-        return ProcessState(intent=no_intent(robots), twist=np.zeros((robots, 3)))
+        return ProcessState(intent=no_intent(robots), orders=no_orders(robots))
 
     def forget_after(self, state: ProcessState, time: float) -> None:
         """Tell of no task any more, and of no outage that begins after ``time`` [s]."""
@@ -130,6 +129,7 @@ class ProcessStack:
         heard, body = self.talk.ask(message, fleet.tick, fleet.time)
         try:
             answer = self._reader.read(heard, fleet.tick, fleet.time)
+            take(state.orders, answer, fleet.time, self._names)
         except Wrong as wrong:
             raise self.talk.failed(
                 "answer", str(wrong), fleet.tick, fleet.time, wrong.field
@@ -208,10 +208,11 @@ class ProcessStack:
         if "phase" not in said:
             said["phase"] = self._phase(said.get("goal", state.intent.goal), fleet.time)
         state.intent = dataclasses.replace(state.intent, **said)
-        state.coming.append((fleet.time + answer.took, answer.twist))
-        while state.coming and state.coming[0][0] <= fleet.time + ROUNDING:
-            state.twist = state.coming.popleft()[1]
-        return state, Command(twist=state.twist), state.intent, answer.events
+        links = self._links.links(state.epoch)
+        command, intent, driven = carry_out(
+            state.orders, self._following, state.intent, fleet, links
+        )
+        return state, command, intent, (*answer.events, *driven)
 
     def _phase(self, goal: Array, time: float) -> IntArray:
         """Derive what each robot is doing, ``(N,)``, from whether it wants to be anywhere."""

@@ -1,0 +1,119 @@
+"""What a stack in another process has ordered: twists, or where the harness drives its robots.
+
+An order holds from when the stack has thought it out. Robots in `follow` keep to the path that they
+were given, or are planned for, and the configured controller drives them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
+from mrta_falsify.core.plane import NO_POINTS
+from mrta_falsify.stack.comms import Links
+from mrta_falsify.stack.following import Following, FollowState, Wish
+from simulator_interface.external.answers import Answer, Wrong
+
+ROUNDING = 1e-9  # s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """What N robots are told to do."""
+
+    twist: Array  #: (N, 3)
+    goal: Array  #: (N, 2) [m], nan: nowhere
+    paths: tuple[Array, ...]  #: N polylines (L, 2) [m] that the stack gave, empty: none
+    follow: frozenset[int] = frozenset()  #: robots that are driven for the stack
+
+    def wishes(self) -> list[Wish | None]:
+        """List where the robots in ``follow`` are to be driven."""
+        return [
+            Wish(goal, path) if robot in self.follow else None
+            for robot, (goal, path) in enumerate(zip(self.goal, self.paths, strict=True))
+        ]
+
+
+@dataclass(slots=True)
+class Orders:
+    """Memory of orders."""
+
+    last: Order  #: as said last
+    now: Order  #: in force
+    coming: deque[tuple[float, Order]] = field(default_factory=deque)  #: from when [s] on
+    driven: FollowState | None = None  #: None: no robot has been driven yet
+
+
+def no_orders(robots: int) -> Orders:
+    """Make the orders of N ``robots`` that stand."""
+    nowhere = np.full((robots, 2), np.nan)
+    standing = Order(np.zeros((robots, 3)), nowhere, (NO_POINTS,) * robots)
+    return Orders(standing, standing)
+
+
+def take(orders: Orders, answer: Answer, time: float, names: Sequence[str]) -> None:
+    """Take in what the stack answered at ``time`` [s]; ``names`` are those of its robots.
+
+    Raises:
+        Wrong: a robot gets no twist and is not driven either.
+    """
+    last = orders.last
+    follow = last.follow if answer.follow is None else answer.follow
+    twist = answer.twist
+    if twist is None:
+        left = [name for robot, name in enumerate(names) if robot not in follow]
+        if left:
+            raise Wrong("twist", f"is missing, and {left[0]} is not in `follow`")
+        twist = np.zeros((len(names), 3))
+    paths = tuple(answer.paths.get(i, p) for i, p in enumerate(last.paths))
+    goal = last.goal if answer.goal is None else answer.goal
+    orders.last = Order(twist, goal, paths if answer.paths else last.paths, follow)
+    orders.coming.append((time + answer.took, orders.last))
+    while orders.coming and orders.coming[0][0] <= time + ROUNDING:
+        orders.now = orders.coming.popleft()[1]
+
+
+def carry_out(
+    orders: Orders, following: Following, intent: Intent, fleet: FleetState, links: Links
+) -> tuple[Command, Intent, list[StackEvent]]:
+    """Turn the order in force into a command.
+
+    Args:
+        orders: memory; it is brought up to date.
+        following: drives the robots in ``follow``.
+        intent: as the stack says.
+        fleet: what the robots' sensors say.
+        links: of the robots.
+
+    Returns:
+        The command, the intent with the paths of the robots that are driven, and what happened
+        to these.
+    """
+    order = orders.now
+    if orders.driven is None:
+        if not order.follow:
+            return Command(twist=order.twist), intent, []
+        orders.driven = following.start()
+    result, events = following.step(orders.driven, order.wishes(), fleet, links)
+    driven = sorted(order.follow)
+    if not driven:
+        return Command(twist=order.twist), intent, []
+    twist = order.twist.copy()
+    twist[driven] = result.command.twist[driven]
+    paths = list(intent.path)
+    for robot in driven:
+        paths[robot] = orders.driven.missions[robot].way.path
+    intent = dataclasses.replace(
+        intent,
+        path=tuple(paths),
+        cluster=result.cluster,
+        leader=result.leader,
+        slack=result.slack,
+    )
+    return Command(twist=twist), intent, [event for event in events if event.robot in driven]
