@@ -65,8 +65,17 @@ class Keeper:
         return str(self._ask("begun").get("error", ""))
 
     def state(self) -> dict[str, Any]:
-        """Tell ``exit`` (code, None: it runs), ``tail`` (of its output) and ``pid``."""
+        """Tell ``exit`` (code, None: it runs) and ``tail`` (of its output)."""
         return self._ask("state")
+
+    def kept(self) -> list[int]:
+        """List the numbers of all processes that the program has started, itself among them."""
+        found, parents = [], [self._process]
+        while parents:
+            children = _children_of(parents.pop())
+            found += children
+            parents += children
+        return found
 
     def close(self) -> None:
         """Kill all that the program has started; may be called twice, not by copies."""
@@ -177,7 +186,6 @@ class _Kept:
                 self._drain(output)
             answer |= {
                 "exit": code,
-                "pid": self._program.pid,
                 "tail": self._tail.decode(errors="replace"),
             }
         self._control.sendall(json.dumps(answer).encode() + b"\n")

@@ -44,7 +44,6 @@ class StackProcess:
     def __init__(self, options: ExternalStack) -> None:
         self._options = options
         self._owner = os.getpid()
-        self._pid = 0
         ours, theirs = socket.socketpair()
         environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
         folder = options.folder or os.getcwd()
@@ -81,12 +80,14 @@ class StackProcess:
             raise ConfigError(f"the stack ({label}) does not shake hands: {error}") from None
 
     def resident(self) -> float:
-        """Measure the memory that its first process takes up [bytes]; 0: it has ended."""
-        try:
-            with open(f"/proc/{self._pid}/statm", encoding="ascii") as file:
-                return float(file.read().split()[1]) * PAGE
-        except OSError:
-            return 0.0
+        """Measure the memory that all its processes take up [bytes].
+
+        What several of them share counts once.
+        """
+        kept = self._keeper.kept()
+        if len(kept) == 1:
+            return _resident(kept[0])
+        return sum(_share(process) for process in kept)
 
     def last_words(self) -> tuple[int | None, tuple[str, ...]]:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
@@ -122,8 +123,26 @@ class StackProcess:
             )
             ready = read_ready(self.wire.receive(self._options.start_limit))
         self.wire.is_binary = ready.encoding == "msgpack"
-        self._pid = self._keeper.state().get("pid", 0)
         return ready
+
+
+def _resident(process: int) -> float:
+    """Measure the memory of a process [bytes]; 0: it has ended."""
+    try:
+        with open(f"/proc/{process}/statm", encoding="ascii") as file:
+            return float(file.read().split()[1]) * PAGE
+    except OSError:
+        return 0.0
+
+
+def _share(process: int) -> float:
+    """Measure its proportional share of memory (Pss) [bytes], which takes longer."""
+    try:
+        with open(f"/proc/{process}/smaps_rollup", encoding="ascii") as file:
+            rows = [line.split() for line in file if line.startswith("Pss:")]
+    except OSError:
+        return 0.0
+    return sum(float(row[1]) * 1024.0 for row in rows)
 
 
 def _last_lines(text: str) -> tuple[str, ...]:

@@ -68,6 +68,10 @@ class Bad:
                 os._exit(4)
             case "eats":
                 self.eaten = b"x" * (400 << 20)
+            case "child eats":
+                program = f"import time; eaten = b'x' * {400 << 20}; time.sleep(1000)"
+                self.child = subprocess.Popen([sys.executable, "-c", program])
+                time.sleep(0.5)
             case "noise":
                 answer["twist"][0, 0] = np.random.default_rng().normal() * 1e-9
         return answer

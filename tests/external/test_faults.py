@@ -95,10 +95,11 @@ def test_a_flood_of_output_is_cut_and_its_end_is_kept(hall):
     assert all(len(line) <= 300 for line in evidence["frames"])
 
 
-def test_too_much_memory_is_seen_within_a_second(hall):
+@pytest.mark.parametrize("how", ["eats", "child eats"])
+def test_too_much_memory_is_seen_within_a_second(hall, how):
     limits = StackLimits(memory=0.3)
     with at_post(Post(limits=limits)):
-        outcome = simulate(dataclasses.replace(hall, horizon=3.0), bad("eats"))
+        outcome = simulate(dataclasses.replace(hall, horizon=3.0), bad(how))
     (verdict,) = outcome.verdicts
     assert verdict.evidence["kind"] == "memory"
     assert verdict.evidence["message"] == "the stack took up more than 0.3 GiB of memory"
