@@ -438,8 +438,8 @@ inline Tick tick_of(const Value& message) {
 
 inline std::string packed(const Command& command, int tick) {
     Packer made;
-    made.map(3 + !command.twist.empty() + !command.goal.empty() + !command.stops_left.empty() + !command.paths.empty()
-             + 1 + !command.events.empty());  // waits_for is always said
+    made.map(4 + !command.twist.empty() + !command.goal.empty() + !command.stops_left.empty()
+             + !command.paths.empty() + !command.events.empty());
     made.text("type");
     made.text("command");
     made.text("tick");
