@@ -2,13 +2,13 @@
 
 A continuation is a fork (see :mod:`.forking`) in which no task arrives any more and no blockage
 or outage begins. Those in force run their course, and people continue their routes and scripts.
-In a counterfactual one robot is taken away as well, to see which others it holds up. A nudged
+In a counterfactual robots are taken away as well, to see whom they hold up. A nudged
 continuation differs a little: robots stand a few millimetres away, and noise falls otherwise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from mrta_falsify.core.fleet import Frame
@@ -33,12 +33,14 @@ class EpisodeForecast:
         self._episode = episode
         self._frames = frames
 
-    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
+    def __call__(
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+    ) -> dict[str, Any] | None:
         """Show a continuation to ``watch``.
 
         Args:
             watch: sees every frame from the next one on until it has seen enough.
-            without: a robot that is taken away, -1: none.
+            without: robots that are taken away.
             nudge: number of a copy with small differences, 0: without any.
 
         Returns:
@@ -49,7 +51,7 @@ class EpisodeForecast:
         Raises:
             HarnessError: the copy failed.
         """
-        if without >= 0 and not self._episode.can_remove:
+        if without and not self._episode.can_remove:
             return None
         if nudge and not self._episode.can_nudge:
             return None
@@ -60,8 +62,8 @@ class EpisodeForecast:
             except CannotBranch:
                 return None
             self._episode.forget_events()
-            if without >= 0:
-                self._episode.remove(without)
+            for robot in without:
+                self._episode.remove(robot)
             if nudge:
                 self._episode.nudge(nudge)
             for frame in self._frames:
@@ -89,7 +91,9 @@ class ToldForecast:
     def __init__(self, answers: Iterable[dict[str, Any] | None]) -> None:
         self._answers = iter(answers)
 
-    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
+    def __call__(
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+    ) -> dict[str, Any] | None:
         """Give the next answer; None: there is none."""
         del watch, without, nudge
         return next(self._answers, None)

@@ -184,8 +184,8 @@ def stack_options(command: Command) -> Command:
     )(command)
     return click.option(
         "--stack",
-        metavar="FILE|exec:CMD",
-        help="YAML with a name or options per layer, or a stack's own command.",
+        metavar="FILE|exec:CMD|connect:ADDRESS",
+        help="YAML with a name or options per layer, or a stack's own command or address.",
     )(command)
 
 

@@ -13,7 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
-from mrta_falsify.core.external import ExternalStack, located, parse_exec
+from mrta_falsify.core.external import ExternalStack, located, parse_stack
 from mrta_falsify.core.fleet import Tells
 
 
@@ -74,7 +74,7 @@ def decode_config(data: Any, *, where: str, folder: Path | None = None) -> Stack
 
     A layer is written as a name (``planner: astar``) or as a name with options
     (``planner: {name: astar, resolution: 0.1}``). A stack in a process of its own is written as
-    ``stack: exec:CMD`` or ``stack: {command: [...], ...}``.
+    ``stack: exec:CMD``, ``stack: connect:ADDRESS`` or ``stack: {command: [...], ...}``.
 
     Args:
         data: of the YAML file.
@@ -96,7 +96,7 @@ def decode_config(data: Any, *, where: str, folder: Path | None = None) -> Stack
         if isinstance(shaped.get(field), list):
             shaped[field] = sorted(set(map(str, shaped[field])))
     if isinstance(shaped.get(STACK), str):
-        bound = parse_exec(shaped[STACK], where=f"{where}: stack", folder=folder)
+        bound = parse_stack(shaped[STACK], where=f"{where}: stack", folder=folder)
         shaped[STACK] = codec.encode(bound)
     config = codec.decode(StackConfig, shaped, where=where)
     if config.stack is None or folder is None:

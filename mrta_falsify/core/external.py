@@ -1,4 +1,4 @@
-"""A stack in a process of its own: the command that starts it, and what it may do."""
+"""A stack in a process of its own: how it is started or reached, and what it may do."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.errors import ConfigError
 
 EXEC = "exec:"  # begins a command where a name could stand
+CONNECT = "connect:"  # begins the address of a stack that runs already
+LOOPBACK = ("127.0.0.1", "localhost")  # the only hosts
 
 #: how a copy of the run gets a copy of the stack; auto: fork if the stack can, else replay
 Branching = Literal["auto", "fork", "replay", "never"]
@@ -22,7 +24,8 @@ Branching = Literal["auto", "fork", "replay", "never"]
 class ExternalStack:
     """A stack that runs as a process of its own and is asked over a socket."""
 
-    command: tuple[str, ...]
+    command: tuple[str, ...] = ()  #: that starts it; empty: it runs already
+    connect: str = later("")  #: where it listens: path of a Unix socket, or 127.0.0.1:PORT
     folder: str = ""  #: where it is run, empty: where the harness is
     env: dict[str, str] = field(default_factory=dict)  #: set in its environment
     params: dict[str, Any] = field(default_factory=dict)  #: handed on in `world`
@@ -33,12 +36,39 @@ class ExternalStack:
     start_limit: float = quantity(above=0.0, unit="s", default=60.0)  #: until it is ready
 
     def __post_init__(self) -> None:
-        if not self.command:
+        if self.connect and self.command:
+            raise ConfigError("stack has a command and connect; it must have one of them")
+        if not self.command and not self.connect:
             raise ConfigError("stack.command is empty; it must name a program")
+        if self.connect:
+            self.address()
 
     def label(self) -> str:
-        """Write the command in one line."""
-        return shlex.join(self.command)
+        """Write the command, or the address, in one line."""
+        return shlex.join(self.command) if self.command else f"{CONNECT}{self.connect}"
+
+    def address(self) -> str | tuple[str, int]:
+        """Give where it listens: the path of a Unix socket, or a loopback host and port.
+
+        Raises:
+            ConfigError: the host is another machine, or the port is none.
+        """
+        host, colon, port = self.connect.rpartition(":")
+        if not colon or "/" in self.connect:
+            return os.path.join(self.folder, self.connect)
+        if host not in LOOPBACK:
+            raise ConfigError(f"stack.connect: the host {host!r} must be {' or '.join(LOOPBACK)}")
+        if not port.isdecimal() or not 0 < int(port) < 1 << 16:
+            raise ConfigError(f"stack.connect: the port {port!r} must be from 1 to 65535")
+        return host, int(port)
+
+
+def parse_stack(text: str, *, where: str, folder: Path | None = None) -> ExternalStack:
+    """Read ``exec:CMD`` or ``connect:ADDRESS``; arguments and errors as in :func:`parse_exec`."""
+    if not text.startswith(CONNECT):
+        return parse_exec(text, where=where, folder=folder)
+    found = ExternalStack(connect=text.removeprefix(CONNECT))
+    return located(found, where=where, folder=folder or Path.cwd())
 
 
 def parse_exec(text: str, *, where: str, folder: Path | None = None) -> ExternalStack:
@@ -72,6 +102,8 @@ def located(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack:
     place = folder / stack.folder
     if not place.is_dir():
         raise ConfigError(f"{where}: the folder {place} does not exist")
+    if not stack.command:
+        return replace(stack, folder=str(place.resolve()))
     program = stack.command[0]
     known = (place / program).exists() if os.sep in program else shutil.which(program)
     if not known:

@@ -313,12 +313,14 @@ class Watch(Protocol):
 class Forecast(Protocol):
     """Runs a continuation: a copy of the run without further outside events."""
 
-    def __call__(self, watch: Watch, *, without: int = -1, nudge: int = 0) -> dict[str, Any] | None:
+    def __call__(
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+    ) -> dict[str, Any] | None:
         """Answer by ``watch``; None: the engine cannot, or the stack fails in the continuation.
 
         Args:
             watch: sees the frames.
-            without: a robot that is taken away, -1: none.
+            without: robots that are taken away.
             nudge: number of a copy with small differences, 0: without any.
         """
 

@@ -7,10 +7,18 @@ from typing import Any
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 
+CANNOT_COPY = "this run cannot be copied to confirm it"
 UNCONFIRMED = 0.95  # of the robustness is all that robots can lose before a continuation decides
 
 
-def suspected(spec: str, what: str, *, who: tuple[str, ...], evidence: dict[str, Any]) -> Verdict:
+def suspected(
+    spec: str,
+    what: str,
+    *,
+    who: tuple[str, ...],
+    evidence: dict[str, Any],
+    why: str = CANNOT_COPY,
+) -> Verdict:
     """Give the verdict of a specification whose suspicion no continuation can confirm.
 
     Args:
@@ -18,6 +26,7 @@ def suspected(spec: str, what: str, *, who: tuple[str, ...], evidence: dict[str,
         what: is suspected, with its article.
         who: names of the robots concerned.
         evidence: JSON-shaped.
+        why: it is no more than a suspicion.
     """
     return Verdict(
         spec=spec,
@@ -25,7 +34,7 @@ def suspected(spec: str, what: str, *, who: tuple[str, ...], evidence: dict[str,
         violated=False,
         who=who,
         evidence=evidence,
-        not_judged=f"{what} is suspected, but this run cannot be copied to confirm it",
+        not_judged=f"{what} is suspected, but {why}",
     )
 
 

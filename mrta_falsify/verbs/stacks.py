@@ -8,11 +8,11 @@ from pathlib import Path
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting, read_config
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.external import EXEC, parse_exec
+from mrta_falsify.core.external import CONNECT, EXEC, parse_stack
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place
 
-Stack = StackConfig | Place  #: a stack, the YAML file that holds it, or ``exec:CMD``
+Stack = StackConfig | Place  #: a stack, its YAML file, ``exec:CMD`` or ``connect:ADDRESS``
 
 
 def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> StackConfig:
@@ -22,7 +22,8 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
     the file or option it stands in.
 
     Args:
-        stack: a configuration, a YAML file, or ``exec:CMD`` for a stack in a process of its own.
+        stack: a configuration, a YAML file, or ``exec:CMD`` or ``connect:ADDRESS`` for a stack in a
+            process of its own.
         settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
 
     Raises:
@@ -32,8 +33,8 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
         config = stack
     elif stack is None:
         config = StackConfig()
-    elif str(stack).startswith(EXEC):
-        config = StackConfig(stack=parse_exec(str(stack), where="--stack"))
+    elif str(stack).startswith((EXEC, CONNECT)):
+        config = StackConfig(stack=parse_stack(str(stack), where="--stack"))
     else:
         config = read_config(Path(stack))
         check_stack(config, where=str(stack))

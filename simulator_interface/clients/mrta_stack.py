@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import struct
 import sys
@@ -165,6 +166,7 @@ def serve(
     version: str = "",
     says: tuple[str, ...] = (),
     can: tuple[str, ...] = ("branch",),
+    listen: str = "",
 ) -> None:
     """Answer the harness until it says bye.
 
@@ -174,8 +176,10 @@ def serve(
         version: of the stack.
         says: what it tells beside twists: ``deliveries``, ``goals``, ``paths``.
         can: ``branch`` if the process may be copied by fork, which threads do not survive.
+        listen: for ``--stack connect:ADDRESS``: a path for a Unix socket, or ``127.0.0.1:PORT``.
+            The program then waits there for episodes, each in a process of its own, without end.
     """
-    connection = _connect()
+    connection = _accepted(listen) if listen else _connect()
     running: Any = None
     while True:
         try:
@@ -230,6 +234,27 @@ def _connect() -> Connection:
     if number is None:
         sys.exit("this program is a stack for mrta-falsify: run it by --stack 'exec:...'")
     return Connection(socket.socket(fileno=int(number)))
+
+
+def _accepted(address: str) -> Connection:
+    """Wait for connections; return in a process of its own for each."""
+    host, colon, port = address.rpartition(":")
+    if colon and "/" not in address:
+        door = socket.create_server((host, int(port)))
+    else:
+        if os.path.exists(address):
+            os.unlink(address)
+        door = socket.socket(socket.AF_UNIX)
+        door.bind(address)
+        door.listen()
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for the processes
+    while True:
+        link, _ = door.accept()
+        if os.fork() == 0:
+            door.close()
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            return Connection(link)
+        link.close()
 
 
 def _ready(name: str, version: str, says: tuple[str, ...], can: tuple[str, ...]) -> bytes:

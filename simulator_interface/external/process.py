@@ -44,11 +44,15 @@ class StackProcess:
     def __init__(self, options: ExternalStack) -> None:
         self._options = options
         self._owner = os.getpid()
-        ours, theirs = socket.socketpair()
-        environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
-        folder = options.folder or os.getcwd()
-        self._keeper = Keeper(options.command, folder, environment, theirs)
-        theirs.close()
+        self._keeper: Keeper | None = None  # of a stack that runs already there is none
+        if options.command:
+            ours, theirs = socket.socketpair()
+            environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
+            folder = options.folder or os.getcwd()
+            self._keeper = Keeper(options.command, folder, environment, theirs)
+            theirs.close()
+        else:
+            ours = _connected(options)
         self.wire = Wire(ours)
         try:
             self.ready = self._shake_hands()
@@ -79,18 +83,25 @@ class StackProcess:
         except (Unreadable, Wrong) as error:
             raise ConfigError(f"the stack ({label}) does not shake hands: {error}") from None
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether it was started here; one that runs already is not ended either."""
+        return self._keeper is not None
+
     def resident(self) -> float:
         """Measure the memory that all its processes take up [bytes].
 
         What several of them share counts once.
         """
-        kept = self._keeper.kept()
+        kept = self._keeper.kept() if self._keeper is not None else []
         if len(kept) == 1:
             return _resident(kept[0])
         return sum(_share(process) for process in kept)
 
     def last_words(self) -> tuple[int | None, tuple[str, ...]]:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
+        if self._keeper is None:
+            return None, ()
         until = time.monotonic() + 1.0
         state = self._keeper.state()
         while state and state.get("exit") is None and time.monotonic() < until:
@@ -100,7 +111,7 @@ class StackProcess:
 
     def printed(self) -> tuple[str, ...]:
         """Give the last lines that it printed, while it runs."""
-        return _last_lines(self._keeper.state().get("tail", ""))
+        return _last_lines(self._keeper.state().get("tail", "")) if self._keeper else ()
 
     def close(self) -> None:
         """End it, and all that it has started; may be called twice. A copy only lets go of it."""
@@ -110,10 +121,11 @@ class StackProcess:
         with contextlib.suppress(Closed, Late, OSError):
             self.wire.send({"type": "bye"}, 0.1)
         self.wire.close()
-        self._keeper.close()
+        if self._keeper is not None:
+            self._keeper.close()
 
     def _shake_hands(self) -> Ready:
-        error = self._keeper.begun()
+        error = self._keeper.begun() if self._keeper is not None else ""
         if error:
             raise ConfigError(f"the stack cannot be started: {error}")
         with self.starting():
@@ -124,6 +136,27 @@ class StackProcess:
             ready = read_ready(self.wire.receive(self._options.start_limit))
         self.wire.is_binary = ready.encoding == "msgpack"
         return ready
+
+
+def _connected(options: ExternalStack) -> socket.socket:
+    """Connect to a stack that runs already.
+
+    Raises:
+        ConfigError: nothing answers there.
+    """
+    address = options.address()
+    link = socket.socket(socket.AF_UNIX if isinstance(address, str) else socket.AF_INET)
+    try:
+        link.settimeout(options.start_limit)
+        link.connect(address)
+        if not isinstance(address, str):
+            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    except OSError as error:
+        link.close()
+        raise ConfigError(
+            f"the stack ({options.label()}) cannot be reached: {error.strerror or error}"
+        ) from None
+    return link
 
 
 def _resident(process: int) -> float:

@@ -122,7 +122,7 @@ def test_without_one_of_two_that_block_each_other_the_other_goes_free(engine):
     _, _, forecast = begun(world, on(engine, config), 15.0)
     together = np.array(forecast(Looking(35.0))["seen"])
     assert np.abs(together[-1, :, :2] - together[0, :, :2]).max() < 0.5
-    alone = np.array(forecast(Looking(35.0), without=1)["seen"])
+    alone = np.array(forecast(Looking(35.0), without=(1,))["seen"])
     assert alone[-1, 0, 0] > 2.0
     assert alone[0, 1, 0] < world.bounds[0] - 20.0  # far outside the map
     assert np.abs(alone[:, 1, :2] - alone[0, 1, :2]).max() < 0.05

@@ -427,7 +427,7 @@ def foretold(script: Script, fate) -> NoDeadlock:
     """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
     world, judged = script.world(), oracle()
     judged.start(world, DT)
-    judged.foresee(lambda watch, *, without=-1, nudge=0: fate(watch, without, nudge))
+    judged.foresee(lambda watch, *, without=(), nudge=0: fate(watch, *without or (-1,), nudge))
     for frame in script.frames(world):
         judged.update(frame)
     return judged
@@ -522,9 +522,9 @@ def test_a_forecast_is_forgotten_once_something_comes_from_outside():
         judged.start(world, DT)
         now = [0.0]
 
-        def forecast(watch, *, without=-1, nudge=0):
-            if without >= 0:
-                return {"freed": [1 - without]}
+        def forecast(watch, *, without=(), nudge=0):
+            if without:
+                return {"freed": [1 - without[0]]}
             return shown({0: 3.0, 1: 3.0}) if now[0] >= arrival else shown(freed={0: 50.0, 1: 50.0})
 
         judged.foresee(forecast)

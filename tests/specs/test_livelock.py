@@ -45,7 +45,7 @@ def foretold(script: Script, seconds: float) -> tuple[Verdict, list[float]]:
     frames = list(script.frames(world))
     asked, now = [], [0]
 
-    def forecast(watch, *, without=-1, nudge=0):
+    def forecast(watch, *, without=(), nudge=0):
         if not nudge:
             asked.append(now[0] * DT)
         seen = copy.deepcopy(watch)  # a forecast runs in a copy of the process
@@ -111,7 +111,7 @@ def test_robots_whose_continuation_tells_nothing_are_not_claimed():
     script = circling_until(1e3, seconds=70.0)
     world, judged = script.world(), no_livelock()
     judged.start(world, DT)
-    judged.foresee(lambda watch, *, without=-1, nudge=0: None)
+    judged.foresee(lambda watch, *, without=(), nudge=0: None)
     for frame in script.frames(world):
         judged.update(frame)
     assert judged.verdict().outcome == "holds"

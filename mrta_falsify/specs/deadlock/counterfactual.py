@@ -207,7 +207,7 @@ class CounterfactualTest:
             watch = CounterfactualWatch(
                 self._world, stuck - {i}, settled=span.settled, until=span.until
             )
-            answer = forecast(watch, without=i)
+            answer = forecast(watch, without=(i,))
             if answer is None:
                 break
             freed[i] = set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)

@@ -9,7 +9,8 @@ are its victims.
 
 Where the run cannot be copied (a recorded trace, a system other than Linux, an open window) one
 rule applies. Robots are *suspected* once they and all that they wait for have stood for 30 s. A
-suspicion is no failure: the verdict is that the specification was not judged.
+suspicion is no failure: the verdict is that the specification was not judged. The same rule applies
+to a stack that does not tell where its robots go (see :mod:`.untold_goals`).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from mrta_falsify.specs.deadlock.counterfactual import (
 from mrta_falsify.specs.deadlock.evidence import Deadlock, DeadlockEvidence, describe
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
+from mrta_falsify.specs.deadlock.untold_goals import UntoldGoals
 from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
@@ -40,7 +42,7 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     knots_of,
     victims_of,
 )
-from mrta_falsify.specs.suspicion import UNCONFIRMED, awaits_an_end, suspected
+from mrta_falsify.specs.suspicion import CANNOT_COPY, UNCONFIRMED, awaits_an_end, suspected
 
 SUSPECTED_AFTER = 30.0  # s for which robots and all that they wait for must stand
 HALF_LOST_AFTER = 15.0  # s of waiting for a robot, of the half that waiting alone can lose
@@ -73,6 +75,8 @@ class NoDeadlock:
         self._progress = ProgressClock(world)
         self._suspects = SuspectClock(world, self._progress)
         self._test = CounterfactualTest(world, self._progress, self._options.look_ahead)
+        self._dt = dt
+        self._untold: UntoldGoals | None = None  # made where it is needed
         self._forecast: Forecast | None = None
         self._lost = 0.0  # largest share of the robustness
         self._found: list[Deadlock] = []
@@ -88,7 +92,10 @@ class NoDeadlock:
         """Take in one tick."""
         if not frame.tells.goals:
             self._missing = "the stack does not tell where its robots are going"
-            return
+            if self._forecast is None:
+                return
+            self._untold = self._untold or UntoldGoals(self._world, self._dt)
+            frame = self._untold.told_for(frame, self._forecast)
         self._suspects.watch(frame)
         if frame.sensed.tick % self._stride:
             return
@@ -96,15 +103,13 @@ class NoDeadlock:
         self._progress.update(frame)
         self._suspects.look(frame, edges)
         self._note_loss()
-        if self._forecast is None:
+        if self._forecast is None or self._missing:
             self._suspect(edges, frame)
             return
         self._ask(self._forecast, edges, frame)
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
-        if self._missing:
-            return unjudged(SPEC, self._missing)
         if self._evidence:
             first, *others = self._evidence
             return Verdict(
@@ -117,7 +122,10 @@ class NoDeadlock:
             )
         if self._suspected is not None:
             seen = self._suspected
-            return suspected(SPEC, "a deadlock", who=seen.members, evidence=seen.encoded())
+            why = self._missing or CANNOT_COPY
+            return suspected(SPEC, "a deadlock", who=seen.members, evidence=seen.encoded(), why=why)
+        if self._missing:
+            return unjudged(SPEC, self._missing)
         return Verdict(spec=SPEC, robustness=SUSPECTED_AFTER * (1.0 - self._lost), violated=False)
 
     def _note_loss(self) -> None:

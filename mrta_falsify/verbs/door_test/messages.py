@@ -137,6 +137,8 @@ def ends_with_the_connection(config: StackConfig, world: World, can: tuple[str, 
 
 
 def _ends(talk: Messages, after: str) -> str:
+    if not talk.process.is_kept:
+        return "not looked at: it runs already and is to run on"
     began = time.monotonic()
     while time.monotonic() - began < ENDS_WITHIN:
         code, _ = talk.process.last_words()

@@ -13,7 +13,7 @@ from typing import Literal
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, InputError
-from mrta_falsify.core.external import EXEC
+from mrta_falsify.core.external import CONNECT, EXEC
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
@@ -121,7 +121,7 @@ CHECKS: dict[str, Check] = {
 
 def _config(command: str) -> StackConfig:
     stack: Stack = command
-    if not command.endswith((".yaml", ".yml")) and not command.startswith(EXEC):
+    if not command.endswith((".yaml", ".yml")) and not command.startswith((EXEC, CONNECT)):
         stack = f"{EXEC}{command}"
     config = load_stack(stack)
     if config.stack is None:
