@@ -53,10 +53,10 @@ def import_command(map: Path, style: str, **options: Any) -> int:
     _print_floor(done)
     for warning in done.warnings:
         output.say(f"note: {warning}")
-    kept = " (kept: it was there)" if done.scenario_kept else ""
     for path in filter(None, (done.floor, done.picture, done.derived)):
         output.say(f"wrote {path}")
-    output.say(f"{'kept' if kept else 'wrote'} {done.scenario}{kept and ' (it was there)'}")
+    verb = "left as it is:" if done.scenario_kept else "wrote"
+    output.say(f"{verb} {done.scenario}")
     scenario, runs = shlex.quote(str(done.scenario)), shlex.quote(f"runs/{done.scenario.stem}")
     sized = done.robot_radius != DEFAULT_RADIUS
     stack = f" --set costmap.robot_radius={done.robot_radius:g}" if sized else ""

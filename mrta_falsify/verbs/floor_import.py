@@ -127,7 +127,7 @@ def _write_text(path: Path, text: str) -> None:
 def _draw(world: World, path: Path) -> None:
     from reports import contact_sheet  # noqa: PLC0415 - matplotlib loads slowly
 
-    contact_sheet.write_world_picture(world, path)
+    contact_sheet.write_floor_picture(world, path)
 
 
 # --- what is written -------------------------------------------------------------------------
@@ -145,7 +145,9 @@ def _derived_text(source: Path, world: World) -> str:
         "# The rooms with all that was derived. Change what does not please, and import again\n"
         "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
     )
-    return heading + yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=100)
+    return heading + yaml.safe_dump(
+        data, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None
+    )
 
 
 def _fill(given: dict[str, Any], field: str, points: Any) -> None:
@@ -235,9 +237,9 @@ def _warnings(floor: Floor, world: World) -> list[str]:
     if facts is not None and facts.doubtful:
         share = facts.doubtful / (facts.rows * facts.cols)
         said.append(
-            f"{share:.1%} of the cells have the grey level 205, by which Nav2's saver marks unknown "
-            "cells, and the map's free_thresh makes them free, as in Nav2; free_thresh: 0.196 "
-            "makes them unknown"
+            f"{share:.1%} of the cells have the grey level 205, by which Nav2's saver marks "
+            "unknown cells, and the map's free_thresh makes them free, as in Nav2; "
+            "free_thresh: 0.196 makes them unknown"
         )
     if facts is not None and facts.specks:
         places = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in facts.speck_places.tolist())

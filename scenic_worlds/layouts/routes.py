@@ -100,9 +100,7 @@ class MiddleWays:
         floor: ``(rows, cols)`` cells that they may use; None: where robots can be.
     """
 
-    def __init__(
-        self, routes: RouteMap, clearance: Array, floor: BoolArray | None = None
-    ) -> None:
+    def __init__(self, routes: RouteMap, clearance: Array, floor: BoolArray | None = None) -> None:
         self._routes = routes
         near = 1.0 - np.minimum(np.maximum(clearance, 0.0), WIDE) / WIDE
         prices = np.rint(kernels.PRICE * (1.0 + KEEP_MIDDLE * near * (1.0 + near)))

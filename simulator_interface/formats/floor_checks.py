@@ -81,7 +81,7 @@ def check_rooms(described: FloorFile, where: str) -> None:
             raise FormatError(f"{where}: rooms[{i}].name {problem}; every room needs its own name")
         if not name.isprintable() or len(name) > LONGEST_NAME:
             raise FormatError(
-                f"{where}: rooms[{i}].name is {ascii(name[:LONGEST_NAME])}; it must be one line "
+                f"{where}: rooms[{i}].name is {name[:LONGEST_NAME]!a}; it must be one line "
                 f"of at most {LONGEST_NAME} characters"
             )
     for i, room in enumerate(described.rooms):

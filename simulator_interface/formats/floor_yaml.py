@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
@@ -145,8 +143,8 @@ def _assembled(
         raise FormatError(
             f"{where}: has no walls; give walls, map, sdf or bounds [x min, y min, x max, y max]"
         )
-    bounds = checked_bounds(described, solids.extents, is_map=map_file is not None, where=where)
     check_rooms(described, where)
+    bounds = checked_bounds(described, solids.extents, is_map=map_file is not None, where=where)
     check_lanes(described, where)
     wall_names = _named([wall.name for wall in solids.walls], "wall")
     furniture_names = _named([item.name for item in solids.furniture], "furniture")

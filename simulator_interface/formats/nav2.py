@@ -33,6 +33,7 @@ GREY_FREE, GREY_OCCUPIED = 254, 0  # what Nav2's map saver writes
 GREY_UNKNOWN = 128  # the saver's 205 would be read as free under a free_thresh of 0.25
 GREY_SAVED_UNKNOWN = 205
 
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OccupancyGrid:
     """A map as ``nav_msgs/OccupancyGrid`` has it."""
