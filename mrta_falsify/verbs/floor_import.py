@@ -227,26 +227,40 @@ def _summary(
         parking_given=bool(len(floor.parking)),
         longest_travel_s=float(world.travel_times.max()),
         map=floor.map_facts,
-        warnings=tuple(_warnings(floor, world)),
+        warnings=(*_map_warnings(floor.map_facts), *_place_warnings(world, radius)),
     )
 
 
-def _warnings(floor: Floor, world: World) -> list[str]:
-    said = []
-    facts = floor.map_facts
-    if facts is not None and facts.doubtful:
+def _map_warnings(facts: MapFacts | None) -> list[str]:
+    said: list[str] = []
+    if facts is None:
+        return said
+    if facts.doubtful:
         share = facts.doubtful / (facts.rows * facts.cols)
         said.append(
             f"{share:.1%} of the cells have the grey level 205, by which Nav2's saver marks "
             "unknown cells, and the map's free_thresh makes them free, as in Nav2; "
             "free_thresh: 0.196 makes them unknown"
         )
-    if facts is not None and facts.specks:
+    if facts.specks:
         places = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in facts.speck_places.tolist())
+        more = ", ..." if facts.specks > len(facts.speck_places) else ""
         said.append(
-            f"{facts.specks} solid specks (at {places}{', ...' if facts.specks > 3 else ''}) are "
-            "obstacles; if they are noise, least_patch: 0.02 in the file of rooms leaves out "
-            "what is smaller [m^2]"
+            f"{facts.specks} solid specks (at {places}{more}) are obstacles; if they are "
+            "noise, least_patch: 0.02 in the file of rooms leaves out what is smaller [m^2]"
+        )
+    return said
+
+
+def _place_warnings(world: World, radius: float) -> list[str]:
+    from scenic_worlds.layouts.reach import closed_off_by_waiting  # noqa: PLC0415 - loads numba
+
+    said = []
+    closed = closed_off_by_waiting(world, radius)
+    if closed:
+        said.append(
+            f"robots on all waiting spots and parking places close off {', '.join(closed)} (give "
+            "queue or parking)"
         )
     waiting = [
         room.name

@@ -12,6 +12,7 @@ from shapely.geometry import Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.world import World
 from scenic_worlds.layouts.routes import MiddleWays, RouteMap, evenly
 from simulator_interface.formats.floor_yaml import Floor, FloorRoom
 
@@ -97,6 +98,25 @@ def check_spots(routes: RouteMap, floor: Floor, part: int) -> None:
                     f"{floor.name}: {whose}[{k}] is {place.tolist()} m, where no robot of "
                     f"{routes.radius} m radius can come (move it)"
                 )
+
+
+def closed_off_by_waiting(world: World, radius: float) -> tuple[str, ...]:
+    """Name the rooms that cannot be reached while robots stand on all spots and parking places.
+
+    Args:
+        world: a derived layout.
+        radius: of the robots [m].
+    """
+    routes = RouteMap(world, radius)
+    uses = [use for use in world.resources if use.room is not None]
+    standing = np.vstack([*(use.spots.reshape(-1, 2) for use in uses), world.parking])
+    passable = routes.free & (routes.distance_to(standing) > 2.0 * radius)
+    parts, _ = ndimage.label(passable)
+    here = [int(parts[routes.cell(use.entry[0])]) for use in uses]
+    main = max(sorted(set(here)), key=here.count)
+    return tuple(
+        use.name for use, part in zip(uses, here, strict=True) if part != main or part == 0
+    )
 
 
 def _named(floor: Floor, number: int) -> str:

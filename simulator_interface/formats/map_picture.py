@@ -41,7 +41,7 @@ def read_map_picture(path: Path, *, with_alpha: bool, where: str) -> MapPicture:
     Raises:
         FormatError: no such picture, more than ``MAX_CELLS`` pixels, or a broken file.
     """
-    from PIL import Image  # noqa: PLC0415 - maps are read seldom
+    from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - maps are read seldom
 
     if path.suffix.lower() not in ENDINGS:
         raise FormatError(
@@ -57,7 +57,7 @@ def read_map_picture(path: Path, *, with_alpha: bool, where: str) -> MapPicture:
                 return _brightness(picture, path, with_alpha=with_alpha)
     except Image.DecompressionBombError:
         raise FormatError(f"{path}: has too many pixels; 1 to {MAX_CELLS} are allowed") from None
-    except Image.UnidentifiedImageError:
+    except UnidentifiedImageError:
         raise FormatError(f"{path}: is not a picture (PGM, PNG or BMP)") from None
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         if isinstance(error, OSError) and error.strerror:

@@ -16,7 +16,7 @@ from simulator_interface.formats.nav2 import OCCUPIED_THRESH, OccupancyGrid
 from simulator_interface.formats.outlines import mask_outlines, outlines
 
 SMALLEST_POCKET = 0.15  # m^2, the disc of a robot with a radius of 0.22 m
-SPECK = 0.02  # m^2; 8 cells of 0.05 m: the leg of a table, or noise of the mapping
+SPECK = 0.02  # m^2; below 8 cells of 0.05 m: the leg of a table, or noise of the mapping
 SHOWN_SPECKS = 3
 _TOUCHING = ndimage.generate_binary_structure(2, 2)  # also across corners
 
@@ -31,7 +31,7 @@ class MapFacts:
     yaw: float  #: [rad]
     free: float  #: share of the cells
     unknown: float  #: share of the cells
-    specks: int  #: solid patches of at most ``SPECK``, apart from everything else
+    specks: int  #: solid patches below ``SPECK``, apart from everything else
     left_out: int  #: solid patches that were left out as smaller than the file's ``specks``
     speck_places: Array  #: (K, 2) [m] of the first of them, K <= 3
     doubtful: int  #: free cells as grey as those that Nav2's saver writes for unknown ones
@@ -99,7 +99,7 @@ def describe_map(
     patches, sizes = _patches(solid_cells(grid, unknown_is_solid=unknown_is_solid))
     area = sizes * grid.resolution**2
     is_left_out = area < least_patch
-    is_speck = (area <= SPECK * (1.0 + 1e-9)) & ~is_left_out
+    is_speck = (area < SPECK) & ~is_left_out
     is_left_out[0] = is_speck[0] = False
     numbers = np.flatnonzero(is_speck)
     places = ndimage.center_of_mass(np.ones_like(patches), patches, numbers[:SHOWN_SPECKS])

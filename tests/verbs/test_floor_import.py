@@ -119,7 +119,7 @@ def test_a_ragged_map_with_specks_becomes_a_floor_and_its_specks_are_told(tmp_pa
 
 def test_what_a_ragged_map_has_too_much_may_be_left_out(tmp_path):
 
-    path = draw(tmp_path, slam_grid(), rooms=ROOMS_TEXT + "least_patch: 0.021\n")
+    path = draw(tmp_path, slam_grid(), rooms=ROOMS_TEXT + "least_patch: 0.02\n")
     done = import_floor(path, tmp_path / "out")
     assert done.map.specks == 0
     assert done.map.left_out > 20
@@ -353,3 +353,10 @@ def test_the_grey_of_the_map_saver_is_told_where_it_reads_as_free(tmp_path):
     assert any("grey level 205" in said and "free_thresh: 0.196" in said for said in done.warnings)
     path.write_text(path.read_text().replace("free_thresh: 0.25", "free_thresh: 0.196"))
     assert import_floor(path, tmp_path / "out").warnings == ()
+
+
+def test_waiting_spots_that_close_a_room_off_are_told(tmp_path):
+    row = [[x, y] for x in (3.0, 3.5, 4.0) for y in (4.3, 4.9)]
+    rooms = ROOMS_TEXT.replace("[12.0, 2.0]", f"[12.0, 2.0], queue: {row}")
+    done = import_floor(draw(tmp_path, ward_grid(), rooms=rooms), tmp_path / "out")
+    assert any("close off lab (" in said for said in done.warnings)
