@@ -29,6 +29,14 @@ def wards(tmp_path_factory):
     return done, load_layout(done.floor)
 
 
+def aliases(levels: int = 9) -> str:
+    """Ten lists of ten lists of ..., written in a line."""
+    text = "&p0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"
+    for i in range(1, levels):
+        text = f"&p{i} [{text}{f', *p{i - 1}' * 9}]"
+    return f"parking: {text}\n"
+
+
 def lethal(world) -> np.ndarray:
     return build_costmap(world).cost == LETHAL
 
@@ -249,6 +257,7 @@ def test_the_aws_hospital_comes_back_through_its_map(tmp_path):
         ),
         (ROOMS_TEXT + "parking: [[8.3, 5.5]]", r"parking\[0\] is \[8.3, 5.5\] m"),
         (ROOMS_TEXT + "map: other.yaml", "name no other"),
+        (ROOMS_TEXT + aliases(), "aliases .* unfold to 1.1e\\+09 values"),
     ],
 )
 def test_bad_rooms_are_answered_with_one_sentence(tmp_path, rooms, words):
