@@ -1,7 +1,7 @@
 """Finds, explains and reproduces deadlocks in multi-robot task-allocation stacks.
 
-Every command of the command line is a function here, with the same name (``-`` becomes ``_``), the
-same options and the same defaults; it returns a value::
+Every command of the command line is a function here, with the same name (``-`` becomes ``_``,
+``import`` is ``import_``), the same options and the same defaults; it returns a value::
 
     import mrta_falsify as mf
 
@@ -32,6 +32,7 @@ VERBS = {
     "explain": "mrta_falsify.verbs.stored_failures:explain_trial",
     "export": "mrta_falsify.verbs.export:export",
     "family": "mrta_falsify.verbs.stored_failures:family_of_trial",
+    "import_": "mrta_falsify.verbs.floor_import:import_floor",
     "init": "mrta_falsify.verbs.init:init",
     "list": "mrta_falsify.verbs.stored_trials:list_trials",
     "minimize": "mrta_falsify.verbs.stored_failures:minimize_trial",

@@ -174,6 +174,16 @@ def _schedule_entries(worlds: Sequence[World]) -> Iterator[Patch]:
 # --- one world -------------------------------------------------------------------------------
 
 
+def write_floor_picture(floor: World, path: Path) -> None:
+    """Write a picture of a floor alone; the format follows the suffix (png, svg or pdf)."""
+    extent = extent_of(floor)
+    scale = SHRUNK * min(MAP_HEIGHT / extent.height, MAP_WIDTH / extent.width)
+    width, height = scale * extent.width, scale * extent.height
+    paper = Paper.of_size(width + 2.0 * MARGIN, height + 2.0 * MARGIN)
+    draw_floor(paper.axes_at(MARGIN, MARGIN, width, height), floor, label_size=7.5)
+    paper.save(path)
+
+
 def write_world_picture(
     world: World, path: Path, *, costmap: Costmap | None = None, title: str = ""
 ) -> None:

@@ -30,6 +30,7 @@ COMMANDS = {
     "explain": Listed("failure_commands", "Ask which layer a failure belongs to."),
     "export": Listed("export_command", "Write a world, or a trial, for another system."),
     "family": Listed("failure_commands", "Find the rule behind a failure."),
+    "import": Listed("import_command", "Make a floor of a Nav2 map and a file of rooms."),
     "init": Listed("campaign_commands", "Write a scenario and a stack file to begin with."),
     "list": Listed("trial_commands", "List the trials of a campaign."),
     "minimize": Listed("failure_commands", "Find the smallest world that fails in the same way."),

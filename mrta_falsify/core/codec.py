@@ -29,6 +29,7 @@ from mrta_falsify.core.errors import FormatError, InputError
 T = TypeVar("T")
 
 MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
+MAX_YAML_VALUES = 10_000_000  # aliases make many of few; a floor has some 10,000
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -106,6 +107,8 @@ def encode(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, enum.Enum):
         return value.value
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, dict):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -359,7 +362,24 @@ def read_json(path: Path) -> Any:
 def read_yaml(path: Path) -> Any:
     """Read a YAML file, by the safe loader only."""
     try:
-        return yaml.safe_load(read_text(path))
+        data = yaml.safe_load(read_text(path))
+        count = _values_in(data, {})
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         detail = " ".join(str(error).split())
         raise FormatError(f"{path}: is not valid YAML: {detail}") from None
+    if count > MAX_YAML_VALUES:
+        raise FormatError(
+            f"{path}: its aliases (*name) unfold to {count:.1e} values; at most {MAX_YAML_VALUES}"
+        )
+    return data
+
+
+def _values_in(data: Any, known: dict[int, int]) -> int:
+    """Count the values of nested lists and dicts; one that is there twice counts twice."""
+    if not isinstance(data, (list, dict)):
+        return 1
+    if id(data) not in known:
+        known[id(data)] = MAX_YAML_VALUES + 1  # it holds itself, if this is ever read
+        parts = data.values() if isinstance(data, dict) else data
+        known[id(data)] = 1 + sum(_values_in(part, known) for part in parts)
+    return known[id(data)]

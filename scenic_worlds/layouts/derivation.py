@@ -11,13 +11,14 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
 from mrta_falsify.core.arrays import Array, frozen_array
-from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Lane, Resource, Room, World
 from scenic_worlds.layouts.assembly import lane_travel_times
 from scenic_worlds.layouts.entrances import Entrance, find_entrance
 from scenic_worlds.layouts.frontages import corners
 from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
+from scenic_worlds.layouts.reach import check_reachable, check_spots, with_points
 from scenic_worlds.layouts.routes import (
+    ROBOT_RADIUS,
     STEP,
     MiddleWays,
     RouteMap,
@@ -27,17 +28,18 @@ from scenic_worlds.layouts.routes import (
 from scenic_worlds.layouts.stops import ASK_AROUND
 from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
-ROBOT_RADIUS = 0.22  # m
 SPOT_DISC = 0.30  # m around a waiting robot that lanes keep away from as from a wall
 LEAST_TO_LANE = 0.62  # m; a spot nearer to traffic is given up
 MOST_PARKING = 12
 
 
-def derive_layout(floor: Floor) -> World:
+def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS) -> World:
     """Derive the layout of a user's floor.
 
     Args:
         floor: walls, rooms, and any traffic that the user gave; that is kept as it is.
+        radius: of the largest robot [m]. Above the default, robots keep as much farther
+            from walls and each other; below, distances stay those of the default.
 
     Returns:
         A world without robots, humans, tasks and events.
@@ -48,18 +50,20 @@ def derive_layout(floor: Floor) -> World:
     solid = World(
         name=floor.name, bounds=floor.bounds, walls=floor.walls, furniture=floor.furniture
     )
-    routes = RouteMap(solid)
-    part = _check_reachable(routes, floor)
-    _check_spots(routes, floor, part)
+    routes = RouteMap(solid, radius)
+    floor = with_points(routes, floor)
+    part = check_reachable(routes, floor)
+    check_spots(routes, floor, part)
     points = [np.asarray(room.point) for room in floor.rooms]
     entrances, middles = _entrances(routes, floor, points)
     queues, sites = _queues(routes, floor, entrances, middles, part)
     given = {(lane.start, lane.end): lane for lane in floor.lanes}
     lanes = _Lanes(routes, floor, entrances, queues)
+    apart = LEAST_TO_LANE + 2.0 * routes.extra
     for _ in range(2):  # spots that stand in the way are given up, once
         derived = lanes.build(given)
         shorter = [
-            _kept(queue, derived, i, given=bool(len(floor.rooms[i].queue)))
+            _kept(queue, derived, i, least=0.0 if len(floor.rooms[i].queue) else apart)
             for i, queue in enumerate(queues)
         ]
         if all(len(a) == len(b) for a, b in zip(shorter, queues, strict=True)):
@@ -75,7 +79,9 @@ def derive_layout(floor: Floor) -> World:
         gap = routes.gap(sites.points, routes.distance_to(driven))
         wanted = min(MOST_PARKING, len(points) + 2)
         open_floor = ~shapely.contains_xy(_areas(floor), sites.points)
-        parking = choose_parking(sites.taking(open_floor), gap[open_floor], taken, wanted)
+        parking = choose_parking(
+            sites.taking(open_floor), gap[open_floor], taken, wanted, farther=2.0 * routes.extra
+        )
     times = floor.travel_times if floor.travel_times.size else lane_travel_times(derived, points)
     return World(
         name=floor.name,
@@ -96,52 +102,9 @@ def derive_layout(floor: Floor) -> World:
     )
 
 
-def _check_reachable(routes: RouteMap, floor: Floor) -> int:
-    """Find the part of the floor that all room points are on.
-
-    Raises:
-        WorldError: names the rooms that are not.
-    """
-    parts = []
-    for i, room in enumerate(floor.rooms):
-        cell = routes.cell(room.point)
-        if not routes.free[cell]:
-            gap = max(float(routes.clearance[cell]), 0.0)
-            raise WorldError(
-                f"{floor.name}: rooms[{i}].point of {room.name!r} is {room.point.tolist()} m, "
-                f"{gap:.2f} m from an obstacle; a robot needs {ROBOT_RADIUS} m (move the point)"
-            )
-        parts.append(int(routes.part[cell]))
-    main = max(sorted(set(parts)), key=parts.count)
-    cut_off = [room.name for room, part in zip(floor.rooms, parts, strict=True) if part != main]
-    if cut_off:
-        home = floor.rooms[parts.index(main)].name
-        raise WorldError(
-            f"{floor.name}: rooms {', '.join(map(repr, cut_off))} cannot be reached from "
-            f"{home!r} by a robot of {ROBOT_RADIUS} m radius; every doorway must be at least "
-            "0.6 m wide"
-        )
-    return main
-
-
 def _areas(floor: Floor) -> MultiPolygon:
     """Collect the areas of corridors, doors, lifts and chargers."""
     return MultiPolygon([Polygon(resource.release_area) for resource in floor.resources])
-
-
-def _check_spots(routes: RouteMap, floor: Floor, part: int) -> None:
-    """Refuse waiting spots of corridors, doors, lifts and chargers that no robot can reach.
-
-    Raises:
-        WorldError: names the resource and the spot.
-    """
-    for resource in floor.resources:
-        for k, spot in enumerate(resource.spots):
-            if routes.part[routes.cell(spot)] != part:
-                raise WorldError(
-                    f"{floor.name}: resource {resource.name!r}: spots[{k}] is {spot.tolist()} m, "
-                    f"where no robot of {ROBOT_RADIUS} m radius can come (move the spot)"
-                )
 
 
 def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
@@ -221,7 +184,7 @@ class _Lanes:
         clear = self._routes.clearance
         if not len(waiting):
             return clear
-        return np.minimum(clear, self._routes.distance_to(waiting) - SPOT_DISC)
+        return np.minimum(clear, self._routes.distance_to(waiting) - SPOT_DISC - self._routes.extra)
 
     def _ways_between_fronts(self) -> dict[tuple[int, int], Array]:
         clear = self._clearance()
@@ -270,9 +233,9 @@ def _joined(pieces: list[Array]) -> Array:
     return np.array(kept[::-1])
 
 
-def _kept(queue: Array, lanes: list[Lane], room: int, *, given: bool) -> Array:
-    """Keep the first spots of a queue that no traffic passes too near."""
-    if given or not len(queue) or not lanes:
+def _kept(queue: Array, lanes: list[Lane], room: int, *, least: float) -> Array:
+    """Keep the first spots of a queue that no traffic passes nearer than ``least`` [m]."""
+    if least <= 0.0 or not len(queue) or not lanes:
         return queue
     driven = []
     for lane in lanes:
@@ -284,7 +247,7 @@ def _kept(queue: Array, lanes: list[Lane], room: int, *, given: bool) -> Array:
         driven += [evenly(np.asarray(lane.to_room)), way]
     ways = np.vstack(driven)
     for place, spot in enumerate(queue):
-        if np.hypot(*(ways - spot).T).min() < LEAST_TO_LANE:
+        if np.hypot(*(ways - spot).T).min() < least:
             return queue[:place]
     return queue
 

@@ -90,7 +90,7 @@ def _front(routes: RouteMap, mouth: Array, outwards: Array) -> Array:
     """Choose the point before a door that is clearest of walls."""
     reaches = np.array([FRONT, 0.5, 0.7, 0.4, 0.3])
     points = mouth + reaches[:, None] * outwards
-    gaps = np.minimum(routes.gap(points), 0.45)
+    gaps = np.minimum(routes.gap(points), 0.45 + routes.extra)
     return frozen_array(points[int(np.argmax(np.round(gaps, 3)))])
 
 

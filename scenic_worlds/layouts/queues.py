@@ -53,7 +53,7 @@ def standing_places(
         middles: ``(K, 2)`` points of all middle ways [m].
         part: connected part of the floor that robots are on.
     """
-    low, high = SPOT_GAP
+    low, high = (gap + routes.extra for gap in SPOT_GAP)
     standing = (routes.part == part) & (routes.clearance >= low) & (routes.clearance <= high)
     stride = max(1, round(SAMPLES / routes.resolution))
     coarse = np.zeros_like(standing)
@@ -110,21 +110,24 @@ def choose_queue(
     Returns:
         ``(S, 2)`` spots [m], S <= wanted.
     """
+    farther = 2.0 * routes.extra  # between two robots
     offset = sites.points - entrance.front
     far = np.hypot(*offset.T) if len(offset) else np.zeros(0)
-    reach = FROM_FRONT[1] + wanted * SPOT_STEP * 1.3
-    quiet = sites.traffic >= NO_TRAFFIC
-    near = (far >= FROM_FRONT[0]) & (far <= reach)
+    reach = FROM_FRONT[1] + wanted * (SPOT_STEP + farther) * 1.3
+    quiet = sites.traffic >= NO_TRAFFIC + farther
+    near = (far >= FROM_FRONT[0] + farther) & (far <= reach)
     opposite = np.full(len(far), np.inf)
     if len(taken):
         gap = taken[None] - sites.points[:, None]
-        near &= np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= LEAST_STEP
+        near &= np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= LEAST_STEP + farther
         across = (gap * sites.away[:, None]).sum(axis=2)
         aside = gap[..., 0] * sites.away[:, None, 1] - gap[..., 1] * sites.away[:, None, 0]
         facing = (across > 0.5) & (np.abs(aside) < FACING)
         opposite = np.where(facing, across, np.inf).min(axis=1)
     for lanes in (BETWEEN_LANES, 0.0):
-        wide = (sites.beside >= TO_LANE + lanes + TO_WALL) & (opposite >= 2.0 * TO_LANE + lanes)
+        passing = TO_LANE + farther + (lanes + farther if lanes else 0.0)
+        wide = sites.beside >= passing + TO_WALL + routes.extra
+        wide &= opposite >= passing + TO_LANE + farther
         allowed = near & (wide | quiet)
         some = sites.taking(allowed)
         best = np.zeros((0, 2))
@@ -144,7 +147,7 @@ def _row(
     far = np.hypot(*to_front.T) if len(to_front) else np.zeros(0)
     on_left = to_front[:, 0] * sites.away[:, 1] - to_front[:, 1] * sites.away[:, 0] > 0.0
     side = on_left if upstream else ~on_left
-    heads = np.flatnonzero(side & (far <= FROM_FRONT[1]))
+    heads = np.flatnonzero(side & (far <= FROM_FRONT[1] + 2.0 * routes.extra))
     # Beside the door's wall first, then near.
     beside = np.abs(sites.away[heads] @ entrance.outwards - 1.0)
     order = heads[np.lexsort((heads, np.round(far[heads] + 0.8 * beside, 2)))]
@@ -163,25 +166,28 @@ def _row(
 
 def _next_in_row(routes: RouteMap, sites: Sites, far: Array, row: list[int]) -> int:
     last = row[-1]
+    wanted, least = SPOT_STEP + 2.0 * routes.extra, LEAST_STEP + 2.0 * routes.extra
     step = np.hypot(*(sites.points - sites.points[last]).T)
-    fits = (step >= LEAST_STEP) & (step <= 1.5 * SPOT_STEP) & (far >= far[last] + 0.5)
+    fits = (step >= least) & (step <= 1.5 * wanted) & (far >= far[last] + 0.5)
     fits &= sites.away @ sites.away[last] > 0.7  # along the same wall
     for other in row[:-1]:
-        fits &= np.hypot(*(sites.points - sites.points[other]).T) >= LEAST_STEP
+        fits &= np.hypot(*(sites.points - sites.points[other]).T) >= least
     found: IntArray = np.flatnonzero(fits)
     turn = np.zeros(len(found))
     if len(row) > 1:
         before = sites.points[last] - sites.points[row[-2]]
         ahead = sites.points[found] - sites.points[last]
         turn = 1.0 - (ahead @ before) / np.maximum(np.hypot(*ahead.T) * np.hypot(*before), 1e-9)
-    price = np.round(np.abs(step[found] - SPOT_STEP) + 2.0 * turn, 3)
+    price = np.round(np.abs(step[found] - wanted) + 2.0 * turn, 3)
     for other in found[np.lexsort((found, price))].tolist():
         if routes.is_clear(sites.points[last], sites.points[other]):
             return int(other)
     return -1
 
 
-def choose_parking(sites: Sites, lane_gap: Array, taken: Array, wanted: int) -> Array:
+def choose_parking(
+    sites: Sites, lane_gap: Array, taken: Array, wanted: int, *, farther: float = 0.0
+) -> Array:
     """Choose places for idle robots, spread over the floor.
 
     Args:
@@ -189,6 +195,7 @@ def choose_parking(sites: Sites, lane_gap: Array, taken: Array, wanted: int) -> 
         lane_gap: ``(n,)`` distance of each to the nearest lane [m].
         taken: ``(K, 2)`` places that others need [m].
         wanted: how many.
+        farther: more than a pair of robots of the default size keeps apart [m].
 
     Returns:
         ``(P, 2)`` [m], P <= wanted; none nearer to a lane than 0.75 m.
@@ -196,18 +203,18 @@ def choose_parking(sites: Sites, lane_gap: Array, taken: Array, wanted: int) -> 
     apart = np.ones(len(sites.points), dtype=np.bool_)
     if len(taken):
         gaps = np.hypot(*(sites.points[:, None] - taken[None]).transpose(2, 0, 1))
-        apart = gaps.min(axis=1) >= PARK_APART
-    keep = apart & (lane_gap >= PARK_TO_LANE)
+        apart = gaps.min(axis=1) >= PARK_APART + farther
+    keep = apart & (lane_gap >= PARK_TO_LANE + farther)
     if not keep.any():
-        keep = apart & (lane_gap >= TO_LANE)
-    near = keep & (lane_gap <= PARK_WITHIN)
+        keep = apart & (lane_gap >= TO_LANE + farther)
+    near = keep & (lane_gap <= PARK_WITHIN + farther)
     points = sites.points[near if near.sum() >= wanted * 10 else keep]
     if not len(points):
         return points
     middle = points.mean(axis=0)
     chosen = [points[int(np.argmin(np.round(np.hypot(*(points - middle).T), 3)))]]
     far = np.hypot(*(points - chosen[0]).T)
-    while len(chosen) < wanted and far.max() >= PARK_APART:
+    while len(chosen) < wanted and far.max() >= PARK_APART + farther:
         chosen.append(points[int(np.argmax(np.round(far, 3)))])
         far = np.minimum(far, np.hypot(*(points - chosen[-1]).T))
     return np.array(chosen)

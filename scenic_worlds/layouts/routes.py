@@ -12,6 +12,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.stack.planning import search_kernels as kernels
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
+ROBOT_RADIUS = 0.22  # m, the waffle's; the distances below are for robots of this size
 MAX_CELLS = 2_000_000  # finer than this takes coarser cells
 WIDE = 1.5  # m; keeping farther away than this gains nothing
 KEEP_MIDDLE = 6.0  # a cell beside a wall is this many times dearer, and once more
@@ -24,10 +25,17 @@ STEP = 0.05  # m between samples of a way
 
 
 class RouteMap:
-    """The floor of one layout as ways see it."""
+    """The floor of one layout as ways see it.
 
-    def __init__(self, world: World) -> None:
-        self.costmap = _costmap(world)
+    Args:
+        world: walls and furniture.
+        radius: of the largest robot [m].
+    """
+
+    def __init__(self, world: World, radius: float = ROBOT_RADIUS) -> None:
+        self.radius = radius
+        self.extra = max(radius - ROBOT_RADIUS, 0.0)  #: [m], on top of every distance to walls
+        self.costmap = _costmap(world, radius)
         self.resolution = self.costmap.resolution
         lethal = self.costmap.cost == LETHAL
         self.lethal: BoolArray = lethal
@@ -57,8 +65,9 @@ class RouteMap:
         values = field[np.clip(row, 0, rows - 1), np.clip(col, 0, cols - 1)]
         return np.where(inside, values, 0.0)
 
-    def is_clear(self, start: Array, end: Array, least: float = LEAST_GAP) -> bool:
-        """Whether a straight leg keeps ``least`` [m] from everything."""
+    def is_clear(self, start: Array, end: Array) -> bool:
+        """Whether a robot can drive a straight leg."""
+        least = LEAST_GAP + self.extra
         return bool(self.gap(_samples(np.vstack([start, end]), STEP)).min() >= least)
 
     def distance_to(self, points: Array) -> Array:
@@ -74,12 +83,12 @@ class RouteMap:
         return far
 
 
-def _costmap(world: World) -> Costmap:
+def _costmap(world: World, radius: float) -> Costmap:
     extent = world.bounds[2:] - world.bounds[:2]
     resolution = 0.05
     while extent.prod() / resolution**2 > MAX_CELLS and resolution < 0.1:
         resolution = 0.1
-    return build_costmap(world, options=CostmapOptions(resolution=resolution))
+    return build_costmap(world, options=CostmapOptions(resolution=resolution, robot_radius=radius))
 
 
 class MiddleWays:
@@ -88,15 +97,17 @@ class MiddleWays:
     Args:
         routes: the floor.
         clearance: ``(rows, cols)`` distance to what ways keep away from [m].
+        floor: ``(rows, cols)`` cells that they may use; None: where robots can be.
     """
 
-    def __init__(self, routes: RouteMap, clearance: Array) -> None:
+    def __init__(self, routes: RouteMap, clearance: Array, floor: BoolArray | None = None) -> None:
         self._routes = routes
         near = 1.0 - np.minimum(np.maximum(clearance, 0.0), WIDE) / WIDE
         prices = np.rint(kernels.PRICE * (1.0 + KEEP_MIDDLE * near * (1.0 + near)))
         rows, cols = routes.free.shape
         self._prices = np.zeros((rows + 2, cols + 2), dtype=np.uint16)
-        self._prices[1:-1, 1:-1] = np.where(routes.free, prices, 0)
+        self._floor = routes.free if floor is None else floor
+        self._prices[1:-1, 1:-1] = np.where(self._floor, prices, 0)
         self._width = cols + 2
 
     def to(self, goal: Array, starts: list[Array]) -> list[Array]:
@@ -124,8 +135,8 @@ class MiddleWays:
     def _flat(self, point: Array) -> int:
         """Number the nearest free cell to a point as the search does."""
         row, col = self._routes.cell(point)
-        if not self._routes.free[row, col]:
-            rows, cols = np.nonzero(self._routes.free)
+        if not self._floor[row, col]:
+            rows, cols = np.nonzero(self._floor)
             nearest = int(np.argmin((rows - row) ** 2 + (cols - col) ** 2))
             row, col = int(rows[nearest]), int(cols[nearest])
         return int((row + 1) * self._width + col + 1)
@@ -180,17 +191,18 @@ def right_of(
     heading = smoothed(np.gradient(points, axis=0), half)
     heading /= np.maximum(np.hypot(*heading.T), 1e-9)[:, None]
     right = np.stack([heading[:, 1], -heading[:, 0]], axis=1)
-    shares = np.linspace(0.0, RIGHT, 9)
+    most_right = RIGHT + routes.extra
+    shares = np.linspace(0.0, most_right, 9)
     room = np.zeros(len(points))
     going = np.ones(len(points), dtype=np.bool_)
-    base = np.minimum(routes.gap(points, clearance), WALL_GAP)
+    base = np.minimum(routes.gap(points, clearance), WALL_GAP + routes.extra)
     for share in shares[1:]:
         gap = routes.gap(points + share * right, clearance)
-        going &= gap >= np.maximum(base - 0.02, LEAST_GAP)
+        going &= gap >= np.maximum(base - 0.02, LEAST_GAP + routes.extra)
         room = np.where(going, share, room)
     arc = np.arange(len(points)) * STEP
     ends = np.minimum(arc / max(before, 1e-6), arc[::-1] / max(after, 1e-6))
-    room = np.minimum(room, RIGHT * np.minimum(ends, 1.0))
+    room = np.minimum(room, most_right * np.minimum(ends, 1.0))
     shift = smoothed(ndimage.minimum_filter1d(room, 2 * half + 1, mode="nearest"), half)
     lane = points + shift[:, None] * right
     lane[0], lane[-1] = way[0], way[-1]
@@ -200,7 +212,7 @@ def right_of(
 def straightened(routes: RouteMap, lane: Array, clearance: Array) -> Array:
     """Reduce a lane to as few corners as keep its distance from what is solid."""
     line = shapely.linestrings(lane)
-    least = min(LEAST_GAP, float(routes.gap(lane, clearance).min()))
+    least = min(LEAST_GAP + routes.extra, float(routes.gap(lane, clearance).min()))
     for tolerance in (TOLERANCE, TOLERANCE / 2.0, TOLERANCE / 6.0):
         corners = shapely.get_coordinates(shapely.simplify(line, tolerance))
         if routes.gap(_samples(corners, STEP), clearance).min() >= least - 0.02:

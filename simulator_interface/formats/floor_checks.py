@@ -7,11 +7,12 @@ import shapely
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError, UnknownNameError
-from simulator_interface.formats.floor_fields import FloorFile
+from simulator_interface.formats.floor_fields import FloorFile, FloorRoom
 from simulator_interface.formats.floor_shapes import checked_polygon
 
 EXTENT = 2000.0  # m, farthest coordinate; more is a mistake in units
 LARGEST_FLOOR = 40_000.0  # m^2; ways are planned on every 0.1 m of it
+LONGEST_NAME = 80  # characters; names are drawn and printed
 MARGIN = 0.3  # m of floor file bounds around everything in it
 
 
@@ -46,6 +47,8 @@ def checked_bounds(
             "are allowed (cut out the part that robots use)"
         )
     for i, room in enumerate(described.rooms):
+        if not len(room.point):
+            continue
         if not ((room.point >= bounds[:2]) & (room.point <= bounds[2:])).all():
             raise FormatError(
                 f"{where}: rooms[{i}].point of {room.name!r} is {room.point.tolist()} m; it must "
@@ -76,7 +79,13 @@ def check_rooms(described: FloorFile, where: str) -> None:
         if not name or name in names[:i]:
             problem = "is empty" if not name else f"is {name!r} again"
             raise FormatError(f"{where}: rooms[{i}].name {problem}; every room needs its own name")
+        if not name.isprintable() or len(name) > LONGEST_NAME:
+            raise FormatError(
+                f"{where}: rooms[{i}].name is {name[:LONGEST_NAME]!a}; it must be one line "
+                f"of at most {LONGEST_NAME} characters"
+            )
     for i, room in enumerate(described.rooms):
+        _check_point(room, f"{where}: rooms[{i}]")
         if len(room.door) not in (0, 2):
             raise FormatError(
                 f"{where}: rooms[{i}].door has {len(room.door)} points; it must have 2, the "
@@ -87,11 +96,19 @@ def check_rooms(described: FloorFile, where: str) -> None:
                 checked_polygon(getattr(room, field), f"{where}: rooms[{i}].{field}")
         if len(room.area):
             shape = checked_polygon(room.area, f"{where}: rooms[{i}].area")
-            if not shape.covers(shapely.Point(room.point)):
+            if len(room.point) and not shape.covers(shapely.Point(room.point)):
                 raise FormatError(
                     f"{where}: rooms[{i}].point of {room.name!r} is {room.point.tolist()} m; it "
                     "must lie in the room's area"
                 )
+
+
+def _check_point(room: FloorRoom, where: str) -> None:
+    if len(room.point) == 2 or (len(room.area) and not len(room.point)):
+        return
+    if len(room.point):
+        raise FormatError(f"{where}.point is {room.point.tolist()} m; it must be [x, y]")
+    raise FormatError(f"{where}.point is missing; {room.name!r} needs a point or an area")
 
 
 def check_lanes(described: FloorFile, where: str) -> None:

@@ -17,10 +17,13 @@ ResourceKind = Literal["room", "corridor", "door", "elevator", "charger"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FloorRoom:
-    """A room as the file names it; what is empty is derived."""
+    """A room as the file names it; what is empty is derived.
+
+    It has a point, or an area, whose most open place becomes the point.
+    """
 
     name: str
-    point: Array = quantity(shape=(2,), unit="m")
+    point: Array = quantity(shape=("P",), unit="m", default=[])
     door: Array = quantity(shape=("D", 2), unit="m", default=[])  #: segment across the entrance
     area: Array = quantity(shape=("V", 2), unit="m", default=[])
     queue: Array = quantity(shape=("S", 2), unit="m", default=[])  #: waiting spots, head first
@@ -80,6 +83,7 @@ class FloorFile:
     name: str = ""
     map: str = ""  #: a Nav2 map beside this file
     unknown: Unknown = "solid"  #: what the map's unknown cells are
+    least_patch: float = quantity(low=0.0, high=1.0, unit="m^2", default=0.0)  #: of the map
     sdf: str = ""  #: an SDF world beside this file
     skip: tuple[str, ...] = ()  #: models of the SDF world to leave out
     slice: Array = quantity(shape=(2,), low=0.0, unit="m", default=[0.05, 0.5])

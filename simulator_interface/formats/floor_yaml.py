@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import nav2, sdf
+from simulator_interface.formats.confinement import file_beside
 from simulator_interface.formats.floor_checks import (
     check_lanes,
     check_rooms,
@@ -27,6 +26,12 @@ from simulator_interface.formats.floor_checks import (
 from simulator_interface.formats.floor_fields import EXAMPLE, FloorFile, FloorLane, FloorRoom
 from simulator_interface.formats.floor_resources import resources_of
 from simulator_interface.formats.floor_shapes import furniture_of_shapes, walls_of_shapes
+from simulator_interface.formats.map_walls import (
+    MapFacts,
+    describe_map,
+    map_corners,
+    walls_of_map,
+)
 
 ROOMS_ENDING = ".rooms.yaml"  # of the file beside a map or SDF world
 
@@ -45,31 +50,40 @@ class Floor:
     parking: Array  #: (P, 2) [m], empty: derive
     travel_times: Array  #: (R, R) [s], empty: derive
     spots: int  #: waiting spots wanted per room
+    source: Path | None = None  #: the file with the rooms
+    map_facts: MapFacts | None = None  #: of the map that it was made from
 
 
-def read_floor(path: Path) -> Floor:
+def read_floor(path: Path, rooms: Path | None = None) -> Floor:
     """Read a floor from a floor file, a Nav2 map or an SDF world.
 
     Args:
         path: a floor file (``.yaml``); or a Nav2 map (``.yaml`` with ``image``) or an SDF
-            world (``.sdf``, ``.world``) with a floor file of the same name that ends in
-            ``.rooms.yaml`` beside it.
+            world (``.sdf``, ``.world``), whose rooms are in a floor file.
+        rooms: the floor file of a map or SDF world; None: the one beside it, whose name
+            ends in ``.rooms.yaml`` instead.
 
     Raises:
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
     if path.suffix.lower() in (".sdf", ".world"):
-        return _assembled(_rooms_beside(path), _described(_rooms_beside(path)), sdf_file=path)
+        beside = rooms or _rooms_beside(path)
+        return _assembled(beside, _described(beside), sdf_file=path)
     data = codec.read_yaml(path)
     if isinstance(data, dict) and "image" in data:
-        beside = _rooms_beside(path)
+        beside = rooms or _rooms_beside(path)
         return _assembled(beside, _described(beside), map_file=path)
+    if rooms is not None:
+        raise FormatError(
+            f"{path}: names no image, so it is no Nav2 map; rooms belong to a map or SDF world "
+            "(a floor file names its own)"
+        )
     described = _decoded(data, path)
     return _assembled(
         path,
         described,
-        map_file=_confined(path, "map", described.map) if described.map else None,
-        sdf_file=_confined(path, "sdf", described.sdf) if described.sdf else None,
+        map_file=file_beside(path, "map", described.map) if described.map else None,
+        sdf_file=file_beside(path, "sdf", described.sdf) if described.sdf else None,
     )
 
 
@@ -100,19 +114,6 @@ def _decoded(data: Any, path: Path) -> FloorFile:
     return codec.decode(FloorFile, data, where=str(path))
 
 
-def _confined(path: Path, field: str, name: str) -> Path:
-    """Find a file that another one names, inside the folder of the first.
-
-    Raises:
-        FormatError: it lies elsewhere.
-    """
-    folder = path.parent.resolve()
-    found = (folder / name).resolve()
-    if not found.is_relative_to(folder):
-        raise FormatError(f"{path}: {field} is {name!r}; it must lie in the folder of this file")
-    return found
-
-
 @dataclass(slots=True, eq=False)
 class _Solids:
     """Walls and furniture found so far, and the points that the floor must hold."""
@@ -120,6 +121,7 @@ class _Solids:
     walls: list[Wall]
     furniture: list[Furniture]
     extents: list[Array] = field(default_factory=list)  #: (K, 2) each [m]
+    map_facts: MapFacts | None = None
 
 
 def _assembled(
@@ -141,8 +143,8 @@ def _assembled(
         raise FormatError(
             f"{where}: has no walls; give walls, map, sdf or bounds [x min, y min, x max, y max]"
         )
-    bounds = checked_bounds(described, solids.extents, is_map=map_file is not None, where=where)
     check_rooms(described, where)
+    bounds = checked_bounds(described, solids.extents, is_map=map_file is not None, where=where)
     check_lanes(described, where)
     wall_names = _named([wall.name for wall in solids.walls], "wall")
     furniture_names = _named([item.name for item in solids.furniture], "furniture")
@@ -163,6 +165,8 @@ def _assembled(
         parking=described.parking,
         travel_times=checked_times(described, where),
         spots=described.spots,
+        source=path,
+        map_facts=solids.map_facts,
     )
 
 
@@ -177,14 +181,11 @@ def _add_sdf(solids: _Solids, file: Path, described: FloorFile, where: str) -> N
 
 def _add_map(solids: _Solids, file: Path, described: FloorFile) -> None:
     grid = nav2.read_nav2_map(file)
-    if grid.data.size > nav2.MAX_FLOOR_CELLS:
-        raise FormatError(
-            f"{file}: has {grid.data.size} cells; a floor may have at most "
-            f"{nav2.MAX_FLOOR_CELLS} (crop it, or save it with a coarser resolution)"
-        )
-    solids.walls += nav2.walls_of_map(grid, unknown_is_solid=described.unknown == "solid")
-    size = np.array(grid.data.shape[::-1]) * grid.resolution
-    solids.extents.append(np.vstack([grid.origin, grid.origin + size]))
+    unknown_is_solid = described.unknown == "solid"
+    least = described.least_patch
+    solids.walls += walls_of_map(grid, unknown_is_solid=unknown_is_solid, least_patch=least)
+    solids.map_facts = describe_map(grid, unknown_is_solid=unknown_is_solid, least_patch=least)
+    solids.extents.append(map_corners(grid))
 
 
 def _named(names: list[str], kind: str) -> list[str]:

@@ -1,15 +1,15 @@
-"""Nav2 maps: a YAML file that describes a PGM picture.
+"""Nav2 maps: a YAML file that describes a picture.
 
-Row 0 of the picture is the northernmost; ``origin`` is the south-west corner. Grey levels
-and thresholds follow ``nav2_map_server``: with ``p = (255 - grey) / 255`` (``grey / 255``
-if ``negate``), a cell is occupied if ``p > occupied_thresh``, free if ``p < free_thresh``.
+Row 0 of the picture is the northernmost; ``origin`` is its lower left corner with the angle
+by which the map is turned about that corner. Brightness and thresholds follow
+``nav2_map_server``: with ``p = 1 - brightness`` (``brightness`` if ``negate``), a cell is
+occupied if ``p > occupied_thresh``, free if ``p < free_thresh``.
 
 Reference: https://docs.nav2.org/configuration/packages/configuring-map-server.html
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -22,8 +22,8 @@ from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.errors import FormatError, InputError
-from mrta_falsify.core.world import Wall
-from simulator_interface.formats.outlines import mask_outlines
+from simulator_interface.formats.confinement import file_beside
+from simulator_interface.formats.map_picture import read_map_picture
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -31,11 +31,7 @@ OCCUPIED_THRESH = 0.65  # as MRTA-Sim's map
 FREE_THRESH = 0.25
 GREY_FREE, GREY_OCCUPIED = 254, 0  # what Nav2's map saver writes
 GREY_UNKNOWN = 128  # the saver's 205 would be read as free under a free_thresh of 0.25
-MAX_CELLS = 400_000_000  # more is a broken header
-MAX_FLOOR_CELLS = 16_000_000  # 200 m x 200 m at 0.05 m; traffic is planned on every cell
-SMALLEST_POCKET = 0.15  # m^2, the disc of a robot with a radius of 0.22 m
-
-_PGM_HEADER = re.compile(rb"P5\s(?:\s*#[^\n]*\n)*\s*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
+GREY_SAVED_UNKNOWN = 205
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,7 +40,9 @@ class OccupancyGrid:
 
     data: NDArray[np.int8]  #: (rows, cols) -1 unknown, 0 free to 100 occupied; row 0 southernmost
     resolution: float  #: cell size [m]
-    origin: Array  #: (2,) south-west corner [m], map frame
+    origin: Array  #: (2,) lower left corner [m], map frame
+    yaw: float = 0.0  #: the grid is turned about that corner [rad], counter-clockwise
+    doubtful: int = 0  #: free cells as grey as those that Nav2's saver writes for unknown ones
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +119,7 @@ def write_occupancy(grid: OccupancyGrid, path: Path, *, mode: Mode = "trinary") 
         f"image: {image.name}\n"
         f"mode: {mode}\n"
         f"resolution: {grid.resolution!r}\n"
-        f"origin: [{x!r}, {y!r}, 0]\n"
+        f"origin: [{x!r}, {y!r}, {grid.yaw!r}]\n"
         "negate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
         f"free_thresh: {FREE_THRESH}\n"
@@ -155,7 +153,7 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
     """Read an occupancy grid from a Nav2 map.
 
     Args:
-        path: the YAML file; its ``image`` is looked up beside it.
+        path: the YAML file; its ``image`` lies in the same folder or below.
 
     Raises:
         FormatError: a file is missing or broken, or asks for what Nav2 does not define.
@@ -165,11 +163,6 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
         described = codec.decode(_Description, given, where=str(path))
     except InputError as error:
         raise FormatError(str(error)) from None
-    if described.origin[2] != 0.0:
-        raise FormatError(
-            f"{path}: origin[2] is {described.origin[2]} rad; it must be 0 (a turned map: "
-            "resample it along the axes first)"
-        )
     if described.negate not in (0, 1):
         raise FormatError(f"{path}: negate is {described.negate!r}; it must be 0 or 1")
     if not described.free_thresh < described.occupied_thresh:
@@ -177,72 +170,36 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
             f"{path}: free_thresh is {described.free_thresh}; it must be below "
             f"occupied_thresh, {described.occupied_thresh}"
         )
-    grey = _read_pgm(path.parent / described.image, where=f"{path}: image")
-    occupancy = _occupancy_levels(described)[grey[::-1]]
+    picture = read_map_picture(
+        file_beside(path, "image", described.image),
+        with_alpha=described.mode == "trinary",
+        where=f"{path}: image",
+    )
+    occupancy = _occupancy_levels(described, picture.brightest)[picture.sums]
+    if picture.see_through is not None and described.mode == "scale":
+        occupancy = np.where(picture.see_through, -1, occupancy).astype(np.int8)
+    grey = GREY_SAVED_UNKNOWN * picture.brightest // 255
+    is_doubtful = described.mode == "trinary" and not described.negate
     return OccupancyGrid(
-        data=occupancy,
+        data=occupancy[::-1],
         resolution=described.resolution,
         origin=frozen_array(described.origin[:2]),
+        yaw=float(described.origin[2]),
+        doubtful=int(((picture.sums == grey) & (occupancy == 0)).sum()) if is_doubtful else 0,
     )
 
 
-def walls_of_map(grid: OccupancyGrid, *, unknown_is_solid: bool = True) -> tuple[Wall, ...]:
-    """Trace the occupied cells of a map as walls.
-
-    Args:
-        grid: the map; a value above ``OCCUPIED_THRESH`` is occupied.
-        unknown_is_solid: whether robots keep out of what the map does not know.
-
-    Returns:
-        Walls marked ``traced``; on a costmap with the map's cells exactly the occupied cells
-        are lethal, apart from staircases (straightened by half a cell) and closed pockets
-        that no robot fits into (filled).
-    """
-    solid = grid.data > 100.0 * OCCUPIED_THRESH
-    if unknown_is_solid:
-        solid = solid | (grid.data < 0)
-    rings = mask_outlines(
-        solid, resolution=grid.resolution, origin=grid.origin, smallest_hole=SMALLEST_POCKET
-    )
-    return tuple(Wall(name=f"map_{i}", polygon=ring, traced=True) for i, ring in enumerate(rings))
-
-
-def _occupancy_levels(described: _Description) -> NDArray[np.int8]:
-    """Occupancy ``(256,)`` of every grey level."""
-    grey = np.arange(256)
-    dark = grey if described.negate else 255 - grey
+def _occupancy_levels(described: _Description, brightest: int) -> NDArray[np.int8]:
+    """Occupancy ``(brightest + 1,)`` of every brightness."""
+    bright = np.arange(brightest + 1)
     if described.mode == "raw":
         # Nav2's raw mode reads the level itself, whatever `negate` says.
-        return np.where(grey <= 100, grey, -1).astype(np.int8)
-    share = dark / 255.0
+        level = np.rint(bright * (255.0 / brightest))
+        return np.where(level <= 100, level, -1).astype(np.int8)
+    share = (bright if described.negate else brightest - bright) / brightest
     low, high = described.free_thresh, described.occupied_thresh
     between = np.rint((share - low) / (high - low) * 100.0) if described.mode == "scale" else -1
     return np.where(share > high, 100, np.where(share < low, 0, between)).astype(np.int8)
-
-
-def _read_pgm(path: Path, *, where: str) -> ByteArray:
-    """Grey levels ``(rows, cols)`` of a binary 8-bit PGM picture, northernmost row first."""
-    if path.suffix.lower() != ".pgm":
-        raise FormatError(f"{where} is {path.name!r}; it must be a .pgm file (convert it first)")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
-    header = _PGM_HEADER.match(content[:65536])
-    if header is None:
-        raise FormatError(f"{path}: starts with {content[:8]!r}; it must be a binary PGM (P5)")
-    cols, rows, brightest = (int(number) for number in header.groups())
-    if brightest != 255:
-        raise FormatError(f"{path}: its largest grey level is {brightest}; it must be 255")
-    if not 0 < rows * cols <= MAX_CELLS:
-        raise FormatError(f"{path}: has {rows} x {cols} cells; 1 to {MAX_CELLS} are allowed")
-    pixels = content[header.end() :]
-    if len(pixels) != rows * cols:
-        raise FormatError(
-            f"{path}: has {len(pixels)} pixels; its header says {rows} x {cols} = {rows * cols} "
-            "(a truncated file?)"
-        )
-    return np.frombuffer(pixels, dtype=np.uint8).reshape(rows, cols)
 
 
 def _write_pgm(path: Path, grey: ByteArray) -> None:
@@ -258,7 +215,6 @@ __all__ = [
     "OccupancyGrid",
     "occupancy_of",
     "read_nav2_map",
-    "walls_of_map",
     "write_costs",
     "write_nav2_map",
     "write_occupancy",

@@ -42,7 +42,8 @@ def test_help_lists_every_command_with_what_it_does(cli):
     assert [name for name, _ in commands] == [
         "allocate", "bench", "campaign", "check", "compare", "corpus", "demo", "doctor",
         "door-test",
-        "explain", "export", "family", "init", "list", "minimize", "plugins", "replay", "report",
+        "explain", "export", "family", "import", "init", "list", "minimize", "plugins",
+        "replay", "report",
         "run", "sample", "show", "travel-times",
     ]  # fmt: skip
 

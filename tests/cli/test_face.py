@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import keyword
 import subprocess
 import sys
 from pathlib import Path
@@ -32,8 +33,12 @@ def command(name: str) -> click.Command:
     return main.get_command(click.Context(main), name)
 
 
+def python_name(name: str) -> str:
+    return f"{name}_" if keyword.iskeyword(name) else name.replace("-", "_")
+
+
 def function(name: str):
-    return getattr(mf, name.replace("-", "_"))
+    return getattr(mf, python_name(name))
 
 
 def parameters(name: str) -> dict[str, inspect.Parameter]:
@@ -42,7 +47,7 @@ def parameters(name: str) -> dict[str, inspect.Parameter]:
 
 
 def test_every_command_is_a_function_and_every_function_a_command():
-    assert {name.replace("-", "_") for name in COMMANDS} == set(mf.VERBS)
+    assert {python_name(name) for name in COMMANDS} == set(mf.VERBS)
     assert main.list_commands(click.Context(main)) == sorted(COMMANDS)
 
 

@@ -6,7 +6,8 @@ from shapely.geometry import Point, Polygon, box
 
 from mrta_falsify.core.world import World
 from simulator_interface.costmap_layers import build_costmap
-from simulator_interface.formats.nav2 import OccupancyGrid, walls_of_map
+from simulator_interface.formats.map_walls import walls_of_map
+from simulator_interface.formats.nav2 import OccupancyGrid
 from simulator_interface.formats.outlines import mask_outlines, merged_runs, outlines
 
 masks = arrays.arrays(np.bool_, arrays.array_shapes(min_dims=2, max_dims=2, max_side=12))

@@ -1,0 +1,95 @@
+"""The command ``import``."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mrta_falsify.cli import output
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
+
+if TYPE_CHECKING:
+    from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
+
+DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
+
+
+@main.command("import")
+@click.argument("map", type=FILE)
+@click.option(
+    "--rooms",
+    type=FILE,
+    metavar="FILE",
+    help="YAML with the rooms; default: NAME.rooms.yaml beside the map.",
+)
+@click.option(
+    "--radius",
+    type=FiniteRange(0.05, 1.0),
+    default=DEFAULT_RADIUS,
+    show_default=True,
+    metavar="M",
+    help="Of the largest robot [m].",
+)
+@output_option("DIR", "Gets NAME.floor.json, .floor.png, .derived.yaml, .scenic.", required=True)
+@format_option
+def import_command(map: Path, style: str, **options: Any) -> int:
+    """Make a floor of a Nav2 map and a file of rooms, and a scenario on it.
+
+    Roadways, waiting spots and parking are derived. MAP may also be an SDF world or a floor
+    file.
+    """
+    from mrta_falsify.verbs.floor_import import import_floor
+
+    done = import_floor(map, **options)
+    if style == "json":
+        output.print_json(done)
+        return ExitCode.DONE
+    _print_floor(done)
+    for warning in done.warnings:
+        output.say(f"note: {warning}")
+    for path in filter(None, (done.floor, done.picture, done.derived)):
+        output.say(f"wrote {path}")
+    verb = "left as it is:" if done.scenario_kept else "wrote"
+    output.say(f"{verb} {done.scenario}")
+    scenario, runs = shlex.quote(str(done.scenario)), shlex.quote(f"runs/{done.scenario.stem}")
+    sized = done.robot_radius != DEFAULT_RADIUS
+    stack = f" --set costmap.robot_radius={done.robot_radius:g}" if sized else ""
+    output.say(f"try: mrta-falsify check {scenario}")
+    output.say(f"then: mrta-falsify campaign {scenario}{stack} -o {runs}")
+    return ExitCode.DONE
+
+
+def _print_floor(done: ImportedFloor) -> None:
+    out = output.stdout()
+    width, depth = done.size
+    out.print(f"floor     {width:.1f} x {depth:.1f} m, {done.walls} walls")
+    if done.map is not None:
+        facts = done.map
+        turned = f", turned by {math.degrees(facts.yaw):.1f} deg" if facts.yaw else ""
+        out.print(
+            f"map       {facts.cols} x {facts.rows} cells of {facts.resolution:g} m{turned}; "
+            f"{facts.free:.0%} free, {facts.unknown:.0%} unknown; {facts.specks} specks, "
+            f"{facts.left_out} patches left out"
+        )
+    given = f" ({done.lanes_given} given)" if done.lanes_given else ""
+    out.print(
+        f"roadways  {done.lanes} lanes{given}, the longest trip takes {done.longest_travel_s:.0f} s"
+    )
+    out.print(f"parking   {done.parking} places{' (given)' if done.parking_given else ''}")
+    out.print()
+    table = output.new_table("room", "at [m]", "door [m]", "waiting spots", whole=("room",))
+    for room in done.rooms:
+        table.add_row(*_row(room))
+    output.print_table(table)
+
+
+def _row(room: ImportedRoom) -> tuple[str, str, str, str]:
+    x, y = room.point
+    door = "open" if room.door is None else f"{room.door:.2f}"
+    return room.name, f"{x:.2f}, {y:.2f}", door, f"{room.spots}{' (given)' * room.spots_given}"

@@ -1,0 +1,277 @@
+"""A user's building as a floor: roadways, waiting spots and parking derived, a scenario to begin.
+
+The files that come out are made anew by every call, but for the scenario, which is the user's.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
+from mrta_falsify.core.world import World, write_world
+from mrta_falsify.verbs.folders import Place, make_directory
+
+if TYPE_CHECKING:
+    from simulator_interface.formats.floor_yaml import Floor
+    from simulator_interface.formats.map_walls import MapFacts
+
+DEFAULT_RADIUS = 0.22  # m, the waffle's
+SMALLEST_RADIUS, LARGEST_RADIUS = 0.05, 1.0  # m
+MOST_ROBOTS = 4  # of the scenario
+SLACK = 4.0  # times what one robot needs for a task, the most that the scenario allows it
+LAST_ARRIVAL = 60.0  # s
+
+FLOOR_ENDING, DERIVED_ENDING = ".floor.json", ".derived.yaml"
+PICTURE_ENDING, SCENARIO_ENDING = ".floor.png", ".scenic"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportedRoom:
+    """What was found out about a room."""
+
+    name: str
+    point: tuple[float, float]  #: [m]
+    door: float | None  #: width of its door [m]; None: open
+    spots: int  #: waiting spots
+    spots_given: bool  #: by the user's file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImportedFloor:
+    """What an import made, and of what."""
+
+    floor: Path  #: the layout, for ``param layout``
+    scenario: Path
+    derived: Path | None  #: the rooms with all that was derived; None: they were the input
+    picture: Path
+    scenario_kept: bool  #: it was there already
+    robot_radius: float  #: [m]
+    size: tuple[float, float]  #: [m]
+    walls: int
+    rooms: tuple[ImportedRoom, ...]
+    lanes: int
+    lanes_given: int
+    parking: int
+    parking_given: bool
+    longest_travel_s: float
+    map: MapFacts | None  #: None: the floor is no map
+    warnings: tuple[str, ...]
+
+
+def import_floor(
+    map: Place, output: Place, *, rooms: Place | None = None, radius: float = DEFAULT_RADIUS
+) -> ImportedFloor:
+    """Make a floor of a Nav2 map with a file of rooms, and a scenario on it.
+
+    Args:
+        map: a Nav2 map (``.yaml``), an SDF world, or a floor file.
+        output: directory for NAME.floor.json, NAME.floor.png, NAME.derived.yaml and
+            NAME.scenic, NAME being that of the map; the scenario is never overwritten.
+        rooms: a floor file with the rooms; None: NAME.rooms.yaml beside the map.
+        radius: of the largest robot [m].
+
+    Raises:
+        InputError: a file is missing or broken, or a room cannot be reached; nothing is
+            written then.
+    """
+    from scenic_worlds.layouts.derivation import derive_layout  # noqa: PLC0415 - loads numba
+    from simulator_interface.formats.floor_yaml import read_floor  # noqa: PLC0415
+
+    if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
+        raise ConfigError(
+            f"--radius is {radius} m; it must be {SMALLEST_RADIUS} to {LARGEST_RADIUS} m"
+        )
+    source = Path(map)
+    floor = read_floor(source, None if rooms is None else Path(rooms))
+    assert floor.source is not None
+    if len(floor.rooms) < 2:
+        raise FormatError(f"{floor.source}: names one room; deliveries need two")
+    try:
+        world = derive_layout(floor, radius=radius)
+    except WorldError as error:
+        raise WorldError(f"{floor.source}: {error}") from None
+    folder = make_directory(Path(output))
+    stem = folder / source.stem
+    paths = [Path(f"{stem}{ending}") for ending in (FLOOR_ENDING, PICTURE_ENDING, DERIVED_ENDING)]
+    inputs = {source.resolve(), floor.source.resolve()}
+    if {path.resolve() for path in paths[:2]} & inputs:
+        raise FormatError(f"{folder}: would overwrite the input; choose another directory")
+    derived = None if paths[2].resolve() in inputs else paths[2]
+    scenario = Path(f"{stem}{SCENARIO_ENDING}")
+    is_kept = scenario.exists()
+    write_world(world, paths[0])
+    if derived is not None:
+        _write_text(derived, _derived_text(floor.source, world))
+    if not is_kept:
+        _write_text(scenario, scenario_text(world, paths[0].name, radius=radius))
+    _draw(world, paths[1])
+    return _summary(
+        floor, world, (paths[0], scenario, derived, paths[1]), is_kept=is_kept, radius=radius
+    )
+
+
+def _write_text(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _draw(world: World, path: Path) -> None:
+    from reports import contact_sheet  # noqa: PLC0415 - matplotlib loads slowly
+
+    contact_sheet.write_floor_picture(world, path)
+
+
+# --- what is written -------------------------------------------------------------------------
+
+
+def _derived_text(source: Path, world: World) -> str:
+    """Write the user's floor file again, with doors, queues and parking where it has none."""
+    data: dict[str, Any] = codec.read_yaml(source)
+    for given, room, resource in zip(data["rooms"], world.rooms, world.resources, strict=False):
+        _fill(given, "point", room.point)
+        _fill(given, "door", room.door)
+        _fill(given, "queue", resource.spots)
+    _fill(data, "parking", world.parking)
+    heading = (
+        "# The rooms with all that was derived. Change what does not please, and import again\n"
+        "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
+    )
+    return heading + yaml.safe_dump(
+        data, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None
+    )
+
+
+def _fill(given: dict[str, Any], field: str, points: Any) -> None:
+    if not given.get(field) and len(points):
+        given[field] = np.round(points, 3).tolist()
+
+
+def scenario_text(world: World, floor_file: str, *, radius: float = DEFAULT_RADIUS) -> str:
+    """Write a small scenario on a floor: deliveries between its rooms, among a few people.
+
+    Args:
+        world: the floor; at least two rooms.
+        floor_file: its file, beside the scenario.
+        radius: of the robots [m].
+    """
+    robots = min(MOST_ROBOTS, len(world.rooms))
+    title = re.sub(r"[^\w .-]", "_", floor_file.removesuffix(FLOOR_ENDING))
+    body = "" if radius == DEFAULT_RADIUS else f", with body_radius {radius!r}"
+    longest = 2.0 * float(world.travel_times.max())
+    horizon = 50 * int(np.ceil((LAST_ARRIVAL + SLACK * longest) / 50.0))
+    return f'''"""Deliveries between the rooms of {title}, among a few people.
+
+What it stresses: change this line when you know.
+"""
+param layout = localPath({floor_file!r})
+model scenic_worlds.model
+
+for i in range({robots}):
+    new Robot with name f'robot{{i + 1}}', with start_room i{body}
+
+for i in range(2):
+    new Human with name f'visitor{{i + 1}}',
+        with route random_visits(2), with speed Range(0.6, 1.3)
+
+# Deadlines: 2 to {SLACK:g} times what one robot needs alone.
+param tasks = tight_deadlines({robots + 2}, between=(0, {LAST_ARRIVAL:g}), factor=(2, {SLACK:g}))
+param horizon = {horizon}
+'''
+
+
+# --- what is told ----------------------------------------------------------------------------
+
+
+def _summary(
+    floor: Floor,
+    world: World,
+    paths: tuple[Path, Path, Path | None, Path],
+    *,
+    is_kept: bool,
+    radius: float,
+) -> ImportedFloor:
+    rooms = tuple(
+        ImportedRoom(
+            name=room.name,
+            point=(float(room.point[0]), float(room.point[1])),
+            door=float(np.hypot(*(room.door[1] - room.door[0]))) if len(room.door) else None,
+            spots=len(resource.spots),
+            spots_given=bool(len(given.queue)),
+        )
+        for given, room, resource in zip(floor.rooms, world.rooms, world.resources, strict=False)
+    )
+    width, depth = (world.bounds[2:] - world.bounds[:2]).tolist()
+    file, scenario, derived, picture = paths
+    return ImportedFloor(
+        floor=file,
+        scenario=scenario,
+        derived=derived,
+        picture=picture,
+        scenario_kept=is_kept,
+        robot_radius=radius,
+        size=(width, depth),
+        walls=len(world.walls),
+        rooms=rooms,
+        lanes=len(world.lanes),
+        lanes_given=len(floor.lanes),
+        parking=len(world.parking),
+        parking_given=bool(len(floor.parking)),
+        longest_travel_s=float(world.travel_times.max()),
+        map=floor.map_facts,
+        warnings=(*_map_warnings(floor.map_facts), *_place_warnings(world, radius)),
+    )
+
+
+def _map_warnings(facts: MapFacts | None) -> list[str]:
+    said: list[str] = []
+    if facts is None:
+        return said
+    if facts.doubtful:
+        share = facts.doubtful / (facts.rows * facts.cols)
+        said.append(
+            f"{share:.1%} of the cells have the grey level 205, by which Nav2's saver marks "
+            "unknown cells, and the map's free_thresh makes them free, as in Nav2; "
+            "free_thresh: 0.196 makes them unknown"
+        )
+    if facts.specks:
+        places = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in facts.speck_places.tolist())
+        more = ", ..." if facts.specks > len(facts.speck_places) else ""
+        said.append(
+            f"{facts.specks} solid specks (at {places}{more}) are obstacles; if they are "
+            "noise, least_patch: 0.02 in the file of rooms leaves out what is smaller [m^2]"
+        )
+    return said
+
+
+def _place_warnings(world: World, radius: float) -> list[str]:
+    from scenic_worlds.layouts.reach import closed_off_by_waiting  # noqa: PLC0415 - loads numba
+
+    said = []
+    closed = closed_off_by_waiting(world, radius)
+    if closed:
+        said.append(
+            f"robots on all waiting spots and parking places close off {', '.join(closed)} (give "
+            "queue or parking)"
+        )
+    waiting = [
+        room.name
+        for room, use in zip(world.rooms, world.resources, strict=False)
+        if not len(use.spots)
+    ]
+    if waiting:
+        said.append(
+            f"no place to wait was found near {', '.join(waiting)}: robots queue on the roadway "
+            "there (give the room a queue if there is one)"
+        )
+    if not len(world.parking):
+        said.append("no place to park was found: idle robots stay where they are")
+    return said
