@@ -41,6 +41,8 @@ class Noisy:
     def step(self, tick):
         twist = np.zeros((self.robots, 3))
         if tick["tick"] >= FROM:
+            if SOURCE == "raises":
+                raise RuntimeError("as always")
             noise = self.noise()
             if SOURCE == "coin" and tick["tick"] == FROM and noise < 0.5:
                 raise RuntimeError("tails")

@@ -97,6 +97,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
+        repeated=str(record.repeated) if record.repeated else "",
         family=_family(folder),
     )
     if explanation is not None:
