@@ -87,6 +87,7 @@ class ProcessStack:
     ) -> None:
         assert config.stack is not None
         self._world = world
+        self._delay = config.stack.delay
         self._books = books
         self._names = tuple(robot.name for robot in world.robots)
         self._links = LinkTimetable(world)
@@ -134,6 +135,7 @@ class ProcessStack:
             raise self.talk.failed(
                 "answer", str(wrong), fleet.tick, fleet.time, wrong.field
             ) from None
+        answer = dataclasses.replace(answer, took=answer.took + self._delay)
         state.said = hashlib.sha256(state.said + body).digest()
         return self._taken(state, answer, fleet)
 
