@@ -50,6 +50,7 @@ def _case(case: CaseContents) -> Iterator[str]:
     yield from _what_happened(case)
     yield from _what_was_checked(case)
     yield from _bullets(case.removals)
+    yield from _bullets(case.needs)
     if case.minimised is not None:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         less = f"{len(case.removed)} things removed"
