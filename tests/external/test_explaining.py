@@ -25,7 +25,7 @@ from mrta_falsify.verbs.explain.changes import suspicion_from
 from mrta_falsify.verbs.explain.explaining import explain_job
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import with_ties_reversed
-from mrta_falsify.verbs.explain.whole_runs import Found, fate_in, looking_for
+from mrta_falsify.verbs.explain.whole_runs import RunFate, fate_in, looking_for
 from tests.external.test_repeats import judged, violated
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,7 +74,7 @@ def asked(monkeypatch):
 
         def run_changed(job, verdict):
             runs.append(job.world)
-            return Found(rule(job.world), "")
+            return RunFate(rule(job.world), "")
 
         monkeypatch.setattr(absences, "run_changed", run_changed)
         return runs

@@ -20,6 +20,7 @@ from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.whole_runs import looking_for, run_changed
 from mrta_falsify.verbs.minimize.edits import ways_to_remove, without
+from mrta_falsify.verbs.minimize.reruns import Smaller
 
 #: groups of things, what a reader asks about first
 ORDER = ("robots", "humans", "furniture", "events", "tasks")
@@ -32,13 +33,6 @@ class Chunk(NamedTuple):
 
     group: str
     gone: range  #: indices in the group
-
-
-class Smaller(NamedTuple):
-    """A world without a chunk."""
-
-    world: World
-    text: str  #: what it is without
 
 
 def absences_of(
@@ -113,7 +107,7 @@ def _asked(world: World, chunk: Chunk, smaller: Smaller | None) -> ChangedRun:
     return ChangedRun(
         group=chunk.group,
         things=names,
-        change=(names[0] if len(names) == 1 else many) + (smaller.text if smaller else ""),
+        change=(names[0] if len(names) == 1 else many) + (smaller.what if smaller else ""),
         fate="untried" if smaller else "unknown",
         detail="" if smaller else "no valid world is left without it",
     )

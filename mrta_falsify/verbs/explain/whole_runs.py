@@ -17,7 +17,7 @@ AFTER = 45.0  # s after the violation that a changed episode must survive
 STACK_RUNS = "stack_runs"  # judged in every run
 
 
-class Found(NamedTuple):
+class RunFate(NamedTuple):
     """What became of a failure in a changed run."""
 
     fate: Fate
@@ -46,7 +46,7 @@ def looking_for(job: Job, verdict: Verdict) -> Job:
     return dataclasses.replace(job, world=world, early_stop=False)
 
 
-def run_changed(job: Job, verdict: Verdict) -> Found:
+def run_changed(job: Job, verdict: Verdict) -> RunFate:
     """Run a changed job, and look whether it fails as before.
 
     Args:
@@ -57,11 +57,11 @@ def run_changed(job: Job, verdict: Verdict) -> Found:
         starts.check_starts(job.world)
         judged = judge(job, keep_trace=False)
     except InputError as error:
-        return Found("unknown", f"it cannot be run: {error}")
+        return RunFate("unknown", f"it cannot be run: {error}")
     return fate_in(judged, verdict)
 
 
-def fate_in(judged: Judged, verdict: Verdict) -> Found:
+def fate_in(judged: Judged, verdict: Verdict) -> RunFate:
     """Tell what became of a failure in a run of which nothing else was judged.
 
     A run that could not be judged, or that the stack broke off, tells nothing.
@@ -76,14 +76,14 @@ def fate_in(judged: Judged, verdict: Verdict) -> Found:
             continue
         at, way = f"at {found.violated_at or 0.0:.1f} s", signature([found])
         if way == signature([verdict]):
-            return Found("stays", f"violated again {at}")
-        return Found("otherwise", f"violated {at} in another way: {way}")
+            return RunFate("stays", f"violated again {at}")
+        return RunFate("otherwise", f"violated {at} in another way: {way}")
     missing = _missing(judged, own)
     if missing:
-        return Found("unknown", missing)
+        return RunFate("unknown", missing)
     ended = judged.outcome.ended
     what = "all tasks done at" if ended == "all-tasks-done" else "nothing of the kind until"
-    return Found("gone", f"{what} {judged.outcome.sim_time:.1f} s")
+    return RunFate("gone", f"{what} {judged.outcome.sim_time:.1f} s")
 
 
 def _missing(judged: Judged, own: list[Verdict]) -> str:
