@@ -294,10 +294,18 @@ def quick_stack(config: StackConfig) -> StackConfig:
     return dataclasses.replace(config, engine=Choice("kinematic"))
 
 
-def campaign_specifications() -> tuple[str, ...]:
+def campaign_specifications(config: StackConfig) -> tuple[str, ...]:
     """List the specifications of a campaign unless the user says otherwise.
 
     All that score a run but ``human_clearance``: people who do not react to robots come
-    nearer than its 0.1 m on their own, and a search would find nothing else.
+    nearer than its 0.1 m on their own, and a search would find nothing else. The same goes for
+    ``repeatable`` of a stack in a process of its own, where noise is usual: each failure is run
+    again instead.
+
+    Args:
+        config: the stack under test.
     """
-    return tuple(name for name in default_specifications() if name != "human_clearance")
+    left_out = {"human_clearance"}
+    if config.stack is not None:
+        left_out.add("repeatable")
+    return tuple(name for name in default_specifications() if name not in left_out)

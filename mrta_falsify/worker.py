@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,16 +18,18 @@ from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import Jittered, Screening, TrialRecord, versions
+from mrta_falsify.core.record import Jittered, Repeats, Screening, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import why_impossible
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
 from scenic_worlds.variation import jittered_worlds
@@ -134,7 +136,10 @@ class TrialRunner:
             )
         judged = self._judge(world, config, scene)
         jittered = self._jitter(world, config, scene, judged) if judged.failed else None
-        record = dataclasses.replace(record, screening=screening, jittered=jittered)
+        repeated = self._repeat(world, config, scene, judged) if judged.failed else None
+        record = dataclasses.replace(
+            record, screening=screening, jittered=jittered, repeated=repeated
+        )
         return self._finish(world, record, judged, config.engine.name, began)
 
     def _jitter(
@@ -154,9 +159,29 @@ class TrialRunner:
             },
         )
 
-    def _judge(self, world: World, config: StackConfig, scene: Any) -> Judged:
-        job = _job(self._settings, world, config, scene)
-        return judge(job)
+    def _repeat(
+        self, world: World, config: StackConfig, scene: Any, judged: Judged
+    ) -> Repeats | None:
+        """Run a failing world again, nothing changed; each run has the whole time limit."""
+        if config.stack is None or not self._settings.verify:
+            return None
+        lost_time.tell(judged.outcome.wall_s)
+        runs = [self._run_again(world, config, scene) for _ in range(self._settings.verify)]
+        return counted_repeats(judged, runs)
+
+    def _run_again(self, world: World, config: StackConfig, scene: Any) -> Judged | None:
+        began = time.perf_counter()
+        try:
+            return self._judge(world, config, scene, keep_trace=False)
+        except InputError:  # the stack did not start this time
+            return None
+        finally:
+            lost_time.tell(time.perf_counter() - began)
+
+    def _judge(
+        self, world: World, config: StackConfig, scene: Any, *, keep_trace: bool = True
+    ) -> Judged:
+        return judge(_job(self._settings, world, config, scene), keep_trace=keep_trace)
 
     def _finish(
         self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
@@ -194,6 +219,32 @@ class TrialRunner:
         if outcome.told is not None:
             write_told(outcome.told, folder / TOLD_NAME)
         return str((folder / "trace.zip").relative_to(root))
+
+
+def counted_repeats(judged: Judged, runs: Sequence[Judged | None]) -> Repeats:
+    """Count how often a failure came again.
+
+    Args:
+        judged: the run that failed.
+        runs: of the same world; None: the stack did not start.
+    """
+    wanted, verdict = signature(judged.verdicts), leading(judged.verdicts)
+    assert verdict is not None, "only failures are run again"
+    decided = [run for run in runs if run is not None and _decides(run, verdict.spec)]
+    same = sum(signature(run.verdicts) == wanted for run in decided)
+    return Repeats(
+        same=failure_probability(same, len(decided), undecided=len(runs) - len(decided)),
+        otherwise=sum(run.failed for run in decided) - same,
+        identical=sum(
+            run is not None and run.outcome.trace.digest == judged.outcome.trace.digest
+            for run in runs
+        ),
+    )
+
+
+def _decides(run: Judged, spec: str) -> bool:
+    """Whether a run tells if a specification fails in it."""
+    return run.failed or not any(v.spec == spec and v.not_judged for v in run.verdicts)
 
 
 def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
@@ -234,4 +285,4 @@ def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
 
 def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
     """List what the trials of a campaign are judged by."""
-    return settings.specifications or campaign_specifications()
+    return settings.specifications or campaign_specifications(settings.stack)

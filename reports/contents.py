@@ -50,9 +50,11 @@ class CaseContents:
     layer_evidence: str = ""  #: a sentence or two on why
     counterfactuals: tuple[Counterfactual, ...] = ()
     removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
+    needs: tuple[str, ...] = ()  #: without what, and under which schedule, it fails, in sentences
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
     parts: str = ""  #: where the first differing replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
+    repeated: str = ""  #: how often the same run failed again, in words
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
     minimised: CaseContents | None = None

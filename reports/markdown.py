@@ -50,6 +50,7 @@ def _case(case: CaseContents) -> Iterator[str]:
     yield from _what_happened(case)
     yield from _what_was_checked(case)
     yield from _bullets(case.removals)
+    yield from _bullets(case.needs)
     if case.minimised is not None:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         less = f"{len(case.removed)} things removed"
@@ -83,6 +84,8 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         same, runs = case.identical
         parts = f", {case.parts}" if case.parts else ""
         yield from (f"Replay: {same} of {runs} identical{parts}.", "")
+    if case.repeated:
+        yield from (_plain(f"{case.repeated[0].upper()}{case.repeated[1:]}."), "")
     if case.jittered:
         failed, runs = case.jittered
         yield from (f"With small differences it fails in {failed} of {runs} runs.", "")

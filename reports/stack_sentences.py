@@ -11,6 +11,10 @@ DID = {
     "memory": "took too much memory",
     "answer": "answered nonsense",
 }
+#: where answers that differ usually come from
+NOISE = (
+    "Usual sources: threads, clocks, random numbers without a seed, the order of sets (hash seeds)."
+)
 
 
 def stack_failure_sentence(verdict: Verdict) -> str:
@@ -40,7 +44,8 @@ def repeated_sentence(verdict: Verdict) -> str:
     evidence = verdict.evidence
     of = f" of {evidence['robot']}" if evidence.get("robot") else ""
     when = f" at {verdict.violated_at:.2f} s" if verdict.violated_at is not None else ""
+    tick = f" (tick {evidence['tick']})" if "tick" in evidence else ""
     return (
-        f"Asked the same again{when}, the stack answered otherwise: {evidence['field']}{of} was "
-        f"{evidence['first']} and then {evidence['again']}."
+        f"Asked the same again{when}{tick}, the stack answered otherwise: {evidence['field']}{of} "
+        f"was {evidence['first']} and then {evidence['again']}. {NOISE}"
     )

@@ -46,31 +46,35 @@ class Answered(NamedTuple):
 def repeats_of(specifications: Iterable[object], config: StackConfig) -> Callable[[int], bool]:
     """Collect the ticks that specifications want to be asked again: those any of them wants.
 
-    None are where processes cannot be copied safely, with a window open, or if the stack runs in
-    a process of its own: whoever copies it compares its answers.
+    None are where processes cannot be copied safely, or with a window open.
     """
     wanting = [one for one in specifications if isinstance(one, Repeating)]
-    if (
-        config.stack is not None
-        or not forking.can_fork()
-        or config.engine.options.get("gui", False)
-    ):
+    if not forking.can_fork() or config.engine.options.get("gui", False):
         wanting = []
     return lambda tick: any(one.asks_again(tick) for one in wanting)
 
 
-def ask_again(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answered] | str:
+def ask_again(
+    stack: FleetStack, state: Any, fleet: FleetState, names: Sequence[str]
+) -> Callable[[Answer], AskedAgain]:
     """Ask the stack a tick in a copy of this process, twice; here it has not been asked yet.
 
+    Args:
+        stack: to ask.
+        state: its memory.
+        fleet: what it sees.
+        names: of the robots.
+
     Returns:
-        The answers, or how the stack failed.
+        What compares its answer here with those of the copy.
     """
     asked = partial(_ask_twice, stack, state, fleet)
+    again: list[Answered] | str
     try:
-        answers: list[Answered] | str = run_in_watched_copy(asked)
+        again = run_in_watched_copy(asked)
     except CopyFailed as failed:
-        return failed.message
-    return answers
+        again = failed.message
+    return lambda answer: compared(answer, again, names)
 
 
 def _ask_twice(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answered] | str:

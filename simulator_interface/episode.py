@@ -15,20 +15,20 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, Tells, no_intent
 from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
-from mrta_falsify.core.stack_failure import StackFailed
+from mrta_falsify.core.stack_failure import AskedAgain, StackFailed
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.stops_served import StopsServed
 from mrta_falsify.stack.pipeline import Stack
-from simulator_interface.asking_again import ask_again, compared
+from simulator_interface.asking_again import ask_again
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.external.stack import ProcessStack
 from simulator_interface.external.told import Told
 from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
-from simulator_interface.stack_door import OpenDoor, StackDoor
+from simulator_interface.stack_door import Answer, OpenDoor, StackDoor
 from simulator_interface.staging import (
     ForgettingPart,
     RemovingEngine,
@@ -243,13 +243,10 @@ class Episode:
             self.state = self._door.ask(self.stack.start, sensed.tick, sensed.time)
         seen = self._without_absent(sensed)
         fleet = self._localisation.fleet(seen)
-        again = None
-        if self.repeats(sensed.tick):
-            again = ask_again(self.stack, self.state, fleet)
+        asked_again = self._ask_again(fleet) if self.repeats(sensed.tick) else None
         answer = self._door.step(self.stack, self.state, fleet)
         self.state, command, intent, events = answer
         intent, events = self._told.of(intent, events)
-        names = [robot.name for robot in self.world.robots]
         confirmed = self.books.update(sensed, events)
         served = self._served.update(sensed, intent.goal, confirmed)
         return Frame(
@@ -261,8 +258,17 @@ class Episode:
             blocked_by=self._tracker.update(seen, intent, served, self._told.tells),
             signals=self.outside.signals if self.outside else self._meter.signals,
             tells=self._told.tells,
-            asked_again=None if again is None else compared(answer, again, names),
+            asked_again=None if asked_again is None else asked_again(answer),
         )
+
+    def _ask_again(self, fleet: FleetState) -> Callable[[Answer], AskedAgain | None]:
+        """Ask a copy of the stack a tick that the stack itself has not been asked yet."""
+        if self.outside is not None:
+            ask = functools.partial(self.stack.step, self.state, fleet)
+            asked = self.outside.talk.ask_copy(ask)
+            return lambda answer: asked()
+        names = [robot.name for robot in self.world.robots]
+        return ask_again(self.stack, self.state, fleet, names)
 
     def _unanswered(self, sensed: Sensed) -> Frame:
         """Make a frame in which every robot rests, for a stack that fails at once."""

@@ -15,7 +15,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import heard
-from mrta_falsify.core.protocols import JudgingFailures, Specification
+from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
 from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
@@ -213,7 +213,7 @@ class EpisodeRun:
             for specification in self._specifications:
                 specification.update(frame)
         self.frame = frame
-        self.ended = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
+        self.end(_end_of(self.episode, frame) or (self._stop(frame) if self._stop else ""))
         return frame
 
     def _stack_failed(self, failure: StackFailure) -> Frame:
@@ -225,8 +225,22 @@ class EpisodeRun:
         return self.frame
 
     def end(self, reason: str) -> None:
-        """End the run here, unless it has already."""
-        self.ended = self.ended or reason
+        """End the run here, unless it has already; an empty reason ends nothing."""
+        if self.ended or not reason:
+            return
+        self.ended = reason
+        with heard():
+            self._ask_at_end()
+
+    def _ask_at_end(self) -> None:
+        """Ask a stack in a process of its own all again, for the specifications that want it."""
+        outside = self.episode.outside
+        judging = [one for one in self._specifications if isinstance(one, RepeatingRun)]
+        if outside is None or not judging:
+            return
+        again = outside.talk.ask_fresh()
+        for specification in judging:
+            specification.asked_at_end(again)
 
     def close(self) -> None:
         """Free the engine, and end the stack's process; may be called twice."""

@@ -1,7 +1,8 @@
-"""Time that a stack under test has cost by hanging, which no trial is killed for.
+"""Time that no trial is killed for, since more than one run was needed.
 
-A trial whose stack hangs is run again, and a third time up to there. What that takes is told to
-the executor, so that the limit of a trial's wall clock is for the rest.
+A trial whose stack hangs is run again, and a third time up to there. A failure of a stack in a
+process of its own is run again to see whether it comes again. What that takes is told to the
+executor, so that the limit of a trial's wall clock is for the rest.
 """
 
 from __future__ import annotations
@@ -17,6 +18,6 @@ def tell_to(listener: Callable[[float], None]) -> None:
 
 
 def tell(seconds: float) -> None:
-    """Tell that a run of ``seconds`` [s] was lost."""
+    """Tell that a run of ``seconds`` [s] does not count."""
     for listener in _listeners:
         listener(seconds)

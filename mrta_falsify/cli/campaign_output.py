@@ -49,7 +49,8 @@ class CampaignWatch:
         if record.failed and "failure" not in announced and (record.wanted or not announced):
             kind = "failure" if record.wanted else "knife edge"
             announced.add(kind)
-            copies = f" ({record.jittered})" if record.jittered else ""
+            counted = [str(one) for one in (record.repeated, record.jittered) if one]
+            copies = f" ({'; '.join(counted)})" if counted else ""
             self._say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
             place = shlex.quote(str(self._directory))
             self._say(f"  replay it by: mrta-falsify replay {place} {record.id}")
@@ -125,6 +126,7 @@ def print_campaign(result: CampaignResult) -> None:
     """Print what a campaign found, as text."""
     from mrta_falsify.verbs.campaign_summary import (
         NoProbability,
+        repeat_sentence,
         summarise_campaign,
         unjudged_sentences,
     )
@@ -146,6 +148,8 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(
             f"with small differences most copies fail too: {data.robust} of {data.failed} failures"
         )
+    if data.repeated is not None:
+        out.print(repeat_sentence(data.repeated))
     for text in unjudged_sentences(result.campaign):
         out.print(text)
     if data.modes:

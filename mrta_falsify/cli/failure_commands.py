@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     1,
     1000,
     default=40,
-    text="Re-runs at most: one per changed layer, the rest with small differences.",
+    text="Re-runs at most: one per changed layer, the rest with small differences. Of a stack in a "
+    "process of its own: under other schedules, and without single things, too.",
 )
 @format_option
 def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
@@ -61,7 +62,7 @@ def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
 
 
 def _print_explanation(found: Explanation) -> None:
-    from mrta_falsify.verbs.explain import removal_text
+    from mrta_falsify.verbs.explain import needs_sentences, removal_text
 
     out = output.stdout()
     out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
@@ -69,15 +70,19 @@ def _print_explanation(found: Explanation) -> None:
         out.print(f"the trace alone points to: {found.guess or 'none'}")
     table = output.new_table(f"changed at {found.changed_at:.1f} s", "failure", "then")
     for row in found.counterfactuals:
-        table.add_row(row.change, "gone" if row.failure_gone else "stays", row.detail)
+        fate = "gone" if row.failure_gone else "stays" if row.answered else "no answer"
+        table.add_row(row.change, fate, row.detail)
     output.print_table(table)
     for removal in found.removals:
         out.print(removal_text(removal))
+    for text in needs_sentences(found):
+        out.print(text)
     if found.jittered.runs:
         out.print(
             f"with small differences it fails in {found.jittered.failed} of "
             f"{found.jittered.runs} runs"
         )
+    out.print(f"{found.runs} runs spent")
 
 
 @main.command("minimize")

@@ -53,6 +53,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_copies = any(row.jittered for row in rows)
     columns = ["id", "status", "score", "signature", "who", "layer", "simulated"]
     columns += ["copies that fail"] if with_copies else []
+    with_repeats = any(row.repeats for row in rows)
+    columns += ["came again"] if with_repeats else []
     table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
     for row in rows:
         cells = [
@@ -66,6 +68,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
         ]
         if with_copies:
             cells.append(f"{row.jittered_failures} of {row.jittered}" if row.jittered else "")
+        if with_repeats:
+            cells.append(f"{row.repeats_failed} of {row.repeats}" if row.repeats else "")
         table.add_row(*cells, style="red" if row.failed else None)
     output.print_table(table)
 
@@ -94,8 +98,9 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"           {text}")
     if record.failed:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
-    if record.jittered:
-        out.print(f"           {record.jittered}")
+    for counted in (record.repeated, record.jittered):
+        if counted:
+            out.print(f"           {counted}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:

@@ -34,6 +34,8 @@ class ExternalStack:
     branch: Branching = "auto"
     tick_limit: float = quantity(above=0.0, unit="s", default=10.0)  #: wall clock, for one answer
     start_limit: float = quantity(above=0.0, unit="s", default=60.0)  #: until it is ready
+    #: simulated time that each answer is held back, on top of what the stack says that it took
+    delay: float = quantity(low=0.0, unit="s", default=0.0, came_later=True)
 
     def __post_init__(self) -> None:
         if self.connect and self.command:

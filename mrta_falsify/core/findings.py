@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
@@ -26,6 +27,23 @@ class Counterfactual:
     failure_gone: bool
     detail: str = ""  #: how the continuation ended
     restores: bool = False  #: whether the shipped layer replaced another one
+    answered: bool = later(True)  #: False: the run could not be judged, so it tells nothing
+
+
+#: what became of a failure: gone; there again; the same specification violated in another way; the
+#: run could not be judged, or the world is not valid; there were no runs left
+Fate: TypeAlias = Literal["gone", "stays", "otherwise", "unknown", "untried"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangedRun:
+    """What became of a failure in a run of the whole world with one thing changed."""
+
+    group: str  #: of the things that were left out, such as ``robots``; ``schedule``
+    things: tuple[str, ...] = ()  #: that were left out
+    change: str  #: in words, behind ``without`` or ``with``
+    fate: Fate
+    detail: str = ""  #: how the run ended
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +81,8 @@ class Explanation:
     jittered: CopyCount
     runs: int  #: episodes and continuations simulated
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
+    absences: tuple[ChangedRun, ...] = later(())  #: runs without some things
+    schedules: tuple[ChangedRun, ...] = later(())  #: runs with other thinking times and orders
 
 
 # --- how small it gets -------------------------------------------------------------------

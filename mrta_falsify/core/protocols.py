@@ -24,7 +24,7 @@ from mrta_falsify.core.fleet import (
     Sensed,
     StackEvent,
 )
-from mrta_falsify.core.stack_failure import StackFailure
+from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
 
@@ -372,3 +372,11 @@ class Repeating(Protocol):
 
     def asks_again(self, tick: int) -> bool:
         """Whether the stack shall be asked ``tick`` again."""
+
+
+@runtime_checkable
+class RepeatingRun(Protocol):
+    """A specification that has all ticks of a run asked again, where the stack can be told them."""
+
+    def asked_at_end(self, again: AskedAgain) -> None:
+        """Take in what a fresh process of the stack answered; the run has ended."""

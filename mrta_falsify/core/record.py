@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.codec import later
+from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
 
 #: ok: simulated and judged; rejected: no scene; crashed, timeout: the toolkit failed
@@ -52,6 +54,31 @@ class Jittered:
         return (self.failed + 1) / (self.runs + 1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeats:
+    """What became of a failing world that was run again, nothing changed.
+
+    The run that was found failing does not count: it is repeated because it failed.
+    """
+
+    same: Probability  #: of a failure with the same signature
+    otherwise: int  #: runs that failed in another way
+    identical: int  #: runs with the same trace digest
+
+    def __str__(self) -> str:
+        """Write it as in ``the same run fails again in 3 of 4 (95 % interval 0.25 to 0.99)``."""
+        same = self.same
+        interval = f"{same.level * 100:g} % interval {same.low:.2f} to {same.high:.2f}"
+        more = f"; it fails otherwise in {self.otherwise}" if self.otherwise else ""
+        more += f"; {same.undecided} could not be judged" if same.undecided else ""
+        return f"the same run fails again in {same.failures} of {self.runs} ({interval}){more}"
+
+    @property
+    def runs(self) -> int:
+        """Runs again, those that could not be judged included."""
+        return self.same.trials + self.same.undecided
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialRecord:
     """One trial, finished."""
@@ -71,6 +98,8 @@ class TrialRecord:
     engine: str = ""  #: that the verdicts come from
     screening: Screening | None = None
     jittered: Jittered | None = None  #: of a failure, where the campaign asks for copies
+    #: of a failure of a stack in a process of its own
+    repeated: Repeats | None = later(None)
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
     scene_s: float = 0.0  #: measured time to sample the world [s]

@@ -58,10 +58,14 @@ class OtherAnswer:
     robot: str = ""  #: name, empty: concerns none alone
     first: str = ""  #: what it answered
     again: str = ""  #: what it answered to the same state and input
+    tick: int = -1  #: -1: the one at which it was asked again
+    time: float = 0.0  #: of ``tick`` [s], where that is given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedAgain:
-    """What came of asking the stack a tick again in a copy of the process."""
+    """What came of asking a copy of the stack the same again, one tick or all of a run."""
 
     difference: OtherAnswer | None = None  #: the first one
+    ticks: int = 1  #: that were asked again
+    why_not: str = ""  #: why none could be, in words

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.stack_failure import AskedAgain
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 
@@ -16,7 +17,7 @@ class Repeatable:
     """Asked again with the same memory and input, the stack answers the same.
 
     Robustness: 1, or -1 after an answer that differed. A stack that never was asked again (an
-    episode shorter than ``every`` ticks, a system that cannot copy a process) is not judged.
+    episode shorter than ``every`` ticks, a system or a stack that cannot be copied) is not judged.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +33,9 @@ class Repeatable:
         """Begin an episode."""
         del world, dt
         self._asked = 0
+        self._why_not = "the stack was not asked again"
         self._violated: Verdict | None = None
+        self._last = (0, 0.0)  # tick, and its time [s]
 
     def asks_again(self, tick: int) -> bool:
         """Whether ``tick`` is asked again: each ``every``-th, until an answer differed."""
@@ -40,21 +43,28 @@ class Repeatable:
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        again = frame.asked_again
-        if again is None:
+        self._last = (frame.sensed.tick, frame.sensed.time)
+        if frame.asked_again is not None:
+            self.asked_at_end(frame.asked_again)
+
+    def asked_at_end(self, again: AskedAgain) -> None:
+        """Take in what came of asking the stack again."""
+        if again.why_not:
+            self._why_not = again.why_not
             return
-        self._asked += 1
-        if again.difference is None or self._violated is not None:
-            return
+        self._asked += again.ticks
         other = again.difference
+        if other is None or self._violated is not None:
+            return
+        tick, time = (other.tick, other.time) if other.tick >= 0 else self._last
         self._violated = Verdict(
             spec=NAME,
             robustness=-1.0,
             violated=True,
-            violated_at=frame.sensed.time,
+            violated_at=time,
             who=(other.robot,) if other.robot else (),
             evidence={
-                "tick": frame.sensed.tick,
+                "tick": tick,
                 "field": other.field,
                 "robot": other.robot,
                 "first": other.first,
@@ -67,5 +77,5 @@ class Repeatable:
         if self._violated is not None:
             return self._violated
         if not self._asked:
-            return unjudged(NAME, "the stack was not asked again")
+            return unjudged(NAME, self._why_not)
         return Verdict(spec=NAME, robustness=1.0, violated=False, evidence={"asked": self._asked})

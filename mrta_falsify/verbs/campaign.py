@@ -69,6 +69,7 @@ def campaign(
     mode: Mode = DEFAULTS.trials.mode,
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
+    verify: int = DEFAULTS.trials.verify,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
     time_limit: float = DEFAULTS.time_limit,
@@ -94,6 +95,7 @@ def campaign(
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
+        verify: runs again of each failure of a stack in a process of its own, nothing changed.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
         time_limit: wall clock of one trial [s].
@@ -117,6 +119,7 @@ def campaign(
         mode=mode,
         screen=screen,
         jittered=jittered,
+        verify=verify,
         tick_limit=tick_limit,
         memory_limit=memory_limit,
         time_limit=time_limit,

@@ -36,6 +36,7 @@ def new_settings(
     mode: Mode = DEFAULTS.trials.mode,
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
+    verify: int = DEFAULTS.trials.verify,
     window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
@@ -55,6 +56,7 @@ def new_settings(
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
+        verify: runs again of each failure of a stack in a process of its own.
         window: how far trials may run ahead of what the sampler knows.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
@@ -63,15 +65,17 @@ def new_settings(
     Raises:
         InputError: anything of it is wrong.
     """
+    config = load_stack(stack, settings)
     trials = TrialSettings(
         scenario=str(scenario),
         params=parse_params(params),
-        stack=load_stack(stack, settings),
-        specifications=tuple(specs) or campaign_specifications(),
+        stack=config,
+        specifications=tuple(specs) or campaign_specifications(config),
         seed=seed,
         mode=mode,
         screen=screen,
         jittered=jittered,
+        verify=verify,
         tick_limit=tick_limit,
         memory_limit=memory_limit,
         directory=str(Path(output).resolve()),

@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.statistics import (
     why_no_probability,
 )
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
 
@@ -35,6 +36,15 @@ class ScreeningAgreement:
 
     failed_in_screening: int
     confirmed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatCounts:
+    """Failures that were run again, nothing changed, by how often they came again."""
+
+    always: int
+    sometimes: int
+    never: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +76,7 @@ class CampaignSummary:
     wall_s: float
     ended: str
     directory: str
+    repeated: RepeatCounts | None = later(None)  #: of a stack in a process of its own
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
@@ -95,6 +106,26 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         wall_s=round(result.wall_s, 3),
         ended=result.ended,
         directory=str(campaign.directory),
+        repeated=repeat_counts(campaign),
+    )
+
+
+def repeat_counts(campaign: Campaign) -> RepeatCounts | None:
+    """Count failures by how often they came again; None if none was run again."""
+    found = [record.repeated for record in campaign.records if record.repeated is not None]
+    if not found:
+        return None
+    always = sum(one.same.failures == one.runs for one in found)
+    never = sum(one.same.failures == 0 for one in found)
+    return RepeatCounts(always=always, sometimes=len(found) - always - never, never=never)
+
+
+def repeat_sentence(counts: RepeatCounts) -> str:
+    """Say how many failures came again when nothing was changed."""
+    total = counts.always + counts.sometimes + counts.never
+    return (
+        f"run again, nothing changed: of {total} failures {counts.always} came again every time, "
+        f"{counts.sometimes} now and then, {counts.never} never"
     )
 
 

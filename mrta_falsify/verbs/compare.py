@@ -92,6 +92,7 @@ def compare(
             specs=specs,
             params=params,
             jittered=jittered,
+            verify=0,  # how often a failure comes again says nothing of a sampler
         ),
         samplers=tuple(samplers),
         repeats=repeats,

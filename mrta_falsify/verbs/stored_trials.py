@@ -50,6 +50,8 @@ class TrialRow:
     trace_digest: str
     error: str
     not_judged: tuple[str, ...] = later(())  #: specifications
+    repeats: int = later(0)  #: runs of a failure again, nothing changed
+    repeats_failed: int = later(0)  #: of them, in the same way
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -97,6 +99,8 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
         trace_digest=record.trace_digest,
         error=record.error,
         not_judged=tuple(verdict.spec for verdict in record.verdicts if verdict.not_judged),
+        repeats=record.repeated.runs if record.repeated else 0,
+        repeats_failed=record.repeated.same.failures if record.repeated else 0,
     )
 
 

@@ -37,7 +37,7 @@ class Exchanges:
         self._size = 0  # of what is in the file
         self._rows: list[tuple[bytes, bytes]] = []  # not in the file
         self._waiting = 0  # bytes of them
-        self._is_copy = False
+        self.is_copy = False  #: of the run
         # Copies tell the original by this byte that a copy of the stack by fork hangs.
         self._shared = mmap.mmap(-1, 1)
 
@@ -47,7 +47,7 @@ class Exchanges:
             return
         self._rows.append((said, heard))
         self._waiting += len(said) + len(heard)
-        if self._waiting > BLOCK and not self._is_copy:
+        if self._waiting > BLOCK and not self.is_copy:
             self._write()
 
     def _write(self) -> None:
@@ -73,7 +73,7 @@ class Exchanges:
 
     def become_copy(self) -> None:
         """Write no more: this is a copy of the run, and the file is the original's."""
-        self._is_copy = True
+        self.is_copy = True
 
     def close(self) -> None:
         """Throw the file away; may be called twice."""

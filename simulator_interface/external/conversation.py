@@ -3,24 +3,42 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import math
 import os
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
-from mrta_falsify.core.stack_failure import GIB, FailureKind, StackFailed, StackFailure
+from mrta_falsify.core.stack_failure import (
+    GIB,
+    AskedAgain,
+    FailureKind,
+    StackFailed,
+    StackFailure,
+)
 from simulator_interface.external.answers import Ready, Wrong
 from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import StackProcess
+from simulator_interface.external.second_answers import (
+    Exchange,
+    no_further,
+    other_answer,
+    told_again,
+)
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told, ToldRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import post
+from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 WEIGHED_EVERY = 20  # ticks between two looks at the memory of a stack
+#: ticks that a fresh process is told where forks are asked as well. A fork has the same random
+#: numbers ahead of it, so an unseeded generator only shows in a fresh process, and there at once.
+FRESH_TICKS = 200
 
 
 class Talk(Protocol):
@@ -45,6 +63,19 @@ class Talk(Protocol):
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
         """Keep what was seen in a copy of the run."""
+
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
+        """Ask a fork of the stack a tick that the stack has not been asked yet.
+
+        Args:
+            ask: asks it.
+
+        Returns:
+            What compares the answers once the stack has given its own; None: no fork answers.
+        """
+
+    def ask_fresh(self) -> AskedAgain:
+        """Tell a fresh process all that was said, and compare its answers."""
 
     @property
     def can_branch(self) -> bool:
@@ -76,7 +107,10 @@ class Conversation:
     def __init__(self, options: ExternalStack, world: Message, services: Services) -> None:
         self._options = options
         self._services = services
+        self._names = [robot["name"] for robot in world["robots"]]
         self._branch_pid = 0  # of the copy of the stack that this copy talks to
+        self._last = b""  # answer to a tick
+        self._forks_compared = 0
         self._process: StackProcess | None = StackProcess(options)
         self._exchanges = Exchanges(are_kept=self._may_replay())
         self._wire: Wire = self._process.wire
@@ -108,6 +142,7 @@ class Conversation:
         if tick % WEIGHED_EVERY == 0:
             self._weigh(tick, time)
         self._recorder.add(body)
+        self._last = body
         return heard, body
 
     def _weigh(self, tick: int, time: float) -> None:
@@ -195,19 +230,25 @@ class Conversation:
             CannotBranch: it can do neither, or does not answer the same.
         """
         self._exchanges.become_copy()
-        if self._may_fork():
-            try:
-                link, self._branch_pid = connect_branch(self._wire, self._options.tick_limit)
-            except (Closed, Late, Unreadable, OSError):
-                self._exchanges.note_forking_failed()
-            else:
-                self._let_go()
-                self._wire = link
-                self._wire.is_binary = self.ready.encoding == "msgpack"
-                return
+        if self._fork():
+            return
         if not self._may_replay():
             raise CannotBranch("the stack cannot be copied")
         self._replay()
+
+    def _fork(self) -> bool:
+        """Go on with a fork of the stack; False: there is none."""
+        if not self._may_fork():
+            return False
+        try:
+            link, self._branch_pid = connect_branch(self._wire, self._options.tick_limit)
+        except (Closed, Late, Unreadable, OSError):
+            self._exchanges.note_forking_failed()
+            return False
+        self._let_go()
+        self._wire = link
+        self._wire.is_binary = self.ready.encoding == "msgpack"
+        return True
 
     def _may_fork(self) -> bool:
         is_able = "branch" in self.ready.can and not self._exchanges.forking_failed
@@ -219,23 +260,74 @@ class Conversation:
     def _replay(self) -> None:
         """Say everything again to a fresh process; it must answer the same."""
         self._let_go()
-        try:
-            self._process = StackProcess(self._options)
-            self._say_again(self._process.wire)
-        except (Closed, Late, Unreadable, ConfigError) as error:
-            text = (
-                f"a fresh process of the stack does not go on: {str(error) or type(error).__name__}"
-            )
-            raise CannotBranch(text) from None
+        self._process = self._fresh_process()
         self._wire = self._process.wire
+        other = self._told_again(self._process).difference
+        if other is not None:
+            of = f" of {other.robot}" if other.robot else ""
+            raise CannotBranch(
+                f"the stack answers otherwise at tick {other.tick}: {other.field}{of}"
+            )
 
-    def _say_again(self, wire: Wire) -> None:
-        limit = self._options.start_limit
-        for number, (said, heard) in enumerate(self._exchanges.all()):
-            wire.send_bytes(said, limit)
-            if wire.receive_bytes(limit) != heard:
-                raise CannotBranch(f"the stack gives another answer to message {number}")
-            limit = self._options.tick_limit
+    def _fresh_process(self) -> StackProcess:
+        try:
+            return StackProcess(self._options)
+        except (Closed, Late, Unreadable, ConfigError) as error:
+            raise no_further(error) from None
+
+    def _told_again(self, process: StackProcess, most_ticks: float = math.inf) -> AskedAgain:
+        limits = (self._options.start_limit, self._options.tick_limit)
+        return told_again(
+            process.wire, self._exchanges, self._names, limits=limits, most_ticks=most_ticks
+        )
+
+    # --- asked again --------------------------------------------------------------------------
+
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
+        """See :class:`Talk`."""
+        again = None
+        if self._may_fork() and not self._exchanges.is_copy:
+            with contextlib.suppress(CopyFailed, StackFailed, CannotBranch):
+                again = run_in_watched_copy(functools.partial(self._ask_fork, ask))
+        return functools.partial(self._compared, again)
+
+    def _ask_fork(self, ask: Callable[[], object]) -> bytes:
+        self._exchanges.become_copy()
+        if not self._fork():
+            raise CannotBranch("the stack cannot be forked")
+        ask()
+        return self._last
+
+    def _compared(self, again: bytes | None) -> AskedAgain | None:
+        """Compare the answer to the last tick with that of a fork."""
+        found = None
+        if again is not None:
+            self._forks_compared += 1
+            first, other = (self._wire.read(body) for body in (self._last, again))
+            found = AskedAgain(difference=other_answer(Exchange({}, first, other), self._names))
+        self._recorder.again.append(found)
+        return found
+
+    def ask_fresh(self) -> AskedAgain:
+        """See :class:`Talk`; only the first ticks where forks have been asked as well."""
+        try:
+            found = self._ask_fresh()
+        except CannotBranch as error:
+            found = AskedAgain(why_not=str(error))
+        self._recorder.again.append(found)
+        return found
+
+    def _ask_fresh(self) -> AskedAgain:
+        if not self._may_replay():
+            raise CannotBranch(
+                f"the stack is not copied by replay (branch: {self._options.branch})"
+            )
+        process = self._fresh_process()
+        try:
+            most = FRESH_TICKS if self._forks_compared else math.inf
+            return self._told_again(process, most)
+        finally:
+            process.close()
 
 
 class ToldTalk:
@@ -251,6 +343,7 @@ class ToldTalk:
         self.ready = told.ready
         self._told = told
         self._answers = told.answers()
+        self._again = iter(told.again)
 
     def ask(self, message: Message, tick: int, time: float) -> tuple[Message, bytes]:
         """See :class:`Talk`."""
@@ -278,6 +371,15 @@ class ToldTalk:
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
         """See :class:`Talk`; it is known."""
+
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
+        """See :class:`Talk`; it is known what came of it."""
+        del ask
+        return lambda: next(self._again, None)
+
+    def ask_fresh(self) -> AskedAgain:
+        """See :class:`Talk`; it is known what came of it."""
+        return next(self._again, None) or AskedAgain(why_not="no second answers are stored")
 
     def branch(self) -> None:
         """See :class:`Talk`; there is no stack to be copied."""

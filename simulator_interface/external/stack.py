@@ -85,6 +85,7 @@ class ProcessStack:
     ) -> None:
         assert config.stack is not None
         self._world = world
+        self._delay = config.stack.delay
         self._books = books
         self._names = tuple(robot.name for robot in world.robots)
         self._links = LinkTimetable(world)
@@ -129,6 +130,7 @@ class ProcessStack:
         heard, body = self.talk.ask(message, fleet.tick, fleet.time)
         try:
             answer = self._reader.read(heard, fleet.tick, fleet.time)
+            answer = dataclasses.replace(answer, took=answer.took + self._delay)
             take(state.orders, answer, fleet.time, self._names)
         except Wrong as wrong:
             raise self.talk.failed(

@@ -1,7 +1,8 @@
 """All that a stack in another process has said in a run, so that it can be told again without it.
 
 Copies of the run talked to copies of the stack. What the specifications saw there is kept as well,
-in the order in which they asked.
+in the order in which they asked. So is what copies of the stack answered when they were asked
+again.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.core.stack_failure import StackFailure
+from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
 from mrta_falsify.core.trace import DAMAGE
 from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
@@ -38,6 +39,8 @@ class Told:
     packed: bytes  #: the answers, each behind its length (u32), deflated
     forecasts: tuple[dict[str, Any] | None, ...]
     failure: StackFailure | None  #: how it ended, if it failed
+    #: what came of asking it again, in the order of the questions; None: nothing
+    again: tuple[AskedAgain | None, ...] = ()
 
     def answers(self) -> Iterator[bytes]:
         """Give the answers to the ticks, from the first on."""
@@ -68,6 +71,7 @@ class ToldRecorder:
     ready: Ready
     forecasts: list[dict[str, Any] | None] = field(default_factory=list)
     failure: StackFailure | None = None
+    again: list[AskedAgain | None] = field(default_factory=list)
     _packer: Any = field(default_factory=lambda: zlib.compressobj(1))
     _parts: list[bytes] = field(default_factory=list)
     _fresh: list[bytes] = field(default_factory=list)  # not deflated yet: one by one is slow
@@ -93,6 +97,7 @@ class ToldRecorder:
             packed=b"".join(self._parts),
             forecasts=tuple(self.forecasts),
             failure=self.failure,
+            again=tuple(self.again),
         )
 
 
@@ -102,6 +107,7 @@ def write_told(told: Told, path: Path) -> None:
         "ready": codec.encode(told.ready),
         "forecasts": list(told.forecasts),
         "failure": codec.encode(told.failure),
+        "again": codec.encode(told.again),
     }
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w") as archive:
@@ -128,4 +134,8 @@ def read_told(path: Path) -> Told:
         packed=packed,
         forecasts=tuple(head.get("forecasts", ())),
         failure=codec.decode(StackFailure, failure, where=str(path)) if failure else None,
+        again=tuple(
+            codec.decode(AskedAgain, row, where=str(path)) if row else None
+            for row in head.get("again", ())
+        ),
     )

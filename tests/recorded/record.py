@@ -99,7 +99,9 @@ def outcome_of(name: str, stack: dict[str, Any], engine: str) -> dict[str, Any]:
     config = codec.decode(StackConfig, stack, where=name)
     config = dataclasses.replace(config, engine=Choice(engine))
     world = stored_world(name)
-    job = Job(world=world, config=config, specifications=campaign_specifications(), early_stop=True)
+    job = Job(
+        world=world, config=config, specifications=campaign_specifications(config), early_stop=True
+    )
     judged = judge(job)
     return {
         "world_digest": world.digest(),

@@ -19,6 +19,7 @@ from reports.contents import (
     ReportContents,
     TrialScores,
 )
+from reports.markdown import render_markdown
 from reports.page import render_page
 from reports.sentences import violation_sentence, wait_sentence
 from tests import browser
@@ -40,8 +41,13 @@ def report(stalled):
         jittered=(18, 20),
         counterfactuals=(
             Counterfactual(layer="planner", change="planner: ompl", failure_gone=False),
+            Counterfactual(
+                layer="stack", change="stack: another", failure_gone=False, answered=False
+            ),
         ),
         removals=("without robot1 from 12.0 s on, robot2 goes on",),
+        needs=("The failure is gone without bed_3.",),
+        repeated="the same run fails again in 3 of 4",
     )
     return ReportContents(
         title="a <b>bold</b> title",
@@ -98,6 +104,16 @@ def test_text_from_names_is_escaped(page):
 
 def test_the_page_says_who_holds_up_whom(page):
     assert "without robot1 from 12.0 s on, robot2 goes on" in " ".join(page.text)
+
+
+def test_page_and_markdown_say_what_the_failure_needs_and_how_often_it_comes_again(report, page):
+    text = " ".join(page.text)
+    assert "The failure is gone without bed_3." in text
+    assert "the same run fails again in 3 of 4" in text
+    assert "no answer" in text
+    markdown = render_markdown(report)
+    assert "- The failure is gone without bed_3." in markdown
+    assert "The same run fails again in 3 of 4." in markdown
 
 
 def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):

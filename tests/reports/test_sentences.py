@@ -13,6 +13,7 @@ from reports.sentences import (
     wait_sentence,
     who_text,
 )
+from reports.stack_sentences import NOISE
 
 BED = {"name": "bed2", "kind": "furniture", "carried_by": "porter1"}
 
@@ -106,7 +107,7 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
         (
             violated("repeatable", "robot1", field="command", first="0.1", again="0.2"),
             "Asked the same again at 42.00 s, the stack answered otherwise: command was 0.1 and "
-            "then 0.2.",
+            f"then 0.2. {NOISE}",
         ),
         (
             violated("exclusive_use", "robot1", "robot2", resource="ward_1", capacity=1),

@@ -12,12 +12,12 @@ from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job, judge, judges_of
+from mrta_falsify.trial import Job, judges_of
 from mrta_falsify.verbs.explain.changes import Change
+from mrta_falsify.verbs.explain.whole_runs import AFTER, looking_for, run_changed
 from simulator_interface.continuation import Running, run_to
 from simulator_interface.watched_copy import CopyFailed
 
-AFTER = 45.0  # s after the violation that a changed episode must survive
 LOOK_STRIDE = 10  # ticks between two looks at whether the failure is back
 
 
@@ -46,7 +46,7 @@ def continued_with(
     fails_at_once = verdict.spec == "stack_runs" and verdict.violated_at == 0.0
     if fails_at_once or job.config.stack is not None:  # no other stack can go on in mid-run
         for key, change in missing.items():
-            yield journal.keep(key, _from_the_start(job, verdict, change, until))
+            yield journal.keep(key, _from_the_start(job, verdict, change))
         return
     with run_to(job.world, job.config, judges_of(job), at) as running:
         for key, change in missing.items():
@@ -58,20 +58,17 @@ def continued_with(
             yield journal.keep(key, found)
 
 
-def _from_the_start(job: Job, verdict: Verdict, change: Change, until: float) -> Counterfactual:
-    """Run the whole episode with a change, and look whether the same happens by ``until`` [s]."""
-    world = dataclasses.replace(job.world, horizon=min(until, job.world.horizon))
-    changed = dataclasses.replace(job, world=world, config=change.config)
-    run = judge(changed, keep_trace=False)
-    for found in run.verdicts:
-        if found.violated and found.spec == verdict.spec:
-            return _cures_nothing(change, f"violated again at {found.violated_at or 0.0:.1f} s")
+def _from_the_start(job: Job, verdict: Verdict, change: Change) -> Counterfactual:
+    """Run the whole episode with a change, and look whether the same happens."""
+    changed = dataclasses.replace(looking_for(job, verdict), config=change.config)
+    fate, detail = run_changed(changed, verdict)
     return Counterfactual(
         layer=change.layer,
         change=change.text,
-        failure_gone=True,
-        detail=f"nothing of the kind until {run.outcome.sim_time:.1f} s",
+        failure_gone=fate == "gone",
+        detail=detail,
         restores=change.restores,
+        answered=fate != "unknown",
     )
 
 
@@ -106,6 +103,7 @@ def _counterfactual(
         failure_gone=not unjudged and not is_violated,
         detail=f"not judged: {unjudged}" if unjudged else ended,
         restores=change.restores,
+        answered=not unjudged,
     )
 
 

@@ -149,7 +149,11 @@ def _of_whole(counterfactuals: Sequence[Counterfactual]) -> str:
         return "the shipped stack does not fail in this world"
     if any(found.failure_gone for found in counterfactuals):
         return "one of its own variants does not fail in this world"
-    return "the shipped stack fails in this world in the same way"
+    shipped = [found for found in counterfactuals if found.restores]
+    if any(found.answered for found in shipped):
+        return "the shipped stack violates the same specification in this world"
+    why = f": {shipped[0].detail}" if shipped else ""
+    return f"whether the shipped stack fails in this world is not known{why}"
 
 
 def _cures(counterfactuals: Sequence[Counterfactual]) -> list[str]:

@@ -4,15 +4,17 @@ The episode is run to a few seconds before the onset, then forked: each continua
 layer of the stack. If no change helps there, they begin at the first tick. What differs after
 the change is its doing, since all before it is shared. Of robots that wait for each other, each
 is removed in a continuation of its own. Jittered copies tell failures that any change would cure.
+
+A stack in a process of its own has no layers to exchange. It is replaced as a whole, from the first
+tick on. The whole world is run without each of its things, and under other schedules.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from mrta_falsify.campaigns.attribution import points_directly, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
@@ -21,23 +23,27 @@ from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import CopyCount, Counterfactual, Explanation, Removal
+from mrta_falsify.core.findings import ChangedRun, CopyCount, Counterfactual, Explanation, Removal
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, judge
+from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
 from mrta_falsify.verbs.explain.removals import removals_of
+from mrta_falsify.verbs.explain.run_count import RunCount
+from mrta_falsify.verbs.explain.schedules import schedules_of
+from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.stored_trials import job_of
 from scenic_worlds.variation import jittered_worlds
 from simulator_interface.guard import guarded
 
 LEAD = 10.0  # s before the onset at which things are changed
 JITTERED = 20  # copies with small differences, as far as the runs suffice
+COPIES_KEPT = 8  # runs that absences leave for copies: without any, a knife edge is not seen
 JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +65,7 @@ class Journals:
         self.changes = RunJournal(Counterfactual, path, code=code)
         self.removals = RunJournal(Removal, path, code=code)
         self.copies = RunJournal(CopyRun, path, code=code)
+        self.whole = RunJournal(ChangedRun, path, code=code)
 
 
 def explain(
@@ -85,7 +92,7 @@ def explain(
     job, folder = job_of(campaign, record), campaign.folder(record)
     code = code_digest(job.config, job.specifications)
     journals = Journals(folder / JOURNAL_NAME, code)
-    kept = (journals.changes, journals.removals, journals.copies)
+    kept = (journals.changes, journals.removals, journals.copies, journals.whole)
     with going_on(f"explain {record.id}", *kept):
         found = explain_job(job, max_runs=max_runs, journals=journals, on_done=on_done)
         write_finding(folder, found)
@@ -106,12 +113,13 @@ def explain_job(
     judged = judge(job)
     verdict = leading(judged.verdicts)
     if verdict is None:
-        raise InputError("the run violates nothing; there is nothing to explain")
+        again = " this time: the stack does not answer the same again" if job.config.stack else ""
+        raise InputError(f"the run violates nothing{again}; there is nothing to explain")
     trace = judged.outcome.trace
     guess = suspect(job.config, judged.verdicts, trace)
     at = moment_of_change(verdict) if job.config.stack is None else 0.0
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
-    count = _Count(max_runs, min(max_runs, 1 + len(changes) + JITTERED), on_done)
+    count = RunCount(max_runs, min(max_runs, 1 + len(changes) + JITTERED), on_done)
     count.add()
     found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
     if at > 0.0 and not any(one.failure_gone for one in found):
@@ -121,6 +129,7 @@ def explain_job(
     removals = tuple(count.each(removals_of(job, verdict, trace, count.left, journals.removals)))
     if removals:
         count.add()  # the run up to the onset
+    absences, schedules = _changed_runs(job, verdict, trace, count, journals.whole)
     jittered = _jittered(job, count, journals.copies)
     layer, reason = suspicion_from(
         found, guess, direct=points_directly(verdict), knife_edge=jittered.is_knife_edge
@@ -132,9 +141,30 @@ def explain_job(
         changed_at=at,
         counterfactuals=found,
         removals=removals,
+        absences=absences,
+        schedules=schedules,
         jittered=jittered,
         runs=count.done,
     )
+
+
+def _changed_runs(
+    job: Job,
+    verdict: Verdict,
+    trace: Trace,
+    count: RunCount,
+    journal: RunJournal[ChangedRun],
+) -> tuple[tuple[ChangedRun, ...], tuple[ChangedRun, ...]]:
+    """Run the whole world without its things, and under other schedules.
+
+    Only of a stack whose layers cannot be exchanged: of the shipped one, they say more.
+    """
+    if job.config.stack is None:
+        return (), ()
+    schedules = tuple(count.each(schedules_of(job, verdict, count.left, journal)))
+    had = course_of(verdict, trace, job.world).had
+    most = count.left - COPIES_KEPT
+    return tuple(absences_of(job, verdict, had, most, count, journal)), schedules
 
 
 def moment_of_change(verdict: Verdict) -> float:
@@ -147,7 +177,7 @@ def moment_of_change(verdict: Verdict) -> float:
     return max(0.0, begun - LEAD) if begun < float("inf") else 0.0
 
 
-def _jittered(job: Job, count: _Count, journal: RunJournal[CopyRun]) -> CopyCount:
+def _jittered(job: Job, count: RunCount, journal: RunJournal[CopyRun]) -> CopyCount:
     worlds = jittered_worlds(job.world, max(0, min(JITTERED, count.left)))
     copies = (_copy_run(dataclasses.replace(job, world=world), journal) for world in worlds)
     failed = [run.failed for run in count.each(copies)]
@@ -158,30 +188,3 @@ def _copy_run(job: Job, journal: RunJournal[CopyRun]) -> CopyRun:
     key = codec.digest([job.world, job.config, job.specifications, job.early_stop])
     known = journal.answers.get(key)
     return known or journal.keep(key, CopyRun(failed=judge(job, keep_trace=False).failed))
-
-
-@dataclass(slots=True)
-class _Count:
-    """Counts runs and tells the caller."""
-
-    most: int
-    expected: int  #: in all
-    on_done: Callable[[int, int], None]
-    done: int = 0
-
-    @property
-    def left(self) -> int:
-        """Runs that are allowed still."""
-        return self.most - self.done
-
-    def add(self) -> None:
-        """Count one run."""
-        self.done += 1
-        self.expected = max(self.expected, self.done)
-        self.on_done(self.done, self.expected)
-
-    def each(self, runs: Iterable[T]) -> Iterator[T]:
-        """Count each of ``runs`` as it ends."""
-        for run in runs:
-            self.add()
-            yield run

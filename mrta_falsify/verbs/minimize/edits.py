@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from mrta_falsify.core.errors import InputError
@@ -38,6 +38,29 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
     except InputError:
         return None
     return smaller if smaller.robots and smaller.tasks else None
+
+
+def ways_to_remove(
+    world: World, group: str, gone: Sequence[int], had: Mapping[str, Sequence[int]]
+) -> Iterator[tuple[list[int], str]]:
+    """Yield the tasks that go along with some things of a group, and what goes in words.
+
+    Args:
+        world: that has them.
+        group: one of ``GROUPS``.
+        gone: indices in the group.
+        had: tasks by the robot that had them last.
+    """
+    items = [getattr(world, group)[i] for i in gone]
+    what = named(group, items)
+    along: list[int] = []
+    if group == "robots":
+        # tasks that stay would go to the other robots, and change their routes
+        along = [task for robot in items for task in had.get(robot.name, ())]
+    if along:
+        yield along, f"{what} and what {'it' if len(items) == 1 else 'they'} had to do"
+    if not along or len(gone) == 1:
+        yield [], what
 
 
 def _others(items: Sequence[Any], gone: Collection[int]) -> tuple[Any, ...]:

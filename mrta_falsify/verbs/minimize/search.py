@@ -15,7 +15,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.minimize.course import Course
-from mrta_falsify.verbs.minimize.edits import GROUPS, HORIZON_MARGIN, named, without
+from mrta_falsify.verbs.minimize.edits import GROUPS, HORIZON_MARGIN, ways_to_remove, without
 from mrta_falsify.verbs.minimize.first_guess import concerned, end_of_interest
 from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
@@ -87,23 +87,10 @@ class SmallestSearch:
         items = getattr(self.world, group)
         for start in range(place, len(items), size):
             gone = range(len(items))[start : start + size]
-            for tasks, text in self._ways_to_remove(group, gone):
+            for tasks, text in ways_to_remove(self.world, group, gone, self._course.had):
                 smaller = without(self.world, group, gone, tasks)
                 if smaller is not None:
                     yield Smaller(smaller, text, start)
-
-    def _ways_to_remove(self, group: str, gone: range) -> Iterator[tuple[list[int], str]]:
-        """Yield the tasks that go along with a chunk, and what goes in words."""
-        items = [getattr(self.world, group)[i] for i in gone]
-        what = named(group, items)
-        had: list[int] = []
-        if group == "robots":
-            # tasks that stay would go to the other robots, and change their routes
-            had = [task for robot in items for task in self._course.had.get(robot.name, ())]
-        if had:
-            yield had, f"{what} and what it had to do"
-        if not had or len(gone) == 1:
-            yield [], what
 
     def _later(self) -> Iterator[Smaller]:
         return (Smaller(world, what) for what, world in later_starts(self.world, self._course))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.attribution import blocked_time, robots_concerned
+from mrta_falsify.campaigns.attribution import WHOLE, blocked_time, robots_concerned
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import FormatError, InputError
@@ -19,7 +19,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
-from mrta_falsify.verbs.explain import removal_text
+from mrta_falsify.verbs.explain import needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
@@ -97,6 +97,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
+        repeated=str(record.repeated) if record.repeated else "",
         family=_family(folder),
     )
     if explanation is not None:
@@ -147,6 +148,8 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
 def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
     """Show what re-runs say in place of what the trace alone says."""
     evidence = f"Runs that differ in one layer from {found.changed_at:.1f} s on: {found.reason}."
+    if found.layer == WHOLE:
+        evidence = f"{found.runs} runs with one thing changed: {found.reason}."
     if found.guess and found.guess != found.layer:
         evidence += f" The trace alone had pointed to {found.guess}."
     copies = found.jittered
@@ -156,6 +159,7 @@ def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
         layer_evidence=evidence,
         counterfactuals=found.counterfactuals,
         removals=tuple(map(removal_text, found.removals)),
+        needs=needs_sentences(found),
         jittered=(copies.failed, copies.runs) if copies.runs else case.jittered,
     )
 
