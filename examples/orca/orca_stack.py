@@ -11,12 +11,14 @@ import numpy as np
 import pyrvo
 from mrta_stack import serve
 
-AXLE = 0.12  # m from the axle to the point ahead of it that ORCA moves (Snape et al., IROS 2010)
+AXLE = 0.1  # m from the axle to the point ahead of it that ORCA moves (Snape et al., IROS 2010)
 LOOK_AHEAD = 0.6  # m along its path at which a robot aims
 ARRIVED = 0.25  # m from its stop at which a robot stays
 REPLAN = 4.0  # s; ORCA pushes robots off their paths
 STANDS = 2.0  # s of rest after which others plan around a robot
 HORIZON, SOLID_HORIZON = 3.0, 1.0  # s ahead that ORCA keeps clear of discs and of solids
+MARGIN = 0.05  # m around robots; they need time to speed up, brake and turn
+COURTESY = 0.15  # m to keep from people, who may not do their half
 ABSENT = (1e4, 1e4)  # m; where people are who are not in the building
 
 
@@ -41,8 +43,8 @@ class Orca:
         self.sim.process_obstacles()
         for number, body in enumerate([*self.robots, *world["humans"]]):
             self.sim.add_agent(ABSENT)
-            ahead = AXLE if number < len(self.robots) else 0.0
-            self.sim.set_agent_radius(number, body["radius"] + ahead)
+            more = AXLE + MARGIN if number < len(self.robots) else COURTESY
+            self.sim.set_agent_radius(number, body["radius"] + more)
             self.sim.set_agent_max_speed(number, body.get("max_speed", 2.0))
 
     def step(self, tick):
@@ -87,7 +89,9 @@ class Orca:
                 claim = {"kind": kind, "robot": robot, "task": task}
                 self.stops[robot].pop(0)
                 self.arrived[robot] = None
-        wanted = self.stops[robot][0][2] if self.stops[robot] else None
+        path, wanted = self.paths[robot], self.stops[robot][0][2] if self.stops[robot] else None
+        if path is not None and not len(path):
+            wanted = None  # who has no way keeps no place in a queue
         for room, queue in self.queues.items():
             is_here = room == wanted or self.is_in(room, pose)
             if robot not in queue and is_here:
@@ -102,9 +106,12 @@ class Orca:
     def plan(self, robot, tick):
         """Choose where a robot goes; ask for a new path if that is elsewhere, or it is old."""
         goal, here = self.homes[robot], tick["pose"][robot, :2]
-        if self.stops[robot]:
+        if self.robots[robot]["joins_at"] > tick["time"]:
+            goal = None
+        elif self.stops[robot]:
             room = self.stops[robot][0][2]
-            turn, spots = self.queues[room].index(robot), self.areas.get(room, {}).get("spots", [])
+            queue, spots = self.queues[room], self.areas.get(room, {}).get("spots", [])
+            turn = queue.index(robot) if robot in queue else len(queue)
             goal = self.points[room] if not turn or not spots else spots[min(turn, len(spots)) - 1]
         elif math.dist(here, goal) < ARRIVED:
             goal = None
