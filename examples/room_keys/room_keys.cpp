@@ -2,8 +2,8 @@
 //
 // A robot stands in a room or at its own parking place, or it is on its way from one to the other.
 // It leaves only once it has the key of the room that it wants, of which there is one, and a way
-// that comes near no way of another robot. Lower numbers choose first. Two robots that want each
-// other's rooms would wait for ever: the one with the higher number steps out.
+// that comes near no way of another robot. Who has waited longest chooses first. Two robots that
+// want each other's rooms would wait for ever: the one that is later in the list steps out.
 //
 // Build it by: c++ -std=c++17 -O2 -I../../simulator_interface/clients -o room_keys room_keys.cpp
 #include <algorithm>
@@ -14,13 +14,13 @@
 #include "mrta_stack.hpp"
 
 constexpr double SPEED = 0.7;     // m/s
-constexpr double TURNING = 1.5;   // rad/s at most
+constexpr double TURNING = 1.5;   // rad/s, at most
 constexpr double AHEAD = 0.4;     // m; how far along its way a robot aims
 constexpr double ARRIVED = 0.2;   // m
 constexpr double APART = 0.8;     // m between two ways that robots drive at a time
 constexpr double IN_FRONT = 1.0;  // m; a robot stops for people who are nearer than this
 constexpr double ASIDE = 0.6;     // m to the side, for the same
-constexpr int ASK_EVERY = 10;     // ticks between two questions for a way
+constexpr int ASK_EVERY = 5;      // ticks between two questions for a way
 
 struct Point {
     double x, y;
@@ -44,9 +44,10 @@ struct Robot {
     bool on_floor = true;          // false: it was carried away, and holds nothing
     int key = -1;                  // room that it stands in or drives to
     bool drives = false;
-    std::vector<Point> way;        // that is left to drive, or that it would drive
+    std::vector<Point> way;        // that is left to drive
     std::deque<Stop> stops;
-    double since = -1.0;           // when it arrived at the first stop [s]
+    double since = -1.0;           // when it arrived at the first stop [s], before: negative
+    double waits_since = 0.0;      // [s]
 };
 
 class RoomKeys {
@@ -75,21 +76,17 @@ public:
         mrta::Command command;
         command.twist.assign(3 * robots_.size(), 0.0);
         command.goal.assign(2 * robots_.size(), std::numeric_limits<double>::quiet_NaN());
+        command.stops_left.assign(robots_.size(), 0);
         look(tick);
         assign(tick);
+        for (std::size_t i = 0; i < robots_.size(); ++i) serve(tick, i, command);
+        set_out(tick, command);
         for (std::size_t i = 0; i < robots_.size(); ++i) {
-            Robot& robot = robots_[i];
-            if (tick.time < robot.joins_at) continue;
-            serve(tick, i, command);
-            if (robot.stops.empty() && distance(robot.here, robot.home) > 2 * ARRIVED)
-                robot.stops.push_back({-1, nullptr, 0.0, -1});
-            if (!robot.drives && robot.since < 0.0) set_out(tick, i, command);
-            if (robot.drives) drive(tick, i, command);
-            if (!robot.stops.empty()) {
-                command.goal[2 * i] = goal(robot).x;
-                command.goal[2 * i + 1] = goal(robot).y;
-            }
-            command.stops_left.push_back(static_cast<int>(robot.stops.size()));
+            if (robots_[i].drives) drive(tick, i, command);
+            if (robots_[i].stops.empty()) continue;
+            command.goal[2 * i] = goal(robots_[i]).x;
+            command.goal[2 * i + 1] = goal(robots_[i]).y;
+            command.stops_left[i] = static_cast<int>(robots_[i].stops.size());
         }
         return command;
     }
@@ -133,16 +130,21 @@ private:
                 ++task;
                 continue;
             }
+            nearest->waits_since = tick.time;
             nearest->stops = {{task->start, "picked-up", task->pickup_time, task->task},
                               {task->end, "dropped-off", task->dropoff_time, task->task}};
             task = tasks_.erase(task);
         }
     }
 
-    // Claim a stop once the robot has stood there.
+    // Claim a stop once the robot has stood there; with nothing more to do it goes home.
     void serve(const mrta::Tick& tick, std::size_t i, mrta::Command& command) {
         Robot& robot = robots_[i];
-        if (robot.stops.empty() || robot.drives) return;
+        if (robot.drives || tick.time < robot.joins_at) return;
+        if (robot.stops.empty()) {
+            if (distance(robot.here, robot.home) > 2 * ARRIVED) robot.stops.push_back({-1, nullptr, 0.0, -1});
+            return;
+        }
         const Stop stop = robot.stops.front();
         if (robot.key != stop.room || distance(robot.here, goal(robot)) > 2 * ARRIVED) return;
         if (robot.since < 0.0) robot.since = tick.time;
@@ -150,6 +152,7 @@ private:
         if (stop.claim != nullptr) command.events.push_back({stop.claim, static_cast<int>(i), stop.task, "", ""});
         robot.stops.pop_front();
         robot.since = -1.0;
+        robot.waits_since = tick.time;
     }
 
     // Who has the key of a room, nullptr: nobody.
@@ -159,25 +162,39 @@ private:
         return nullptr;
     }
 
-    // Leave for the next stop, if its key is there and the way is clear.
-    void set_out(const mrta::Tick& tick, std::size_t i, mrta::Command& command) {
-        Robot& robot = robots_[i];
-        if (robot.stops.empty() || !robot.on_floor) return;
-        const int wanted = robot.stops.front().room;
-        const Robot* other = holder(wanted);
-        if (other != nullptr && other != &robot) {
-            command.waits_for.emplace_back(static_cast<int>(i), other->name);
-            if (must_step_out(robot, *other)) robot.stops.push_front({-1, nullptr, 0.0, -1});
-            return;
+    // Let robots leave for their next stops. Nobody overtakes one that has its key but no way.
+    void set_out(const mrta::Tick& tick, mrta::Command& command) {
+        std::vector<std::size_t> waiting;
+        for (std::size_t i = 0; i < robots_.size(); ++i) {
+            const Robot& robot = robots_[i];
+            if (!robot.drives && robot.since < 0.0 && !robot.stops.empty() && robot.on_floor) waiting.push_back(i);
         }
-        if ((tick.tick + static_cast<int>(i)) % ASK_EVERY != 0) return;
-        if (!find_way(i)) return;
-        robot.drives = true;
-        robot.key = wanted;
+        std::stable_sort(waiting.begin(), waiting.end(), [&](std::size_t a, std::size_t b) {
+            return robots_[a].waits_since < robots_[b].waits_since;
+        });
+        bool may_ask = tick.tick % ASK_EVERY == 0;
+        for (const std::size_t i : waiting) {
+            Robot& robot = robots_[i];
+            const int wanted = robot.stops.front().room;
+            const Robot* other = holder(wanted);
+            if (other != nullptr && other != &robot) {
+                command.waits_for.emplace_back(static_cast<int>(i), other->name);
+                if (must_step_out(robot, *other)) robot.stops.push_front({-1, nullptr, 0.0, -1});
+            } else if (may_ask) {
+                may_ask = find_way(i);
+                if (may_ask) begin_way(i, wanted, command);
+            }
+        }
+    }
+
+    void begin_way(std::size_t i, int room, mrta::Command& command) {
+        robots_[i].drives = true;
+        robots_[i].key = room;
         std::vector<double> told;
-        for (const Point& point : robot.way) told.insert(told.end(), {point.x, point.y});
+        for (const Point& point : robots_[i].way) told.insert(told.end(), {point.x, point.y});
         command.paths.emplace_back(static_cast<int>(i), told);
-        if (wanted >= 0) command.events.push_back({"granted", static_cast<int>(i), -1, names_[static_cast<std::size_t>(wanted)], ""});
+        if (room >= 0)
+            command.events.push_back({"granted", static_cast<int>(i), -1, names_[static_cast<std::size_t>(room)], ""});
     }
 
     // Two robots want each other's rooms: the one that comes later in the list makes room.
@@ -218,6 +235,7 @@ private:
         const double left = distance(robot.way.back(), robot.here);
         if (left < ARRIVED) {
             robot.drives = false;
+            command.paths.emplace_back(static_cast<int>(i), std::vector<double>{});
             return;
         }
         const double bearing = std::atan2(aim->y - robot.here.y, aim->x - robot.here.x);
