@@ -98,9 +98,10 @@ class Orca:
                 queue.append(robot)
             elif robot in queue and not is_here:
                 queue.remove(robot)
-        if wanted is not None and self.queues[wanted][0] == robot and self.arrived[robot] is None:
-            if math.dist(pose[:2], self.points[wanted]) < ARRIVED:
-                self.arrived[robot] = now
+        has_room = wanted is not None and self.queues[wanted][0] == robot
+        near = has_room and math.dist(pose[:2], self.points[wanted]) < ARRIVED
+        if near and self.arrived[robot] is None:
+            self.arrived[robot] = now
         return claim
 
     def plan(self, robot, tick):
