@@ -52,7 +52,9 @@ struct Robot {
 
 class RoomKeys {
 public:
-    RoomKeys(const mrta::Value& world, mrta::Harness& harness) : harness_(harness), bounds_(world["bounds"].numbers()) {
+    RoomKeys(const mrta::Value& world, mrta::Harness& harness)
+        : harness_(harness), bounds_(world["bounds"].numbers()) {
+        if (world["params"].has("longest_ring")) longest_ring_ = world["params"]["longest_ring"].integer();
         for (const mrta::Value& room : world["rooms"].list) {
             const auto point = room["point"].numbers();
             rooms_.push_back({point[0], point[1]});
@@ -94,6 +96,7 @@ public:
 private:
     mrta::Harness& harness_;
     std::vector<double> bounds_;
+    int longest_ring_ = 2;  // of robots that want each other's rooms, that it looks for
     std::vector<Point> rooms_;
     std::vector<std::string> names_;
     std::vector<Robot> robots_;
@@ -179,7 +182,7 @@ private:
             const Robot* other = holder(wanted);
             if (other != nullptr && other != &robot) {
                 command.waits_for.emplace_back(static_cast<int>(i), other->name);
-                if (must_step_out(robot, *other)) robot.stops.push_front({-1, nullptr, 0.0, -1});
+                if (must_step_out(robot)) robot.stops.push_front({-1, nullptr, 0.0, -1});
             } else if (may_ask) {
                 may_ask = find_way(i);
                 if (may_ask) begin_way(i, wanted, command);
@@ -197,11 +200,19 @@ private:
             command.events.push_back({"granted", static_cast<int>(i), -1, names_[static_cast<std::size_t>(room)], ""});
     }
 
-    // Two robots want each other's rooms: the one that comes later in the list makes room.
-    bool must_step_out(const Robot& robot, const Robot& other) const {
-        const bool is_mutual = robot.key >= 0 && !other.drives && other.since < 0.0 && !other.stops.empty()
-            && other.stops.front().room == robot.key;
-        return is_mutual && &robot > &other;
+    // Of robots that stand and want each other's rooms in a ring, the one latest in the list makes
+    // room.
+    bool must_step_out(const Robot& robot) const {
+        const Robot* at = &robot;
+        const Robot* last = &robot;
+        for (int k = 0; k < longest_ring_; ++k) {
+            if (at->drives || at->since >= 0.0 || at->stops.empty() || at->key < 0) return false;
+            at = holder(at->stops.front().room);
+            if (at == nullptr) return false;
+            if (at == &robot) return last == &robot;
+            last = std::max(last, at);
+        }
+        return false;
     }
 
     // A way around robots that stand, and clear of the ways of those that drive.
