@@ -115,7 +115,12 @@ def _imported(path: Path) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize("page", sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")], key=str))
+def _pages() -> list[Path]:
+    patterns = ("*.md", "docs/**/*.md", "examples/**/*.md")
+    return sorted((page for pattern in patterns for page in ROOT.glob(pattern)), key=str)
+
+
+@pytest.mark.parametrize("page", _pages())
 def test_links_between_documents_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)", page.read_text()):
         if "://" not in target:

@@ -18,7 +18,6 @@ import shlex
 import shutil
 import sys
 import textwrap
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,10 +33,6 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.task_history import stories, tasks_of
-from mrta_falsify.core.trace import read_trace
-from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import read_world
-from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import explain, removal_text
@@ -47,6 +42,7 @@ from mrta_falsify.verbs.replay import replay_trial, store_replay
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.workers import local_workers
 from reports.sentences import account_sentences, violation_sentence
+from tools.draw_failure import seen_in
 from tools.gallery_pictures import Seen, write_picture
 
 FOLDER = Path(__file__).parent.parent / "docs" / "gallery"
@@ -175,32 +171,15 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
         raise InputError(f"{case.name}: its replay differs; delete its campaign in WORK")
     small = read_finding(folder, Minimisation) or minimize(campaign, record, max_runs=MAX_RUNS)
     explanation = read_finding(folder, Explanation) or explain(campaign, record)
-    seen = [
-        Seen(
-            world=read_world(folder / world),
-            trace=read_trace(folder / trace),
-            verdict=_leading(found),
-        )
-        for world, trace, found in (
-            ("world.json", "trace.zip", record.verdicts),
-            ("world.min.json", "trace.min.zip", small.verdicts),
-        )
-    ]
+    original, smallest = seen_in(folder, record.verdicts, small.verdicts)
     return Told(
         case=case,
-        original=seen[0],
-        smallest=seen[1],
+        original=original,
+        smallest=smallest,
         explanation=explanation,
         verified=verified,
         minimised=small,
     )
-
-
-def _leading(verdicts: Sequence[Verdict]) -> Verdict:
-    verdict = leading(verdicts)
-    if verdict is None:
-        raise InputError("the trial violates nothing; choose another one")
-    return verdict
 
 
 def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:

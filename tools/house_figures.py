@@ -47,7 +47,8 @@ def main() -> None:
     sizes = sorted(len(path.read_text().splitlines()) for path in files)
     functions = [one for path in files for one in functions_of(path, root)]
     lengths = sorted(one.lines for one in functions)
-    pages = sorted([*root.glob("*.md"), *root.glob("docs/**/*.md"), *root.glob("tests/*.md")])
+    patterns = ("*.md", "docs/**/*.md", "examples/**/*.md", "tests/*.md")
+    pages = sorted(page for pattern in patterns for page in root.glob(pattern))
     wide = [where for page in pages for where in wide_lines(page, root)]
     long = [text for page in pages for text in long_sentences(page, root)]
     complex_ = complex_functions(root)

@@ -1,0 +1,29 @@
+"""Three robots and four rooms on one corridor, with two visitors and a trolley.
+
+Stresses meetings: robots that come from both ends pass each other, people and the trolley.
+"""
+from scenic_worlds.floors import hospital
+
+param layout = hospital(
+    shape='line',
+    rooms=4,
+    corridor_width=Range(2.2, 3),
+    spots=2,
+    station=False,
+    parking=3,
+)
+model scenic_worlds.model
+
+for i in range(3):
+    new Robot with name f'robot{i + 1}', with start_room i
+
+for i in range(2):
+    new Human with name f'visitor{i + 1}', with speed Range(0.6, 1.2),
+        with route [(Range(11, 14), Range(-0.5, 0.5)), (Range(0, 3), Range(-0.5, 0.5))]
+
+new Trolley with name 'trolley', in corridors, facing Range(0, 360) deg
+
+param horizon = 100
+param tasks = burst(3, within=10, slack=(60, 90)) + burst(
+    1, begin=Range(15, 25), within=10, slack=(60, 90)
+)
