@@ -223,7 +223,7 @@ def test_sentences_name_what_it_needs_and_what_it_does_not():
     )
     assert needs_sentences(found) == (
         "The failure is gone without a.",
-        "The failure stays without each of b and robot1.",
+        "The failure stays without b and without robot1.",
         "No answer without robot2: the stack failed at 3.0 s.",
         "Not tried without task3: the runs were used up (--max-runs).",
         "The failure depends on the schedule: it is not there with every command 100 ms later; it "

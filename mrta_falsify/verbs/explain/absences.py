@@ -103,7 +103,7 @@ def _smaller(world: World, chunk: Chunk, had: Mapping[str, Sequence[int]]) -> Sm
 def _asked(world: World, chunk: Chunk, smaller: Smaller | None) -> ChangedRun:
     """Put what is to be run as if there were no runs left for it."""
     names = tuple(_name(world, chunk.group, i) for i in chunk.gone)
-    many = f"{len(names)} {WORDS.get(chunk.group, chunk.group)} ({names[0]} to {names[-1]})"
+    many = f"{len(names)} {WORDS.get(chunk.group, chunk.group)} at once ({names[0]} to {names[-1]})"
     return ChangedRun(
         group=chunk.group,
         things=names,

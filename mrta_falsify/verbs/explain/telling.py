@@ -70,7 +70,7 @@ def _has_cure_within(run: ChangedRun, runs: Sequence[ChangedRun]) -> bool:
 
 
 def _without(runs: Sequence[ChangedRun]) -> str:
-    return f"without {'each of ' if len(runs) > 1 else ''}{_list(runs)}"
+    return listed([f"without {run.change}" for run in runs])
 
 
 def _list(runs: Sequence[ChangedRun]) -> str:
