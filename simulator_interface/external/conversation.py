@@ -6,12 +6,13 @@ import contextlib
 import os
 import signal
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any, Protocol
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import GIB, FailureKind, StackFailed, StackFailure
-from simulator_interface.external.answers import Ready, Wrong
+from simulator_interface.external.answers import Ready, Wrong, shown
 from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import StackProcess
@@ -20,6 +21,7 @@ from simulator_interface.external.told import Told, ToldRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import post
 
+MOST_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
 WEIGHED_EVERY = 20  # ticks between two looks at the memory of a stack
 
 
@@ -86,7 +88,7 @@ class Conversation:
             with self._process.starting():
                 heard = self._exchange(world, 0.0, options.start_limit)[0]
                 if heard["type"] != "ready":
-                    raise Unreadable(f"`world` was answered by {heard['type']!r:.50}")
+                    raise Unreadable(f"`world` was answered by {shown(heard['type'])}")
         except BaseException:
             self.close()
             raise
@@ -162,23 +164,26 @@ class Conversation:
         Args:
             message: `world` or `tick`.
             time: simulated [s].
-            limit: wall-clock time for each of its messages [s].
+            limit: wall-clock time that the stack has, with all that it asks [s].
         """
         said = self._wire.send(message, limit)
-        while True:
+        for _ in range(MOST_QUESTIONS):
+            began = monotonic()
             body = self._wire.receive_bytes(limit)
+            limit -= monotonic() - began
             self._exchanges.add(said, body)
             heard = self._wire.read(body)
             if heard["type"] not in self._services.known:
                 return heard, body
             said = self._wire.send(self._services.answer(heard, time), limit)
+        raise Unreadable(f"`{message['type']}` was answered by {MOST_QUESTIONS} questions")
 
     def _died(self, tick: int, time: float) -> StackFailed:
         code, lines = (None, ()) if self._process is None else self._process.last_words()
         if code is None:
             text = "the stack closed the connection"
             return self.failed("crash", text, tick, time, "closed", lines)
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        how = _signal_name(-code) if code < 0 else f"exit code {code}"
         return self.failed("crash", f"the stack ended by {how}", tick, time, how, lines)
 
     # --- copies -------------------------------------------------------------------------------
@@ -236,6 +241,11 @@ class Conversation:
             if wire.receive_bytes(limit) != heard:
                 raise CannotBranch(f"the stack gives another answer to message {number}")
             limit = self._options.tick_limit
+
+
+def _signal_name(number: int) -> str:
+    known = {known.value: known.name for known in signal.Signals}
+    return known.get(number, f"signal {number}")  # real-time signals have no name
 
 
 class ToldTalk:
