@@ -237,6 +237,7 @@ class Reader:
         far = np.isfinite(points) & (np.abs(points) > FARTHEST)
         if far.any():
             raise Wrong(field, f"has {points[far][0]:g}; it must be at most {FARTHEST:g} m")
+        points[~np.isfinite(points).all(axis=1)] = np.nan  # half a point is none
         return points
 
     def _paths(self, value: Any) -> dict[int, Array]:
