@@ -56,8 +56,9 @@ Runs = dict[str, Callable[[], list]]
 
 def judged(world: World, config: StackConfig) -> list:
     """Run a world until a deadlock is claimed, or to the end."""
-    judges = build_specifications(campaign_specifications())
-    deadlock = next(judge for judge in judges if judge.name == "no_deadlock")
+    names = campaign_specifications()
+    judges = build_specifications(names)
+    deadlock = judges[names.index("no_deadlock")]
 
     def stop(frame: Frame) -> str:
         return "decided" if deadlock.verdict().violated else ""
