@@ -67,6 +67,8 @@ class Connection:
         link: a connected stream socket; it is closed with the connection.
     """
 
+    most = MOST_BYTES  #: of one message that is received
+
     def __init__(self, link: socket.socket) -> None:
         self._link = link
         self._rest = b""
@@ -87,13 +89,13 @@ class Connection:
 
         Raises:
             Closed: the other side is gone.
-            ValueError: a message longer than ``MOST_BYTES`` is announced.
+            ValueError: a message longer than ``most`` is announced.
             TimeoutError: it took longer than the socket's timeout.
         """
         while len(self._rest) < _LENGTH.size:
             self._rest += self._chunk(1 << 16)
         (length,) = _LENGTH.unpack_from(self._rest)
-        if length > MOST_BYTES:
+        if length > self.most:
             raise ValueError(f"a message of {length} bytes is announced")
         end = _LENGTH.size + length
         if len(self._rest) < end:

@@ -14,7 +14,7 @@ from simulator_interface.external.messages import Message, plain
 
 __all__ = ["Closed", "Late", "Unreadable", "Wire"]
 
-
+MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
 LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
 
 
@@ -28,6 +28,8 @@ class Unreadable(Exception):  # noqa: N818
 
 class _Timed(Connection):
     """A connection whose messages must be complete at a given time."""
+
+    most = MOST_HEARD
 
     def __init__(self, link: socket.socket) -> None:
         super().__init__(link)
