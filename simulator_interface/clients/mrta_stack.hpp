@@ -26,12 +26,14 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -69,22 +71,35 @@ public:
     std::size_t size() const { return kind == Kind::map ? map.size() : list.size(); }
 
     double number() const {
+        if (kind != Kind::real && kind != Kind::whole) throw std::runtime_error("a field is no number");
         return kind == Kind::real ? real : static_cast<double>(whole);
     }
     int integer() const {
-        return static_cast<int>(kind == Kind::real ? static_cast<std::int64_t>(real) : whole);
+        const double value = number();
+        if (!(std::abs(value) <= std::numeric_limits<int>::max())) throw std::runtime_error("a number is too large");
+        return static_cast<int>(value);
     }
-    bool truth() const { return whole != 0; }
+    bool truth() const {
+        if (kind != Kind::truth) throw std::runtime_error("a field is no truth value");
+        return whole != 0;
+    }
 
     // Numbers: of bytes (float64), or of a list, lists in it laid end to end.
     std::vector<double> numbers() const {
         std::vector<double> found;
         if (kind == Kind::bytes) {
+            if (text.size() % sizeof(double) != 0) throw std::runtime_error("an array is cut short");
             found.resize(text.size() / sizeof(double));
-            std::memcpy(found.data(), text.data(), found.size() * sizeof(double));
+            if (!found.empty()) std::memcpy(found.data(), text.data(), text.size());
         } else {
             flatten(found);
         }
+        return found;
+    }
+    // The same; throws if there are not `count`.
+    std::vector<double> numbers(std::size_t count) const {
+        std::vector<double> found = numbers();
+        if (found.size() != count) throw std::runtime_error("an array has another shape than docs/door.md says");
         return found;
     }
 
@@ -417,15 +432,17 @@ inline std::string ready(const About& about) {
         + (about.can_branch ? "\"branch\"" : "") + "]}";
 }
 
-inline Tick tick_of(const Value& message) {
+inline Tick tick_of(const Value& message, std::size_t robots, std::size_t people) {
     Tick tick;
     tick.tick = message["tick"].integer();
     tick.time = message["time"].number();
-    tick.pose = message["pose"].numbers();
-    tick.velocity = message["velocity"].numbers();
-    tick.human_position = message["human_position"].numbers();
-    tick.human_velocity = message["human_velocity"].numbers();
+    tick.pose = message["pose"].numbers(3 * robots);
+    tick.velocity = message["velocity"].numbers(3 * robots);
+    tick.human_position = message["human_position"].numbers(2 * people);
+    tick.human_velocity = message["human_velocity"].numbers(2 * people);
     tick.obstacle_points = message["obstacle_points"].numbers();
+    if (robots == 0 ? !tick.obstacle_points.empty() : tick.obstacle_points.size() % (2 * robots) != 0)
+        throw std::runtime_error("an array has another shape than docs/door.md says");
     for (const Value& task : message["tasks"].list) {
         tick.tasks.push_back({task["task"].integer(), task["start"].integer(), task["end"].integer(),
                               task["deadline"].number(), task["pickup_time"].number(),
@@ -528,7 +545,8 @@ int serve(const About& about) {
     }
     Connection connection(std::atoi(number));
     Harness harness(connection);
-    Stack* stack = nullptr;
+    std::unique_ptr<Stack> stack;
+    std::size_t robots = 0, people = 0;
     try {
         while (true) {
             const std::string body = connection.receive();
@@ -538,11 +556,13 @@ int serve(const About& about) {
             }
             const Value message = Unpacker(body.data(), body.size()).value();
             const std::string& type = message["type"].text;
-            if (type == "tick") {
-                const Tick tick = tick_of(message);
+            if (type == "tick" && stack != nullptr) {
+                const Tick tick = tick_of(message, robots, people);
                 connection.send(packed(stack->step(tick), tick.tick));
             } else if (type == "world") {
-                stack = new Stack(message, harness);
+                robots = message["robots"].size();
+                people = message["humans"].size();
+                stack = std::make_unique<Stack>(message, harness);
                 Packer answer;
                 answer.map(1);
                 answer.text("type");
@@ -552,12 +572,14 @@ int serve(const About& about) {
                 branch(connection, message["address"].text);
             } else if (type == "bye") {
                 return 0;
+            } else {
+                throw std::runtime_error("a message of a type that is not known here");
             }
         }
     } catch (const Closed&) {
         return 0;
     } catch (const std::exception& error) {
-        std::fprintf(stderr, "%s\n", error.what());
+        std::fprintf(stderr, "mrta_stack: %s\n", error.what());
         return 1;
     }
 }

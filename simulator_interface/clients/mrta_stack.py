@@ -20,13 +20,14 @@ and seconds in the map frame (REP-103). docs/door.md of mrta-falsify has every m
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import socket
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgpack
@@ -36,16 +37,24 @@ PROTOCOL = (1, 0)  #: major and minor version that this file speaks
 MOST_BYTES = 64 << 20  #: of one message
 _LENGTH = struct.Struct("<I")
 
-#: shapes of the arrays of a `tick`; -1: any. Obstacle points become one row per robot.
-SHAPES = {
-    "pose": (-1, 3),
-    "velocity": (-1, 3),
-    "human_position": (-1, 2),
-    "human_velocity": (-1, 2),
-    "human_radius": (-1,),
-    "parked_for": (-1,),
-    "obstacle_points": (-1, 2),
+_Types = dict[str, type | tuple[type, ...]]
+_NUMBER = (int, float)
+_WORLD: _Types = {
+    **dict.fromkeys(("dt", "horizon"), _NUMBER),
+    **dict.fromkeys(("bounds", "robots", "humans", "rooms", "lanes", "resources"), list),
+    **dict.fromkeys(("walls", "furniture", "parking", "travel_times"), list),
+    **{"name": str, "seed": int, "map": dict, "params": dict},
 }
+_TICK: _Types = {"tick": int, "time": _NUMBER, "tasks": list, "refused": list, "closed": bool}
+_TASK: _Types = {
+    **dict.fromkeys(("task", "start", "end"), int),
+    **dict.fromkeys(("deadline", "pickup_time", "dropoff_time"), _NUMBER),
+    "robot": str,
+}
+
+
+class Garbled(Exception):  # noqa: N818 - is no error of the stack's
+    """What the other side has said is no message of the protocol."""
 
 
 class Closed(Exception):  # noqa: N818 - is no error
@@ -58,6 +67,8 @@ class Connection:
     Args:
         link: a connected stream socket; it is closed with the connection.
     """
+
+    most = MOST_BYTES  #: of one message that is received
 
     def __init__(self, link: socket.socket) -> None:
         self._link = link
@@ -79,13 +90,13 @@ class Connection:
 
         Raises:
             Closed: the other side is gone.
-            ValueError: a message longer than ``MOST_BYTES`` is announced.
+            ValueError: a message longer than ``most`` is announced.
             TimeoutError: it took longer than the socket's timeout.
         """
         while len(self._rest) < _LENGTH.size:
             self._rest += self._chunk(1 << 16)
         (length,) = _LENGTH.unpack_from(self._rest)
-        if length > MOST_BYTES:
+        if length > self.most:
             raise ValueError(f"a message of {length} bytes is announced")
         end = _LENGTH.size + length
         if len(self._rest) < end:
@@ -128,16 +139,16 @@ class Harness:
         """
         places = [_flat(place) for place in avoid]
         answer = self._ask("plan", start=_flat(start), goal=_flat(goal), avoid=places)
-        return np.frombuffer(answer["points"]).reshape(-1, 2)
+        return _read(answer, "points", lambda points: np.frombuffer(points).reshape(-1, 2))
 
     def travel_time(self, start: Any, goal: Any, robot: int = 0) -> float:
         """Estimate the time [s] that a robot needs between two points; inf: there is no way."""
         answer = self._ask("travel_time", start=_flat(start), goal=_flat(goal), robot=robot)
-        return float(answer["seconds"])
+        return _read(answer, "seconds", float)
 
     def visible(self, start: Any, goal: Any) -> bool:
         """Tell whether no wall or furniture stands between two points ``(2,)``."""
-        return bool(self._ask("visible", start=_flat(start), goal=_flat(goal))["visible"])
+        return _read(self._ask("visible", start=_flat(start), goal=_flat(goal)), "visible", bool)
 
     def map(self, parked: Any = ()) -> dict[str, Any]:
         """Give the costmap of the moment, with robots parked at ``parked`` ``(P, 2)`` [m].
@@ -149,14 +160,14 @@ class Harness:
         points = [_flat(point) for point in parked]
         answer = self._ask("map", avoid=points, known=self._map.get("number", -1))
         if "cost" in answer:
-            cost = np.frombuffer(answer["cost"], dtype=np.uint8)
-            self._map = {**answer, "cost": cost.reshape(answer["rows"], answer["cols"])}
+            cost = _read(answer, "cost", lambda cost: np.frombuffer(cost, dtype=np.uint8))
+            shape = [_read(answer, name, int) for name in ("rows", "cols")]
+            self._map = {**answer, "cost": cost.reshape(shape)}
         return self._map
 
     def _ask(self, question: str, **more: Any) -> dict[str, Any]:
         self._connection.send(msgpack.packb({"type": question, **more}))
-        answer: dict[str, Any] = msgpack.unpackb(self._connection.receive())
-        return answer
+        return _heard(self._connection)
 
 
 def serve(
@@ -179,27 +190,24 @@ def serve(
         listen: for ``--stack connect:ADDRESS``: a path for a Unix socket, or ``127.0.0.1:PORT``.
             The program then waits there for episodes, each in a process of its own, without end.
     """
-    connection = _accepted(listen) if listen else _connect()
-    running: Any = None
-    while True:
-        try:
-            # The handshake is JSON; nothing in it needs to be read.
-            body = connection.receive()
-            message = {"type": "hello"} if body[:1] == b"{" else msgpack.unpackb(body)
-        except Closed:
-            return
-        kind = message["type"]
-        if kind == "tick":
-            connection.send(msgpack.packb(_answer(running, message)))
-        elif kind == "hello":
-            connection.send(_ready(name, version, says, can))
-        elif kind == "world":
-            running = stack(message, Harness(connection))
-            connection.send(msgpack.packb({"type": "ready"}))
-        elif kind == "branch":
-            _branch(connection, message["address"])
-        elif kind == "bye":
-            return
+    with _connected(listen) as connection:
+        running = None
+        while True:
+            message = _heard(connection)
+            kind = message["type"]
+            if kind == "tick" and running is not None:
+                connection.send(msgpack.packb(running.answer(message)))
+            elif kind == "hello":
+                connection.send(_ready(name, version, says, can))
+            elif kind == "world":
+                running = _Running(stack, message, connection)
+                connection.send(msgpack.packb({"type": "ready"}))
+            elif kind == "branch":
+                _branch(connection, _read(message, "address", str))
+            elif kind == "bye":
+                return
+            else:
+                raise Garbled(f"a message of type {kind!r:.50}")
 
 
 def serve_layer(
@@ -213,23 +221,59 @@ def serve_layer(
         name: of the layer, for reports.
         version: of it.
     """
-    connection = _connect()
-    while True:
-        try:
-            body = connection.receive()
-        except Closed:
-            return
-        if body[:1] == b"{":
-            connection.send(_ready(name, version, (), ()))
-            continue
-        message = msgpack.unpackb(body)
-        if message["type"] == "bye":
-            return
-        fields = {key: _wired(value) for key, value in answer(message).items()}
-        connection.send(msgpack.packb({"type": message["type"], **fields}))
+    with _connected() as connection:
+        while True:
+            message = _heard(connection)
+            kind = message["type"]
+            if kind == "bye":
+                return
+            if kind == "hello":
+                connection.send(_ready(name, version, (), ()))
+                continue
+            fields = {key: _wired(value) for key, value in answer(message).items()}
+            connection.send(msgpack.packb({"type": kind, **fields}))
 
 
-def _connect() -> Connection:
+@contextlib.contextmanager
+def _connected(listen: str = "") -> Iterator[Connection]:
+    """Connect to the harness; end in peace with it, and by a sentence if it talks nonsense."""
+    connection = _accepted(listen) if listen else _inherited()
+    try:
+        yield connection
+    except Closed:
+        return
+    except Garbled as error:
+        sys.exit(f"mrta_stack: the harness does not keep to the protocol: {error}")
+    finally:
+        connection.close()
+
+
+def _heard(connection: Connection) -> dict[str, Any]:
+    try:
+        body = connection.receive()
+        # The handshake is JSON; nothing in it needs to be read.
+        message = {"type": "hello"} if body[:1] == b"{" else msgpack.unpackb(body)
+    except (ValueError, TypeError, msgpack.UnpackException) as error:
+        raise Garbled(f"a message is not msgpack: {error}") from None
+    if not isinstance(message, dict) or not isinstance(message.get("type"), str):
+        raise Garbled("a message is not a map with a field `type`")
+    return message
+
+
+def _read(message: dict[str, Any], field: str, read: Callable[[Any], Any]) -> Any:
+    try:
+        return read(message[field])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise Garbled(f"`{field}` is missing, or not as docs/door.md says") from None
+
+
+def _check(message: Any, fields: _Types) -> None:
+    for field, kind in fields.items():
+        if not isinstance(message, dict) or not isinstance(message.get(field), kind):
+            raise Garbled(f"`{field}` is missing, or not as docs/door.md says")
+
+
+def _inherited() -> Connection:
     number = os.environ.get("MRTA_STACK_FD")
     if number is None:
         sys.exit("this program is a stack for mrta-falsify: run it by --stack 'exec:...'")
@@ -262,13 +306,45 @@ def _ready(name: str, version: str, says: tuple[str, ...], can: tuple[str, ...])
     return json.dumps({**ready, "version": version, "says": says, "can": can}).encode()
 
 
-def _answer(running: Any, tick: dict[str, Any]) -> dict[str, Any]:
-    for key, shape in SHAPES.items():
-        tick[key] = np.frombuffer(tick[key]).reshape(shape)
-    points, robots = tick["obstacle_points"], len(tick["pose"])
-    tick["obstacle_points"] = points.reshape(robots, len(points) // max(robots, 1), 2)
-    answer: dict[str, Any] = running.step(tick)
-    return {"type": "command", "tick": tick["tick"], **{k: _wired(v) for k, v in answer.items()}}
+class _Running:
+    """A stack that knows its world.
+
+    Args:
+        stack: as of :func:`serve`.
+        world: message.
+        connection: for its questions.
+    """
+
+    def __init__(
+        self, stack: Callable[..., Any], world: dict[str, Any], connection: Connection
+    ) -> None:
+        _check(world, _WORLD)
+        robots, people = len(world["robots"]), len(world["humans"])
+        #: of the arrays of a `tick`
+        self._shapes: dict[str, tuple[int, ...]] = {
+            "pose": (robots, 3),
+            "velocity": (robots, 3),
+            "human_position": (people, 2),
+            "human_velocity": (people, 2),
+            "human_radius": (people,),
+            "parked_for": (robots,),
+            "obstacle_points": (robots, -1, 2) if robots else (0, 0, 2),
+        }
+        self._stack = stack(world, Harness(connection))
+
+    def answer(self, tick: dict[str, Any]) -> dict[str, Any]:
+        """Let the stack answer a tick."""
+        _check(tick, _TICK)
+        for task in tick["tasks"]:
+            _check(task, _TASK)
+        for field, shape in self._shapes.items():
+            try:
+                tick[field] = np.frombuffer(tick[field]).reshape(shape)
+            except (KeyError, TypeError, ValueError):
+                raise Garbled(f"`{field}` is missing, or has another shape than {shape}") from None
+        answer: dict[str, Any] = self._stack.step(tick)
+        said = {key: _wired(value) for key, value in answer.items()}
+        return {"type": "command", "tick": tick["tick"], **said}
 
 
 def _wired(value: Any) -> Any:
@@ -298,6 +374,9 @@ def _branch(connection: Connection, address: str) -> None:
     if os.fork():  # whom nobody has to wait for
         os._exit(0)
     link = socket.socket(socket.AF_UNIX)
-    link.connect(address)
+    try:
+        link.connect(address)
+    except (OSError, ValueError):  # nobody waits for the copy any more
+        os._exit(1)
     connection._link.close()
     connection._link, connection._rest = link, b""

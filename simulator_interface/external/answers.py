@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import functools
 import math
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -26,6 +27,7 @@ LONGEST_PATH = 100_000  # points
 MOST_SIGNALS = 100
 MOST_PEOPLE = 1 << 20  # an event may name a person by number
 MOST_TEXT = 500  # characters
+FARTHEST = 1e6  # m, m/s, rad/s: nothing in a building is larger
 EVENT_FIELDS = ("kind", "robot", "task", "resource", "other", "detail")
 #: fields of a command that become fields of an ``Intent``
 FIELDS = {
@@ -45,8 +47,12 @@ NUMBERS = {
     "leader": (0, 0),
     "queue": (-1, 1 << 31),
 }
-ARRAYS: dict[str, tuple[int, ...]] = {"waypoint": (2,), "slack": ()}  # shapes behind the robots
 FREE_PREFIX = "x_"  # begins fields that are the stack's own
+
+
+def shown(value: Any) -> str:
+    """Write what a stack has said into a sentence, in one line and cut short."""
+    return reprlib.repr(value)[:60]
 
 
 class Wrong(Exception):  # noqa: N818 - says what is wrong with an answer
@@ -97,7 +103,7 @@ def read_ready(message: Message) -> Ready:
     """
     where = "the stack's `ready`"
     if message.get("type") != "ready":
-        raise ConfigError(f"{where}: its type is {message.get('type')!r}")
+        raise ConfigError(f"{where}: its type is {shown(message.get('type'))}")
     try:
         _refuse_unknown(message, READY_FIELDS)
         major, minor = _pair(message.get("protocol"))
@@ -105,10 +111,10 @@ def read_ready(message: Message) -> Ready:
             raise Wrong("protocol", f"speaks version {major}; this harness speaks {PROTOCOL[0]}")
         encoding = message.get("encoding", "msgpack")
         if encoding not in ("msgpack", "json"):
-            raise Wrong("encoding", f"is {encoding!r}; it must be msgpack or json")
+            raise Wrong("encoding", f"is {shown(encoding)}; it must be msgpack or json")
         return Ready(
-            name=str(message.get("name", ""))[:100] or "unnamed",
-            version=str(message.get("version", ""))[:100],
+            name=_text("name", message.get("name", ""))[:100] or "unnamed",
+            version=_text("version", message.get("version", ""))[:100],
             encoding=encoding,
             says=_names("says", message.get("says", ()), SAYS),
             can=_names("can", message.get("can", ()), CAN),
@@ -121,17 +127,23 @@ def read_ready(message: Message) -> Ready:
 def _pair(value: Any) -> tuple[int, int]:
     is_pair = isinstance(value, (list, tuple)) and len(value) == 2
     if not is_pair or not all(isinstance(number, int) for number in value):
-        raise Wrong("protocol", f"is {value!r}; it must be [major, minor]")
+        raise Wrong("protocol", f"is {shown(value)}; it must be [major, minor]")
     return value[0], value[1]
 
 
 def _names(field: str, value: Any, known: tuple[str, ...]) -> tuple[str, ...]:
     if not isinstance(value, (list, tuple)):
-        raise Wrong(field, f"is {value!r}; it must be a list of {', '.join(known)}")
+        raise Wrong(field, f"is {shown(value)}; it must be a list of {', '.join(known)}")
     for name in value:
         if name not in known:
-            raise Wrong(field, f"has {name!r}; known are {', '.join(known)}")
+            raise Wrong(field, f"has {shown(name)}; known are {', '.join(known)}")
     return tuple(name for name in known if name in value)
+
+
+def _text(field: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise Wrong(field, f"has {shown(value)}; it must be text")
+    return value
 
 
 def _refuse_unknown(message: Mapping[str, Any], known: tuple[str, ...]) -> None:
@@ -139,7 +151,8 @@ def _refuse_unknown(message: Mapping[str, Any], known: tuple[str, ...]) -> None:
         if name not in known and not str(name).startswith(FREE_PREFIX):
             near = difflib.get_close_matches(str(name), known, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-            raise Wrong(str(name)[:50], f"is no field of the message; {hint}")
+            named = name if str(name).isidentifier() else shown(name)
+            raise Wrong(named[:60], f"is no field of the message; {hint}")
 
 
 # --- a command ------------------------------------------------------------------------------
@@ -158,7 +171,8 @@ class Reader:
         self._tasks = tasks
         self._readers: dict[str, Callable[[Any], Any]] = {
             "twist": self._twist,
-            "goal": lambda value: self._array("goal", value, (len(robots), 2)),
+            "goal": functools.partial(self._points, "goal"),
+            "waypoint": functools.partial(self._points, "waypoint"),
             "follow": self._follow,
             "paths": self._paths,
             "waits_for": self._waits,
@@ -166,7 +180,7 @@ class Reader:
             "signals": self._signals,
             "events": lambda value: value,
             **{name: functools.partial(self._numbers, name) for name in NUMBERS},
-            **{name: functools.partial(self._rows_of, name) for name in ARRAYS},
+            "slack": lambda value: self._array("slack", value, (len(robots),)),
         }
         self._known = ("type", "tick", *self._readers)
 
@@ -182,10 +196,10 @@ class Reader:
             Wrong: it is none, or a field is not as the protocol says.
         """
         if message["type"] != "command":
-            raise Wrong("type", f"is {message['type']!r:.50}; a tick is answered by 'command'")
+            raise Wrong("type", f"is {shown(message['type'])}; a tick is answered by 'command'")
         _refuse_unknown(message, self._known)
         if message.get("tick") != tick:
-            raise Wrong("tick", f"is {message.get('tick')!r:.50}; tick {tick} was asked")
+            raise Wrong("tick", f"is {shown(message.get('tick'))}; tick {tick} was asked")
         readers = self._readers
         found = {name: readers[name](message[name]) for name in readers if name in message}
         return Answer(
@@ -202,11 +216,12 @@ class Reader:
 
     def _twist(self, value: Any) -> Array:
         twist = self._array("twist", value, (len(self._robots), 3))
-        finite = np.isfinite(twist).all(axis=1)
-        if not finite.all():
-            robot = int(np.argmin(finite))
+        near = np.abs(twist) <= FARTHEST
+        if not near.all():
+            robot = int(np.argmin(near.all(axis=1)))
             numbers = ", ".join(f"{number:g}" for number in twist[robot])
-            raise Wrong("twist", f"of {self._robots[robot]} is ({numbers}); it must be finite")
+            text = f"it must be finite, and at most {FARTHEST:g}"
+            raise Wrong("twist", f"of {self._robots[robot]} is ({numbers}); {text}")
         return twist
 
     def _numbers(self, field: str, value: Any) -> IntArray:
@@ -217,8 +232,14 @@ class Reader:
         below = below or len(self._robots)
         return np.array([self._number(field, n, below, low) for n in rows], dtype=np.int64)
 
-    def _rows_of(self, field: str, value: Any) -> Array:
-        return self._array(field, value, (len(self._robots), *ARRAYS[field]))
+    def _points(self, field: str, value: Any) -> Array:
+        """Read a point of each robot ``(N, 2)`` [m]; not finite: none."""
+        points = self._array(field, value, (len(self._robots), 2))
+        far = np.isfinite(points) & (np.abs(points) > FARTHEST)
+        if far.any():
+            raise Wrong(field, f"has {points[far][0]:g}; it must be at most {FARTHEST:g} m")
+        points[~np.isfinite(points).all(axis=1)] = np.nan  # half a point is none
+        return points
 
     def _follow(self, value: Any) -> frozenset[int]:
         rows, robots = self._rows("follow", value), len(self._robots)
@@ -229,8 +250,9 @@ class Reader:
         for row in self._rows("paths", value, 2):
             robot = self._number("paths", row[0], len(self._robots))
             path = self._array("paths", row[1], (-1, 2))
-            if len(path) > LONGEST_PATH or not np.isfinite(path).all():
-                raise Wrong("paths", f"of {self._robots[robot]} is too long or not finite")
+            if len(path) > LONGEST_PATH or not (np.abs(path) <= FARTHEST).all():
+                text = f"at most {LONGEST_PATH} points, each finite and at most {FARTHEST:g} m"
+                raise Wrong("paths", f"of {self._robots[robot]}: it must have {text}")
             found[robot] = path
         return found
 
@@ -239,23 +261,25 @@ class Reader:
 
     def _event(self, row: Any, time: float) -> StackEvent:
         if not isinstance(row, dict) or not isinstance(row.get("kind"), str):
-            raise Wrong("events", f"has {row!r:.50}; each must be a map with a `kind`")
+            raise Wrong("events", f"has {shown(row)}; each must be a map with a `kind`")
         for name in row:
             if name not in EVENT_FIELDS:
-                raise Wrong("events", f"has {name!r:.50}; known are {', '.join(EVENT_FIELDS)}")
+                raise Wrong("events", f"has {shown(name)}; known are {', '.join(EVENT_FIELDS)}")
         return StackEvent(
             time=time,
             kind=row["kind"][:MOST_TEXT],
             robot=self._number("events", row.get("robot", -1), len(self._robots), -1),
             task=self._number("events", row.get("task", -1), self._tasks, -1),
-            resource=str(row.get("resource", ""))[:MOST_TEXT],
+            resource=_text("events", row.get("resource", ""))[:MOST_TEXT],
             other=self._number("events", row.get("other", -1), MOST_PEOPLE, -1),
-            detail=str(row.get("detail", ""))[:MOST_TEXT],
+            detail=_text("events", row.get("detail", ""))[:MOST_TEXT],
         )
 
     def _waits(self, value: Any) -> dict[int, str]:
         return {
-            self._number("waits_for", robot, len(self._robots)): str(what)[:MOST_TEXT]
+            self._number("waits_for", robot, len(self._robots)): _text("waits_for", what)[
+                :MOST_TEXT
+            ]
             for robot, what in self._rows("waits_for", value, 2)
         }
 
@@ -271,19 +295,19 @@ class Reader:
             raise Wrong(field, f"is {type(value).__name__}; it must be a list")
         for row in value if width else ():
             if not isinstance(row, (list, tuple)) or len(row) != width:
-                raise Wrong(field, f"has {row!r:.50}; each entry must be a list of {width}")
+                raise Wrong(field, f"has {shown(row)}; each entry must be a list of {width}")
         return list(value)
 
     def _number(self, field: str, value: Any, below: int, low: int = 0) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value < below:
             text = f"it must be a whole number from {low} to {below - 1}"
-            raise Wrong(field, f"has {value!r:.50}; {text}")
+            raise Wrong(field, f"has {shown(value)}; {text}")
         return value
 
     def _real(self, field: str, value: Any, *, low: float) -> float:
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not is_number or not math.isfinite(value) or value < low:
-            raise Wrong(field, f"has {value!r:.50}; it must be a finite number")
+            raise Wrong(field, f"has {shown(value)}; it must be a finite number")
         return float(value)
 
     def _array(self, field: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -10,6 +10,7 @@ import struct
 import tempfile
 from collections.abc import Iterator
 
+from simulator_interface.external.answers import shown
 from simulator_interface.external.wire import Late, Unreadable, Wire
 
 _SIZES = struct.Struct("<II")
@@ -126,7 +127,7 @@ def connect_branch(wire: Wire, limit: float) -> tuple[Wire, int]:
             wire.send({"type": "branch", "address": address}, limit)
             answer = wire.receive(limit)
             if answer["type"] != "branched":
-                raise Unreadable(f"`branch` was answered by {answer['type']!r:.50}")
+                raise Unreadable(f"`branch` was answered by {shown(answer['type'])}")
             try:
                 link, _ = door.accept()
             except TimeoutError:

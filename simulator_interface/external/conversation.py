@@ -8,6 +8,7 @@ import math
 import os
 import signal
 from collections.abc import Callable, Sequence
+from time import monotonic
 from typing import Any, Protocol
 
 from mrta_falsify.core.errors import ConfigError
@@ -19,7 +20,7 @@ from mrta_falsify.core.stack_failure import (
     StackFailed,
     StackFailure,
 )
-from simulator_interface.external.answers import Ready, Wrong
+from simulator_interface.external.answers import Ready, Wrong, shown
 from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import StackProcess
@@ -35,6 +36,7 @@ from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
+MOST_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
 WEIGHED_EVERY = 20  # ticks between two looks at the memory of a stack
 #: ticks that a fresh process is told where forks are asked as well. A fork has the same random
 #: numbers ahead of it, so an unseeded generator only shows in a fresh process, and there at once.
@@ -120,7 +122,7 @@ class Conversation:
             with self._process.starting():
                 heard = self._exchange(world, 0.0, options.start_limit)[0]
                 if heard["type"] != "ready":
-                    raise Unreadable(f"`world` was answered by {heard['type']!r:.50}")
+                    raise Unreadable(f"`world` was answered by {shown(heard['type'])}")
         except BaseException:
             self.close()
             raise
@@ -197,23 +199,26 @@ class Conversation:
         Args:
             message: `world` or `tick`.
             time: simulated [s].
-            limit: wall-clock time for each of its messages [s].
+            limit: wall-clock time that the stack has, with all that it asks [s].
         """
         said = self._wire.send(message, limit)
-        while True:
+        for _ in range(MOST_QUESTIONS):
+            began = monotonic()
             body = self._wire.receive_bytes(limit)
+            limit -= monotonic() - began
             self._exchanges.add(said, body)
             heard = self._wire.read(body)
             if heard["type"] not in self._services.known:
                 return heard, body
             said = self._wire.send(self._services.answer(heard, time), limit)
+        raise Unreadable(f"`{message['type']}` was answered by {MOST_QUESTIONS} questions")
 
     def _died(self, tick: int, time: float) -> StackFailed:
         code, lines = (None, ()) if self._process is None else self._process.last_words()
         if code is None:
             text = "the stack closed the connection"
             return self.failed("crash", text, tick, time, "closed", lines)
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        how = _signal_name(-code) if code < 0 else f"exit code {code}"
         return self.failed("crash", f"the stack ended by {how}", tick, time, how, lines)
 
     # --- copies -------------------------------------------------------------------------------
@@ -328,6 +333,11 @@ class Conversation:
             return self._told_again(process, most)
         finally:
             process.close()
+
+
+def _signal_name(number: int) -> str:
+    known = {known.value: known.name for known in signal.Signals}
+    return known.get(number, f"signal {number}")  # real-time signals have no name
 
 
 class ToldTalk:

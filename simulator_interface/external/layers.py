@@ -30,7 +30,7 @@ from mrta_falsify.stack.allocation.timing import (
     timed_allocation,
     without_fleet,
 )
-from simulator_interface.external.answers import Wrong
+from simulator_interface.external.answers import Wrong, shown
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import StackProcess
 from simulator_interface.external.wire import Closed, Late, Unreadable
@@ -100,7 +100,7 @@ class ExternalLayer:
         except Unreadable as error:
             raise self._failed("answer", "message", str(error)) from None
         if answer["type"] != message["type"]:
-            text = f"`{message['type']}` was answered by {answer['type']!r:.50}"
+            text = f"`{message['type']}` was answered by {shown(answer['type'])}"
             raise self._failed("answer", "type", text)
         return answer
 
@@ -154,12 +154,12 @@ def _routes(answer: Message, problem: AllocationProblem) -> list[list[Stop]]:
         aboard, route = set(plan.onboard), []
         for stop in row if isinstance(row, list) else (None,):
             if not isinstance(stop, list) or len(stop) != 2 or stop[1] not in ("pickup", "dropoff"):
-                raise Wrong("routes", f"has {stop!r:.50}; a stop is [task, 'pickup' or 'dropoff']")
+                raise Wrong("routes", f"has {shown(stop)}; a stop is [task, 'pickup' or 'dropoff']")
             number, action = stop
             if number not in tasks or (number, action) in seen:
-                raise Wrong("routes", f"has {stop!r:.50}: no open task, or named twice")
+                raise Wrong("routes", f"has {shown(stop)}: no open task, or named twice")
             if (action == "dropoff") != (number in aboard):
-                raise Wrong("routes", f"has {stop!r:.50}: picked up before it is dropped, once")
+                raise Wrong("routes", f"has {shown(stop)}: picked up before it is dropped, once")
             seen.add((number, action))
             aboard.symmetric_difference_update({number})
             route.append((pickup_of if action == "pickup" else dropoff_of)(tasks[number]))
@@ -205,7 +205,7 @@ def _permutation(answer: Message, field: str, of: list[int]) -> list[int]:
     given = answer.get(field)
     numbers = given if isinstance(given, list) else []
     if any(type(number) is not int for number in numbers) or sorted(numbers) != of:
-        raise Wrong(field, f"is {given!r:.50}; it must be a permutation of {of!r:.50}")
+        raise Wrong(field, f"is {shown(given)}; it must be a permutation of {shown(of)}")
     return numbers
 
 

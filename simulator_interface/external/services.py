@@ -14,7 +14,7 @@ from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import CostmapSource, Planner
 from mrta_falsify.core.world import World
-from simulator_interface.external.answers import Wrong
+from simulator_interface.external.answers import FARTHEST, Wrong, shown
 from simulator_interface.external.messages import Message, map_message
 
 STEP = 0.5  # cells between two looks along a line
@@ -73,7 +73,7 @@ class Services:
         start, goal = _ends(question)
         robot = question.get("robot", 0)
         if not isinstance(robot, int) or not 0 <= robot < len(self._world.robots):
-            raise Wrong("robot", f"is {robot!r:.50}; there are {len(self._world.robots)} robots")
+            raise Wrong("robot", f"is {shown(robot)}; there are {len(self._world.robots)} robots")
         path, _ = self.path(start, goal, time)
         if len(path) == 0:
             return {"type": "travel_time", "seconds": math.inf}
@@ -84,6 +84,8 @@ class Services:
     def _visible(self, question: Message, time: float) -> Message:
         start, goal = _ends(question)
         costmap = self._costmaps.costmap(time, NO_POINTS)
+        if (costmap.cost_at(np.array([start, goal])) == LETHAL).any():  # or outside the map
+            return {"type": "visible", "visible": False}
         away = float(np.hypot(*(goal - start)))
         looks = max(2, math.ceil(away / (STEP * costmap.resolution)) + 1)
         line = start + np.linspace(0.0, 1.0, looks)[:, None] * (goal - start)
@@ -111,6 +113,8 @@ def _ends(question: Message) -> tuple[Array, Array]:
 
 def _point(field: str, value: Any) -> Array:
     is_pair = isinstance(value, (list, tuple)) and len(value) == 2
-    if is_pair and all(isinstance(n, (int, float)) and math.isfinite(n) for n in value):
+    if is_pair and all(isinstance(n, (int, float)) and abs(n) <= FARTHEST for n in value):
         return np.array(value, dtype=np.float64)
-    raise Wrong(field, f"is {value!r:.50}; it must be two finite numbers [m]")
+    raise Wrong(
+        field, f"is {shown(value)}; it must be two finite numbers, at most {FARTHEST:g} [m]"
+    )

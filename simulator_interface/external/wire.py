@@ -14,6 +14,9 @@ from simulator_interface.external.messages import Message, plain
 
 __all__ = ["Closed", "Late", "Unreadable", "Wire"]
 
+MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
+LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
+
 
 class Late(Exception):  # noqa: N818 - says what happened to the stack
     """The stack has not answered within its limit."""
@@ -25,6 +28,8 @@ class Unreadable(Exception):  # noqa: N818
 
 class _Timed(Connection):
     """A connection whose messages must be complete at a given time."""
+
+    most = MOST_HEARD
 
     def __init__(self, link: socket.socket) -> None:
         super().__init__(link)
@@ -68,7 +73,7 @@ class Wire:
 
     def send_bytes(self, body: bytes, limit: float) -> None:
         """Send the bytes of a message; see :meth:`send`."""
-        self._link.settimeout(limit)
+        self._link.settimeout(max(limit, LEAST))
         try:
             self._connection.send(body)
         except TimeoutError:
@@ -105,7 +110,7 @@ class Wire:
             Unreadable: it is none.
         """
         try:
-            message: Any = msgpack.unpackb(body) if is_binary else json.loads(body)
+            message: Any = msgpack.unpackb(body) if is_binary else _from_json(body)
         except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
             kind = "msgpack" if is_binary else "JSON"
             raise Unreadable(f"a message is not {kind}: {error}") from None
@@ -120,3 +125,18 @@ class Wire:
     def close(self) -> None:
         """Close the connection."""
         self._connection.close()
+
+
+def _from_json(body: bytes) -> Any:
+    """Decode what msgpack could say as well: whole numbers of 64 bits, text of Unicode."""
+    message = json.loads(body, parse_int=_whole)
+    if b"\\u" in body:
+        json.dumps(message, ensure_ascii=False).encode()  # raises for half a surrogate pair
+    return message
+
+
+def _whole(digits: str) -> int:
+    number = int(digits)
+    if abs(number) >= 1 << 64:
+        raise ValueError(f"a whole number of {len(digits)} digits")
+    return number

@@ -15,6 +15,7 @@ HOW, AT = sys.argv[1], int(sys.argv[2])
 class Bad:
     def __init__(self, world, harness):
         self.robots = len(world["robots"])
+        self.harness = harness
         if HOW == "refuses":
             sys.exit("no world like this")
         if HOW == "asks":
@@ -48,6 +49,15 @@ class Bad:
             case "spin":
                 while True:
                     pass
+            case "inquires":
+                while True:
+                    self.harness.visible((0.0, 0.0), (1.0, 1.0))
+            case "dawdles":
+                while True:
+                    time.sleep(0.1)
+                    self.harness.visible((0.0, 0.0), (1.0, 1.0))
+            case "signal":
+                os.kill(os.getpid(), 40)  # has no name
             case "nan":
                 answer["twist"][-1, 0] = np.nan
             case "shape":

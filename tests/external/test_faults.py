@@ -19,6 +19,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import RobotSpec, World
 from simulator_interface.episode import Episode
+from simulator_interface.external import conversation
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
@@ -64,6 +65,7 @@ def failure_of(hall: World, how: str, **more) -> dict:
         ("raise", "crash", "the stack ended by exit code 1", "RuntimeError: a bug of the stack's"),
         ("exit", "crash", "the stack ended by exit code 3", "about to exit"),
         ("abort", "crash", "the stack ended by SIGABRT", "about to abort"),
+        ("signal", "crash", "the stack ended by signal 40", "about to signal"),
         ("closes", "crash", "the stack closed the connection", "about to closes"),
         ("nan", "answer", "twist of robot2 is (nan, 0, 0); it must be finite", "about to nan"),
         ("shape", "answer", "twist has 32 bytes; (2, 3) float64 are 48", "about to shape"),
@@ -82,11 +84,18 @@ def test_each_fault_is_a_verdict_with_what_was_wrong_and_what_was_printed(
     assert any(printed in line for line in evidence["frames"])
 
 
-@pytest.mark.parametrize("how", ["hang", "spin"])
+@pytest.mark.parametrize("how", ["hang", "spin", "dawdles"])
 def test_no_answer_within_the_limit_is_a_hang(hall, how):
     evidence = failure_of(hall, how, tick_limit=0.5)
     assert evidence["kind"] == "hang"
     assert evidence["message"] == "the stack did not answer within 0.5 s"
+
+
+def test_questions_without_end_are_no_answer(hall, monkeypatch):
+    monkeypatch.setattr(conversation, "MOST_QUESTIONS", 20)
+    evidence = failure_of(hall, "inquires")
+    assert evidence["kind"] == "answer"
+    assert evidence["message"] == "`tick` was answered by 20 questions"
 
 
 def test_a_flood_of_output_is_cut_and_its_end_is_kept(hall):

@@ -29,11 +29,11 @@ public:
     MyStack(const mrta::Value& world, mrta::Harness& harness)
         : harness_(harness), robots_(world["robots"].size()) {
         for (const mrta::Value& room : world["rooms"].list) {
-            const auto point = room["point"].numbers();
+            const auto point = room["point"].numbers(2);
             rooms_.emplace_back(point[0], point[1]);
         }
         for (const mrta::Value& spot : world["parking"].list) {
-            const auto point = spot.numbers();
+            const auto point = spot.numbers(2);
             if (spots_.size() < robots_) spots_.emplace_back(point[0], point[1]);
         }
     }

@@ -1,0 +1,39 @@
+"""The same algorithm in Python and in C++, copied by fork and by replay: the same run."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from mrta_falsify.specs.library import build_specifications
+from simulator_interface.simulate import simulate
+from tests.external.lane_worlds import built, lane_config, lane_world
+
+pytestmark = [
+    pytest.mark.slow,  # whole runs
+    pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux"),
+]
+
+
+def run(world, config):
+    judges = build_specifications(["no_deadlock", "all_tasks_done"])
+    outcome = simulate(
+        world,
+        config,
+        specifications=judges,
+        stop=lambda frame: "decided" if judges[0].verdict().violated else "",
+    )
+    return outcome.trace.digest, outcome.verdicts
+
+
+def test_language_and_way_of_copying_change_nothing(tmp_path):
+    program = built(tmp_path) or pytest.skip("there is no C++ compiler")
+    world = lane_world(followers=1)
+    wanted = run(world, lane_config(None, "fork"))
+    deadlock = wanted[1][0]
+    assert deadlock.violated
+    assert deadlock.evidence["confirmed"]
+    assert len(deadlock.who) >= 2
+    for stack, branch in ((None, "replay"), (program, "fork"), (program, "replay")):
+        assert run(world, lane_config(stack, branch)) == wanted
