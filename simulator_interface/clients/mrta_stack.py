@@ -28,7 +28,7 @@ import socket
 import struct
 import sys
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 import msgpack
 import numpy as np
@@ -36,6 +36,7 @@ import numpy as np
 PROTOCOL = (1, 0)  #: major and minor version that this file speaks
 MOST_BYTES = 64 << 20  #: of one message
 _LENGTH = struct.Struct("<I")
+_T = TypeVar("_T")
 
 _Types = dict[str, type | tuple[type, ...]]
 _NUMBER = (int, float)
@@ -260,7 +261,7 @@ def _heard(connection: Connection) -> dict[str, Any]:
     return message
 
 
-def _read(message: dict[str, Any], field: str, read: Callable[[Any], Any]) -> Any:
+def _read(message: dict[str, Any], field: str, read: Callable[[Any], _T]) -> _T:
     try:
         return read(message[field])
     except (KeyError, TypeError, ValueError, OverflowError):

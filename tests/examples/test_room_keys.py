@@ -39,7 +39,7 @@ def example(tmp_path_factory) -> Path:
 
 def search(example: Path, output: Path, *options: str) -> Campaign:
     words = ["campaign", str(example / "ward_deliveries.scenic"), "-o", str(output)]
-    words += ["--stack", str(example / "stack.yaml"), "--workers", "1", *options]
+    words += ["--stack", str(example / "stack.yaml"), "--workers", "2", *options]
     result = CliRunner().invoke(main, words, catch_exceptions=False)
     assert result.exit_code in (0, 1), result.output
     return open_campaign(output)
@@ -50,13 +50,14 @@ def test_room_keys_does_an_ordinary_day(example, tmp_path):
     campaign = search(example, tmp_path / "day", "--budget", "1", "--sampler", "random")
     (record,) = campaign.records
     assert not record.failed
-    assert all(verdict.outcome == "holds" for verdict in record.verdicts if verdict.spec != "x")
+    assert record.ended == "all-tasks-done"
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_the_search_finds_the_ring_of_three_keys(example, tmp_path):
     campaign = search(
-        example, tmp_path / "ring", "--sampler", "auto", "--seed", "0", "--budget", "60",
+        example, tmp_path / "ring", "--sampler", "auto", "--seed", "0", "--budget", "20",
         "--spec", "no_deadlock", "--stop-after", "1",
     )  # fmt: skip
     record = next(record for record in campaign.records if record.failed)
