@@ -136,7 +136,11 @@ class BlockedByTracker:
                 if not found[i]:
                     unexplained.append(i)
         explained = {i for i, edges in found.items() if edges}
-        late = {i: self._cluster_edges(fleet, i, found, explained) for i in unexplained}
+        groups = _groups(fleet) if unexplained else {}
+        late = {
+            i: self._cluster_edges(fleet, i, [j for j in groups[i] if j != i], found, explained)
+            for i in unexplained
+        }
         found.update(late)
         return tuple(
             edge
@@ -167,11 +171,16 @@ class BlockedByTracker:
         return found
 
     def _cluster_edges(
-        self, fleet: FleetSnapshot, i: int, found: dict[int, list[BlockedBy]], explained: set[int]
+        self,
+        fleet: FleetSnapshot,
+        i: int,
+        near: list[int],
+        found: dict[int, list[BlockedBy]],
+        explained: set[int],
     ) -> list[BlockedBy]:
         """Derive an edge to a neighbour that makes progress, else to one that is blocked itself."""
-        neighbours = [j for j in _component(fleet, i) if fleet.goal[j] is not None]
-        away = {j: float(np.hypot(*(fleet.position[j] - fleet.position[i]))) for j in neighbours}
+        neighbours = [j for j in near if fleet.goal[j] is not None]
+        away = np.hypot(*(fleet.position - fleet.position[i]).T).tolist()
         moving = [j for j in neighbours if j not in found and not fleet.is_idle(j)]
         blocked = [
             j
@@ -188,12 +197,18 @@ class BlockedByTracker:
         return [BlockedBy(i, "cluster", j) for j in equal] or [BlockedBy(i, "stalled")]
 
 
-def _component(fleet: FleetSnapshot, i: int) -> list[int]:
-    """Find the other robots joined to ``i`` by hops of at most 4 m."""
-    reached, border = {i}, [i]
-    while border:
-        near = np.hypot(*(fleet.position - fleet.position[border.pop()]).T) < CLUSTER_RANGE
-        new = [int(j) for j in np.flatnonzero(near & fleet.present) if j not in reached]
-        reached.update(new)
-        border.extend(new)
-    return sorted(reached - {i})
+def _groups(fleet: FleetSnapshot) -> dict[int, list[int]]:
+    """Find the robots that are joined by hops of at most 4 m, for each robot that is present."""
+    offset = fleet.position[:, None] - fleet.position
+    is_near = (np.hypot(offset[..., 0], offset[..., 1]) < CLUSTER_RANGE) & fleet.present
+    group_of: dict[int, list[int]] = {}
+    for i in np.flatnonzero(fleet.present).tolist():
+        if i in group_of:
+            continue
+        reached, border = np.zeros(len(is_near), dtype=np.bool_), np.arange(i, i + 1)
+        while len(border):
+            reached[border] = True
+            border = np.flatnonzero(is_near[border].any(axis=0) & ~reached)
+        group = np.flatnonzero(reached).tolist()
+        group_of.update(dict.fromkeys(group, group))
+    return group_of
