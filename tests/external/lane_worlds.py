@@ -32,7 +32,7 @@ def lane_world(offset: float = 0.0, *, head_on: bool = True, followers: int = 0)
     middle = 0.5 * WIDTH
     rooms = tuple(Room(name=name, point=np.array([x, middle])) for name, x in
                   (("west", 4.0), ("east", LENGTH - 1.0)))  # fmt: skip
-    starts = [(4.5 + offset, 0.0)] + [(3.0 - 1.2 * i, 0.0) for i in range(followers)]
+    starts = [(4.5 + offset, 0.0)] + [(2.4 - 1.2 * i, 0.0) for i in range(followers)]
     ways = [(0, 1)] + [(0, 1)] * followers
     if head_on:
         starts.append((LENGTH - 1.5, math.pi))
