@@ -51,9 +51,7 @@ class EpisodeForecast:
         Raises:
             HarnessError: the copy failed.
         """
-        if without and not self._episode.can_remove:
-            return None
-        if nudge and not self._episode.can_nudge:
+        if not self._can(without, nudge):
             return None
 
         def run() -> dict[str, Any] | None:
@@ -79,6 +77,11 @@ class EpisodeForecast:
         if self._episode.outside is not None:
             self._episode.outside.talk.note_forecast(answer)
         return answer
+
+    def _can(self, without: Sequence[int], nudge: int) -> bool:
+        """Whether the engine can make such a copy."""
+        episode = self._episode
+        return (not without or episode.can_remove) and (not nudge or episode.can_nudge)
 
 
 class ToldForecast:

@@ -27,7 +27,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.door_test.episodes import TIMED_TICKS, WARM_TICKS, timed
+from mrta_falsify.verbs.door_test.episodes import TIMED_TICKS, WARM_TICKS, time_of_ticks
 from mrta_falsify.verbs.door_test.testing import FLEETS, WORLD
 from scenic_worlds.layouts import load_world
 from simulator_interface.clients import mrta_stack
@@ -89,7 +89,7 @@ def measure(robots: int, rounds: int, stacks: dict[str, tuple[str, ...]]) -> dic
     found: dict[str, list[float]] = {"in process": [], **{name: [] for name in configs}}
     for _ in range(rounds):
         for language, config in configs.items():
-            found[language].append(timed(config, world).p50_us)
+            found[language].append(time_of_ticks(config, world).p50_us)
         found["in process"].append(in_process(configs["Python"], world))
     return {name: round(statistics.median(spent), 1) for name, spent in found.items()}
 

@@ -13,7 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
-from mrta_falsify.core.external import ExternalStack, located, parse_stack
+from mrta_falsify.core.external import ExternalStack, bound_to, parse_stack
 from mrta_falsify.core.fleet import Tells
 
 
@@ -101,7 +101,7 @@ def decode_config(data: Any, *, where: str, folder: Path | None = None) -> Stack
     config = codec.decode(StackConfig, shaped, where=where)
     if config.stack is None or folder is None:
         return config
-    bound = located(config.stack, where=f"{where}: stack", folder=folder)
+    bound = bound_to(config.stack, where=f"{where}: stack", folder=folder)
     return dataclasses.replace(config, stack=bound)
 
 

@@ -70,7 +70,7 @@ def parse_stack(text: str, *, where: str, folder: Path | None = None) -> Externa
     if not text.startswith(CONNECT):
         return parse_exec(text, where=where, folder=folder)
     found = ExternalStack(connect=text.removeprefix(CONNECT))
-    return located(found, where=where, folder=folder or Path.cwd())
+    return bound_to(found, where=where, folder=folder or Path.cwd())
 
 
 def parse_exec(text: str, *, where: str, folder: Path | None = None) -> ExternalStack:
@@ -92,10 +92,10 @@ def parse_exec(text: str, *, where: str, folder: Path | None = None) -> External
         raise ConfigError(f"{where}: {text!r} cannot be split: {error}") from None
     if not command:
         raise ConfigError(f"{where}: no command follows exec:")
-    return located(ExternalStack(command=command), where=where, folder=folder or Path.cwd())
+    return bound_to(ExternalStack(command=command), where=where, folder=folder or Path.cwd())
 
 
-def located(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack:
+def bound_to(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack:
     """Bind a command to the folder that its relative paths are relative to.
 
     Raises:

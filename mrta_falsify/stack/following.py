@@ -27,7 +27,7 @@ from mrta_falsify.stack.route import Way
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wish:
+class Destination:
     """Where a robot is to be driven."""
 
     goal: Array  #: (2,) [m], not finite: nowhere
@@ -46,7 +46,7 @@ class FollowState:
 
 
 class Following:
-    """Drives robots to where they are wished; has no memory that decides anything.
+    """Drives robots to their destinations; has no memory that decides anything.
 
     Args:
         world: of the episode.
@@ -60,7 +60,7 @@ class Following:
         self._driving = Driving(world, config)
 
     def start(self) -> FollowState:
-        """Memory before the first wish."""
+        """Memory before the first destination."""
         return FollowState(
             missions=[Mission() for _ in self._world.robots],
             controller=self._driving.new_controller(),
@@ -69,7 +69,7 @@ class Following:
     def step(
         self,
         state: FollowState,
-        wishes: Sequence[Wish | None],
+        destinations: Sequence[Destination | None],
         fleet: FleetState,
         links: Links,
     ) -> tuple[ControlResult, list[StackEvent]]:
@@ -77,19 +77,19 @@ class Following:
 
         Args:
             state: memory; it is brought up to date.
-            wishes: of the N robots, None: it drives by itself.
+            destinations: of the N robots, None: it drives by itself.
             fleet: what the robots' sensors say.
             links: a robot without a link to the planner gets no new path.
 
         Returns:
-            Commands of all robots, of which those of the robots with a wish are meant, and
+            Commands of all robots, of which those of the robots with a destination are meant, and
             what happened to these.
         """
         missions = [
-            self._minded(robot, mission, wish, fleet)
-            for robot, (mission, wish) in enumerate(zip(state.missions, wishes, strict=True))
+            self._minded(robot, mission, there, fleet)
+            for robot, (mission, there) in enumerate(zip(state.missions, destinations, strict=True))
         ]
-        keep_theirs = [wish is not None and len(wish.path) > 0 for wish in wishes]
+        keep_theirs = [there is not None and len(there.path) > 0 for there in destinations]
         planner = links.planner & ~np.array(keep_theirs, dtype=np.bool_)
         links = replace(links, planner=planner)
         state.missions, events = self._replanning.step(missions, state, fleet, links)
@@ -98,28 +98,28 @@ class Following:
         return result, events
 
     def _minded(
-        self, robot: int, mission: Mission, wish: Wish | None, fleet: FleetState
+        self, robot: int, mission: Mission, there: Destination | None, fleet: FleetState
     ) -> Mission:
-        """Let a robot head for what is wished now."""
+        """Let a robot head for its destination of the moment."""
         if self._world.robots[robot].joins_at > fleet.time:
             return replace(mission, activity=Off())
         x, y, _ = fleet.pose[robot].tolist()
         mission = mission.following(x, y, fleet.time)
-        way = _way_to(mission.way, wish)
+        way = _way_to(mission.way, there)
         activity = Heading() if way.is_going else Idle()
         if way is mission.way and activity == mission.activity:
             return mission
         return replace(mission, way=way, activity=activity)
 
 
-def _way_to(way: Way, wish: Wish | None) -> Way:
-    """Take up a wish; the same way if it leads there already."""
-    if wish is not None and len(wish.path):
-        if way.path is wish.path:
+def _way_to(way: Way, there: Destination | None) -> Way:
+    """Take up a destination; the same way if it leads there already."""
+    if there is not None and len(there.path):
+        if way.path is there.path:
             return way
-        return Way(route=wish.path[-1:], path=wish.path)
-    if wish is None or not np.isfinite(wish.goal).all():
+        return Way(route=there.path[-1:], path=there.path)
+    if there is None or not np.isfinite(there.goal).all():
         return way.stopped() if way.is_going else way
-    if way.is_going and np.array_equal(way.route[-1], wish.goal):
+    if way.is_going and np.array_equal(way.route[-1], there.goal):
         return way
-    return way.head_for(wish.goal[None, :])
+    return way.head_for(there.goal[None, :])

@@ -17,7 +17,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.stack.comms import Links
-from mrta_falsify.stack.following import Following, FollowState, Wish
+from mrta_falsify.stack.following import Destination, Following, FollowState
 from simulator_interface.external.answers import Answer, Wrong
 
 ROUNDING = 1e-9  # s
@@ -32,16 +32,16 @@ class Order:
     paths: tuple[Array, ...]  #: N polylines (L, 2) [m] that the stack gave, empty: none
     follow: frozenset[int] = frozenset()  #: robots that are driven for the stack
 
-    def wishes(self) -> list[Wish | None]:
+    def destinations(self) -> list[Destination | None]:
         """List where the robots in ``follow`` are to be driven."""
         return [
-            Wish(goal, path) if robot in self.follow else None
+            Destination(goal, path) if robot in self.follow else None
             for robot, (goal, path) in enumerate(zip(self.goal, self.paths, strict=True))
         ]
 
 
 @dataclass(slots=True)
-class Orders:
+class StandingOrders:
     """Memory of orders."""
 
     last: Order  #: as said last
@@ -50,14 +50,14 @@ class Orders:
     driven: FollowState | None = None  #: None: no robot has been driven yet
 
 
-def no_orders(robots: int) -> Orders:
+def no_orders(robots: int) -> StandingOrders:
     """Make the orders of N ``robots`` that stand."""
     nowhere = np.full((robots, 2), np.nan)
     standing = Order(np.zeros((robots, 3)), nowhere, (NO_POINTS,) * robots)
-    return Orders(standing, standing)
+    return StandingOrders(standing, standing)
 
 
-def take(orders: Orders, answer: Answer, time: float, names: Sequence[str]) -> None:
+def take(orders: StandingOrders, answer: Answer, time: float, names: Sequence[str]) -> None:
     """Take in what the stack answered at ``time`` [s]; ``names`` are those of its robots.
 
     Raises:
@@ -80,7 +80,7 @@ def take(orders: Orders, answer: Answer, time: float, names: Sequence[str]) -> N
 
 
 def carry_out(
-    orders: Orders, following: Following, intent: Intent, fleet: FleetState, links: Links
+    orders: StandingOrders, following: Following, intent: Intent, fleet: FleetState, links: Links
 ) -> tuple[Command, Intent, list[StackEvent]]:
     """Turn the order in force into a command.
 
@@ -100,7 +100,7 @@ def carry_out(
         if not order.follow:
             return Command(twist=order.twist), intent, []
         orders.driven = following.start()
-    result, events = following.step(orders.driven, order.wishes(), fleet, links)
+    result, events = following.step(orders.driven, order.destinations(), fleet, links)
     driven = sorted(order.follow)
     if not driven:
         return Command(twist=order.twist), intent, []

@@ -39,7 +39,7 @@ from simulator_interface.external.messages import (
     tick_message,
     world_message,
 )
-from simulator_interface.external.orders import ROUNDING, Orders, carry_out, no_orders, take
+from simulator_interface.external.orders import ROUNDING, StandingOrders, carry_out, no_orders, take
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told
 
@@ -49,7 +49,7 @@ class ProcessState:
     """What the harness remembers of a stack that is asked over a socket."""
 
     intent: Intent  #: as last said
-    orders: Orders
+    orders: StandingOrders
     told: int = 0  #: tasks that it knows, in the order of their arrival
     closed: bool = False  #: no task is told any more
     epoch: int = -1  #: of the links that it knows

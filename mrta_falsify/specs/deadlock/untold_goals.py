@@ -28,7 +28,7 @@ STOPS_FOR = 2.0  # s at rest on its way: it has arrived
 LOOKED_FOR = 120.0  # s at most
 
 
-class WishWatch:
+class AloneWatch:
     """Watches where a robot goes that is alone in the building.
 
     Args:
@@ -87,7 +87,7 @@ class UntoldGoals:
         for robot in np.flatnonzero(stands & (since != self._known_for)).tolist():
             self._known_for[robot] = since[robot]
             others = tuple(other for other in range(len(since)) if other != robot)
-            answer = forecast(WishWatch(robot), without=others)
+            answer = forecast(AloneWatch(robot), without=others)
             if answer is not None and answer["goal"] is not None:
                 self._goal[robot] = answer["goal"]
         goal = self._goal.copy()

@@ -83,7 +83,7 @@ def goes_on_by_replay(config: StackConfig, world: World, can: tuple[str, ...]) -
     return _goes_on(config, world, "replay")
 
 
-def timed(config: StackConfig, world: World) -> TickTime:
+def time_of_ticks(config: StackConfig, world: World) -> TickTime:
     """Measure the time that it takes to ask a tick, on one core.
 
     Harness and stack take turns, so they need no more. A process that wakes up on another core

@@ -17,7 +17,7 @@ from mrta_falsify.core.external import CONNECT, EXEC
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.door_test import episodes, messages
+from mrta_falsify.verbs.door_test import conversing, episodes
 from mrta_falsify.verbs.door_test.episodes import Failed, TickTime
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from scenic_worlds.layouts import load_world
@@ -73,7 +73,7 @@ def door_test(
     """
     config = _config(command)
     world = fleet_world(load_world(WORLD), StackConfig(), ROBOTS)
-    ready, starts = messages.handshake(config, world)
+    ready, starts = conversing.handshake(config, world)
     checks = [DoorCheck(name="starts and shakes hands", outcome="ok", text=starts)]
     for done, (name, check) in enumerate(CHECKS.items()):
         on_progress(done + 1)
@@ -95,7 +95,9 @@ def door_test(
         return report
     ticks = []
     for number, count in enumerate(robots):
-        ticks.append(episodes.timed(config, fleet_world(load_world(WORLD), StackConfig(), count)))
+        ticks.append(
+            episodes.time_of_ticks(config, fleet_world(load_world(WORLD), StackConfig(), count))
+        )
         on_progress(len(CHECKS) + number + 1)
     return dataclasses.replace(report, ticks=tuple(ticks))
 
@@ -113,9 +115,9 @@ CHECKS: dict[str, Check] = {
     "gives the same answers again": episodes.answers_the_same,
     "goes on as a copy by fork": episodes.goes_on_by_fork,
     "goes on as a copy by replay": episodes.goes_on_by_replay,
-    "ignores fields that it does not know": messages.ignores_new_fields,
-    "ends when it is told bye": messages.ends_on_bye,
-    "ends with the connection": messages.ends_with_the_connection,
+    "ignores fields that it does not know": conversing.ignores_new_fields,
+    "ends when it is told bye": conversing.ends_on_bye,
+    "ends with the connection": conversing.ends_with_the_connection,
 }
 
 
