@@ -294,7 +294,7 @@ def quick_stack(config: StackConfig) -> StackConfig:
     return dataclasses.replace(config, engine=Choice("kinematic"))
 
 
-def campaign_specifications(config: StackConfig) -> tuple[str, ...]:
+def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...]:
     """List the specifications of a campaign unless the user says otherwise.
 
     All that score a run but ``human_clearance``: people who do not react to robots come
@@ -303,9 +303,9 @@ def campaign_specifications(config: StackConfig) -> tuple[str, ...]:
     again instead.
 
     Args:
-        config: the stack under test.
+        config: the stack under test; None: the default one.
     """
     left_out = {"human_clearance"}
-    if config.stack is not None:
+    if config is not None and config.stack is not None:
         left_out.add("repeatable")
     return tuple(name for name in default_specifications() if name not in left_out)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
-from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.programs import (
@@ -63,7 +62,7 @@ class ProgramCheck:
         from mrta_falsify.possibility import why_impossible  # noqa: PLC0415 - loads the engines
         from mrta_falsify.trial import campaign_specifications  # noqa: PLC0415
 
-        specifications = campaign_specifications(StackConfig())
+        specifications = campaign_specifications()
         found = [
             ImpossibleWorld(number=item.number, reason=why_impossible(item.world, specifications))
             for item in self.drawn

@@ -13,7 +13,6 @@ import mrta_falsify as mf
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.cli.group import main
 from mrta_falsify.core import codec
-from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.trial import Judged, campaign_specifications
@@ -70,7 +69,7 @@ def test_a_count_says_its_interval_and_what_else_happened():
 
 
 def test_noise_is_no_failure_of_a_campaign_unless_the_user_asks_for_it():
-    inside = campaign_specifications(StackConfig())
+    inside = campaign_specifications()
     outside = campaign_specifications(load_stack(f"exec:{sys.executable} x.py"))
     assert set(inside) - set(outside) == {"repeatable"}
 
