@@ -103,12 +103,14 @@ class LastingRest:
     def _party(self, i: int) -> tuple[set[int], bool]:
         """Find the robots that ``i`` waits for, itself among them, and whether people count.
 
-        Behind people, or where the edges do not explain why a robot stands, it waits for all.
+        Behind people, or where no robot explains why a robot stands, it waits for all: what its
+        stack waits for cannot be seen, and a solid beside it may be chance.
         """
         party = {i} | awaited_by(i, range(len(self._moved)), self._edges)
         own = [edge for j in party for edge in self._edges.get(j, ())]
         people = any(edge.cause == "human" for edge in own)
-        if people or not self._edges.get(i) or any(is_unexplained(edge) for edge in own):
+        is_alone = all(edge.other < 0 and not edge.resource for edge in self._edges.get(i, ()))
+        if people or is_alone or any(is_unexplained(edge) for edge in own):
             return set(range(len(self._moved))), True
         return party, people
 
