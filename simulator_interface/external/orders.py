@@ -15,7 +15,6 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
-from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.stack.comms import Links
 from mrta_falsify.stack.following import Destination, Following, FollowState
 from simulator_interface.external.answers import Answer, Wrong
@@ -28,15 +27,16 @@ class Order:
     """What N robots are told to do."""
 
     twist: Array  #: (N, 3)
-    goal: Array  #: (N, 2) [m], nan: nowhere
-    paths: tuple[Array, ...]  #: N polylines (L, 2) [m] that the stack gave, empty: none
+    intent: Intent  #: its goals and paths are where robots in ``follow`` are driven
     follow: frozenset[int] = frozenset()  #: robots that are driven for the stack
 
     def destinations(self) -> list[Destination | None]:
         """List where the robots in ``follow`` are to be driven."""
         return [
             Destination(goal, path) if robot in self.follow else None
-            for robot, (goal, path) in enumerate(zip(self.goal, self.paths, strict=True))
+            for robot, (goal, path) in enumerate(
+                zip(self.intent.goal, self.intent.path, strict=True)
+            )
         ]
 
 
@@ -44,37 +44,41 @@ class Order:
 class StandingOrders:
     """Memory of orders."""
 
-    last: Order  #: as said last
     now: Order  #: in force
+    follow: frozenset[int] = frozenset()  #: as said last
     coming: deque[tuple[float, Order]] = field(default_factory=deque)  #: from when [s] on
     driven: FollowState | None = None  #: None: no robot has been driven yet
 
 
-def no_orders(robots: int) -> StandingOrders:
-    """Make the orders of N ``robots`` that stand."""
-    nowhere = np.full((robots, 2), np.nan)
-    standing = Order(np.zeros((robots, 3)), nowhere, (NO_POINTS,) * robots)
-    return StandingOrders(standing, standing)
+def no_orders(intent: Intent) -> StandingOrders:
+    """Make the orders of N robots that stand, and whose stack intends nothing yet."""
+    return StandingOrders(Order(np.zeros((len(intent.path), 3)), intent))
 
 
-def take(orders: StandingOrders, answer: Answer, time: float, names: Sequence[str]) -> None:
-    """Take in what the stack answered at ``time`` [s]; ``names`` are those of its robots.
+def take(
+    orders: StandingOrders, answer: Answer, intent: Intent, time: float, names: Sequence[str]
+) -> None:
+    """Take in what the stack answered.
+
+    Args:
+        orders: memory; it is brought up to date.
+        answer: of the stack.
+        intent: as the stack says now.
+        time: of the tick [s].
+        names: of the robots.
 
     Raises:
         Wrong: a robot gets no twist and is not driven either.
     """
-    last = orders.last
-    follow = last.follow if answer.follow is None else answer.follow
+    follow = orders.follow if answer.follow is None else answer.follow
     twist = answer.twist
     if twist is None:
         left = [name for robot, name in enumerate(names) if robot not in follow]
         if left:
             raise Wrong("twist", f"is missing, and {left[0]} is not in `follow`")
         twist = np.zeros((len(names), 3))
-    paths = tuple(answer.paths.get(i, p) for i, p in enumerate(last.paths))
-    goal = last.goal if answer.goal is None else answer.goal
-    orders.last = Order(twist, goal, paths if answer.paths else last.paths, follow)
-    orders.coming.append((time + answer.took, orders.last))
+    orders.follow = follow
+    orders.coming.append((time + answer.took, Order(twist, intent, follow)))
     while orders.coming and orders.coming[0][0] <= time + ROUNDING:
         orders.now = orders.coming.popleft()[1]
 

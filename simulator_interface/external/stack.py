@@ -109,8 +109,8 @@ class ProcessStack:
 
     def start(self) -> ProcessState:
         """Memory at time 0."""
-        robots = len(self._names)
-        return ProcessState(intent=no_intent(robots), orders=no_orders(robots))
+        intent = no_intent(len(self._names))
+        return ProcessState(intent=intent, orders=no_orders(intent))
 
     def forget_after(self, state: ProcessState, time: float) -> None:
         """Tell of no task any more, and of no outage that begins after ``time`` [s]."""
@@ -131,7 +131,8 @@ class ProcessStack:
         try:
             answer = self._reader.read(heard, fleet.tick, fleet.time)
             answer = dataclasses.replace(answer, took=answer.took + self._delay)
-            take(state.orders, answer, fleet.time, self._names)
+            state.intent = self._intent(state.intent, answer, fleet.time)
+            take(state.orders, answer, state.intent, fleet.time, self._names)
         except Wrong as wrong:
             raise self.talk.failed(
                 "answer", str(wrong), fleet.tick, fleet.time, wrong.field
@@ -199,22 +200,25 @@ class ProcessStack:
     ) -> tuple[ProcessState, Command, Intent, tuple[StackEvent, ...]]:
         state.claimed = tuple(event for event in answer.events if event.kind in STOP_KINDS)
         self.signals = answer.signals
-        said: dict[str, Any] = dict(answer.intent)
-        if answer.goal is not None:
-            said["goal"] = answer.goal
-        if answer.paths:
-            said["path"] = tuple(answer.paths.get(i, p) for i, p in enumerate(state.intent.path))
-        if answer.waits_for is not None:
-            waits = answer.waits_for
-            said["waits_for"] = tuple(waits.get(i, "") for i in range(len(self._names)))
-        if "phase" not in said:
-            said["phase"] = self._phase(said.get("goal", state.intent.goal), fleet.time)
-        state.intent = dataclasses.replace(state.intent, **said)
         links = self._links.links(state.epoch)
         command, intent, driven = carry_out(
             state.orders, self._following, state.intent, fleet, links
         )
         return state, command, intent, (*answer.events, *driven)
+
+    def _intent(self, before: Intent, answer: Answer, time: float) -> Intent:
+        """Bring what the stack intends up to date; what it does not say anew stays."""
+        said: dict[str, Any] = dict(answer.intent)
+        if answer.goal is not None:
+            said["goal"] = answer.goal
+        if answer.paths:
+            said["path"] = tuple(answer.paths.get(i, p) for i, p in enumerate(before.path))
+        if answer.waits_for is not None:
+            waits = answer.waits_for
+            said["waits_for"] = tuple(waits.get(i, "") for i in range(len(self._names)))
+        if "phase" not in said:
+            said["phase"] = self._phase(said.get("goal", before.goal), time)
+        return dataclasses.replace(before, **said)
 
     def _phase(self, goal: Array, time: float) -> IntArray:
         """Derive what each robot is doing, ``(N,)``, from whether it wants to be anywhere."""
