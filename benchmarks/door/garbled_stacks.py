@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.door.garbling import Garbled, framed, garbled, packed
+from benchmarks.door.marked import marked
 from benchmarks.door.rightful import Message, command_message, hall, ready_message
 from benchmarks.door.tally import Tally, no_sentence
 from mrta_falsify.core import codec
@@ -202,15 +203,7 @@ def left_with(mark: str, patience: float = 5.0) -> list[int]:
     """Find processes with a mark in their environment that do not end within ``patience`` s."""
     until = time.monotonic() + patience
     while True:
-        found = []
-        for entry in Path("/proc").iterdir():
-            if entry.name.isdigit():
-                try:
-                    environment = (entry / "environ").read_bytes()
-                except OSError:
-                    continue
-                if f"{MARK}={mark}".encode() in environment:
-                    found.append(int(entry.name))
+        found = marked(f"{MARK}={mark}")
         if not found or time.monotonic() > until:
             return found
         time.sleep(0.05)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.door.marked import marked
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
@@ -159,19 +160,6 @@ def test_a_stack_that_starts_only_once_has_no_copy_by_replay_and_no_error(hall, 
 # --- nothing is left running ---------------------------------------------------------------
 
 
-def descendants(marker: str) -> list[int]:
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                environment = (entry / "environ").read_bytes()
-            except OSError:
-                continue
-            if marker.encode() in environment:
-                found.append(int(entry.name))
-    return found
-
-
 def wait_until(condition, seconds: float = 20.0) -> bool:
     until = time.monotonic() + seconds
     while time.monotonic() < until:
@@ -187,7 +175,7 @@ def test_nothing_that_a_stack_started_outlives_its_episode(hall, how):
     config = bad(how, tick_limit=0.5)
     stack = dataclasses.replace(config.stack, env={**config.stack.env, "MARKER": marker})
     simulate(hall, dataclasses.replace(config, stack=stack))
-    assert wait_until(lambda: not descendants(marker))
+    assert wait_until(lambda: not marked(marker))
 
 
 @pytest.mark.parametrize("how", ["hang", "children", "spin"])
@@ -209,9 +197,9 @@ def test_nothing_outlives_a_harness_that_is_killed(how):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     harness = subprocess.Popen([sys.executable, "-c", program], env=environment, cwd=ROOT)
     try:
-        assert wait_until(lambda: len(descendants(marker)) >= (3 if how == "children" else 1), 60.0)
+        assert wait_until(lambda: len(marked(marker)) >= (3 if how == "children" else 1), 60.0)
         time.sleep(0.3)
     finally:
         harness.send_signal(signal.SIGKILL)
         harness.wait()
-    assert wait_until(lambda: not descendants(marker))
+    assert wait_until(lambda: not marked(marker))
