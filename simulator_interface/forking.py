@@ -41,3 +41,11 @@ def become_copy(original: int) -> None:
         _libc.prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != original:
         os._exit(1)
+
+
+def ending_of(code: int) -> str:
+    """Say how a process ended: its exit code, or the signal, of which ``code`` is the negative."""
+    if code >= 0:
+        return f"exit code {code}"
+    known = {known.value: known.name for known in signal.Signals}
+    return known.get(-code, f"signal {-code}")  # real-time signals have no name

@@ -31,7 +31,7 @@ from mrta_falsify.core.stack_failure import (
 )
 from simulator_interface import stack_door
 from simulator_interface.failing_layer import Place, dumped_places
-from simulator_interface.forking import become_copy
+from simulator_interface.forking import become_copy, ending_of
 from simulator_interface.heartbeat import (
     PAGE,
     Heartbeat,
@@ -172,7 +172,7 @@ class WatchedCopy:
         pulse, places = self._heartbeat.read(), self._dumped()
         self.close()
         code = os.waitstatus_to_exitcode(self._status or 0)
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        how = ending_of(code)
         if not pulse.in_stack:
             return HarnessError(f"the process of a run ended by {how}, outside the stack")
         return CopyFailed("crash", pulse, how, f"the stack ended its process by {how}", places)

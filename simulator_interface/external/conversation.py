@@ -33,6 +33,7 @@ from simulator_interface.external.second_answers import (
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told, ToldRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
+from simulator_interface.forking import ending_of
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
@@ -218,7 +219,7 @@ class Conversation:
         if code is None:
             text = "the stack closed the connection"
             return self.failed("crash", text, tick, time, "closed", lines)
-        how = _signal_name(-code) if code < 0 else f"exit code {code}"
+        how = ending_of(code)
         return self.failed("crash", f"the stack ended by {how}", tick, time, how, lines)
 
     # --- copies -------------------------------------------------------------------------------
@@ -333,11 +334,6 @@ class Conversation:
             return self._told_again(process, most)
         finally:
             process.close()
-
-
-def _signal_name(number: int) -> str:
-    known = {known.value: known.name for known in signal.Signals}
-    return known.get(number, f"signal {number}")  # real-time signals have no name
 
 
 class ToldTalk:

@@ -6,6 +6,7 @@ that decides. So a copy of the run starts a process of its own, which needs to b
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import weakref
@@ -115,7 +116,8 @@ class ExternalLayer:
         if self._process is None or self._owner != os.getpid():  # a copy of this process
             if self._process is not None:
                 self._process.close()
-            self._process = StackProcess(self.COMMAND)
+            limit = self._options.start_limit
+            self._process = StackProcess(dataclasses.replace(self.COMMAND, start_limit=limit))
             self._owner = os.getpid()
             weakref.finalize(self, self._process.close)
         return self._process

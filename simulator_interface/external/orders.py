@@ -47,7 +47,7 @@ class StandingOrders:
     now: Order  #: in force
     follow: frozenset[int] = frozenset()  #: as said last
     coming: deque[tuple[float, Order]] = field(default_factory=deque)  #: from when [s] on
-    driven: FollowState | None = None  #: None: no robot has been driven yet
+    driven: FollowState | None = None  #: None: no robot is driven
 
 
 def no_orders(intent: Intent) -> StandingOrders:
@@ -100,14 +100,12 @@ def carry_out(
         to these.
     """
     order = orders.now
-    if orders.driven is None:
-        if not order.follow:
-            return Command(twist=order.twist), intent, []
-        orders.driven = following.start()
+    if not order.follow:
+        orders.driven = None
+        return Command(twist=order.twist), intent, []
+    orders.driven = orders.driven or following.start()
     result, events = following.step(orders.driven, order.destinations(), fleet, links)
     driven = sorted(order.follow)
-    if not driven:
-        return Command(twist=order.twist), intent, []
     twist = order.twist.copy()
     twist[driven] = result.command.twist[driven]
     paths = list(intent.path)

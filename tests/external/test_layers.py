@@ -69,3 +69,8 @@ def test_what_a_layer_does_wrong_is_a_verdict_that_names_it(how, kind, message):
 def test_a_layer_that_cannot_be_is_refused_before_anything_runs(setting, message):
     with pytest.raises(InputError, match=message):
         load_stack(settings=[setting])
+
+
+def test_a_layer_that_is_not_ready_within_its_own_limit_is_bad_input():
+    with pytest.raises(InputError, match=r"was not ready within 0.3 s"):
+        run("allocator=exec:sleep 1000", "allocator.start_limit=0.3", seconds=1.0)

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from mrta_falsify.core.errors import HarnessError
+from simulator_interface.forking import ending_of
 from simulator_interface.watched_copy import run_in_watched_copy
 
 
@@ -92,3 +93,9 @@ def _is_alive(pid: int) -> bool:
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_an_ending_is_told_by_its_code_or_its_signal():
+    assert ending_of(3) == "exit code 3"
+    assert ending_of(-9) == "SIGKILL"
+    assert ending_of(-40) == "signal 40"  # real-time signals have no name
