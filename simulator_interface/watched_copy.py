@@ -251,14 +251,13 @@ class _Clock:
         if is_asleep and cpu == self._cpu:
             self._asleep += since
         self._cpu = cpu
-        if cpu - pulse.entered_at + self._asleep > limits.tick:
-            return "hang"
-        # Two looks at one entry: the figures of one may be of two moments.
+        # Memory first, since what takes up too much is slow as well. Two looks at one entry: the
+        # figures of one may be of two moments.
         was_heavy, self._heavy = self._heavy == pulse.entries, -1
         if (pulse.taken + resident - pulse.resident) / GIB > limits.memory:
             self._heavy = pulse.entries
             return "memory" if was_heavy else None
-        return None
+        return "hang" if cpu - pulse.entered_at + self._asleep > limits.tick else None
 
 
 def _usage(process: int) -> tuple[float, bool, float]:

@@ -113,6 +113,24 @@ def test_memory_taken_outside_the_stack_does_not_count():
     assert caught.value.kind == "memory"
 
 
+def test_a_call_over_both_limits_at_the_first_look_took_too_much_memory():
+    reader, writer = os.pipe()
+
+    def hoards():
+        held = bytearray(2**29)
+        burn(0.5)
+        os.write(writer, b"over both")
+        burn(30.0)
+        return held
+
+    copy = WatchedCopy(LIMITS)
+    copy.ask(Request(in_stack(hoards)))
+    os.read(reader, 9)  # as on a machine so busy that nobody looked before
+    with pytest.raises(CopyFailed) as caught:
+        copy.answer()
+    assert caught.value.kind == "memory"
+
+
 # --- the guard -----------------------------------------------------------------------------
 
 
