@@ -14,16 +14,15 @@ from typing import Any, Protocol
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import (
-    GIB,
     AskedAgain,
     FailureKind,
     StackFailed,
     StackFailure,
 )
-from simulator_interface.external.answers import Ready, Wrong, shown
+from simulator_interface.external.answers import Ready, shown
 from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
 from simulator_interface.external.messages import Message
-from simulator_interface.external.process import StackProcess
+from simulator_interface.external.process import NO_ANSWER, StackProcess, why_no_answer
 from simulator_interface.external.second_answers import (
     Exchange,
     no_further,
@@ -33,12 +32,9 @@ from simulator_interface.external.second_answers import (
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told, ToldRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
-from simulator_interface.forking import ending_of
-from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 MOST_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
-WEIGHED_EVERY = 20  # ticks between two looks at the memory of a stack
 #: ticks that a fresh process is told where forks are asked as well. A fork has the same random
 #: numbers ahead of it, so an unseeded generator only shows in a fresh process, and there at once.
 FRESH_TICKS = 200
@@ -133,26 +129,15 @@ class Conversation:
         limit = self._options.tick_limit
         try:
             heard, body = self._exchange(message, time, limit)
-        except Closed:
-            raise self._died(tick, time) from None
-        except Late:
-            text = f"the stack did not answer within {limit:g} s"
-            raise self.failed("hang", text, tick, time) from None
-        except Unreadable as error:
-            raise self.failed("answer", str(error), tick, time, "message") from None
-        except Wrong as wrong:
-            raise self.failed("answer", str(wrong), tick, time, wrong.field) from None
-        if tick % WEIGHED_EVERY == 0:
-            self._weigh(tick, time)
+            if self._process is not None:
+                self._process.note_answer()
+        except NO_ANSWER as error:
+            why = why_no_answer(error, limit, self._process)
+            said = why.told_of("stack")
+            raise self.failed(why.kind, said, tick, time, why.part, why.lines) from None
         self._recorder.add(body)
         self._last = body
         return heard, body
-
-    def _weigh(self, tick: int, time: float) -> None:
-        most = post().limits.memory
-        if self._process is not None and self._process.resident() > most * GIB:
-            text = f"the stack took up more than {most:g} GiB of memory"
-            raise self.failed("memory", text, tick, time)
 
     def failed(
         self,
@@ -214,14 +199,6 @@ class Conversation:
             said = self._wire.send(self._services.answer(heard, time), limit)
         raise Unreadable(f"`{message['type']}` was answered by {MOST_QUESTIONS} questions")
 
-    def _died(self, tick: int, time: float) -> StackFailed:
-        code, lines = (None, ()) if self._process is None else self._process.last_words()
-        if code is None:
-            text = "the stack closed the connection"
-            return self.failed("crash", text, tick, time, "closed", lines)
-        how = ending_of(code)
-        return self.failed("crash", f"the stack ended by {how}", tick, time, how, lines)
-
     # --- copies -------------------------------------------------------------------------------
 
     @property
@@ -278,7 +255,7 @@ class Conversation:
     def _fresh_process(self) -> StackProcess:
         try:
             return StackProcess(self._options)
-        except (Closed, Late, Unreadable, ConfigError) as error:
+        except ConfigError as error:
             raise no_further(error) from None
 
     def _told_again(self, process: StackProcess, most_ticks: float = math.inf) -> AskedAgain:

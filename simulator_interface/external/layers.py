@@ -33,8 +33,7 @@ from mrta_falsify.stack.allocation.timing import (
 )
 from simulator_interface.external.answers import Wrong, shown
 from simulator_interface.external.messages import Message
-from simulator_interface.external.process import StackProcess
-from simulator_interface.external.wire import Closed, Late, Unreadable
+from simulator_interface.external.process import NO_ANSWER, StackProcess, why_no_answer
 
 
 class LayerFailed(Exception):  # noqa: N818 - says what became of the layer
@@ -91,15 +90,10 @@ class ExternalLayer:
         try:
             process.wire.send(message, limit)
             answer = process.wire.receive(limit)
-        except Closed:
-            code, lines = process.last_words()
-            how = "closed the connection" if code is None else f"ended with exit code {code}"
-            raise self._failed("crash", how, f"the {self.LAYER} {how}", lines) from None
-        except Late:
-            text = f"the {self.LAYER} did not answer within {limit:g} s"
-            raise self._failed("hang", "", text) from None
-        except Unreadable as error:
-            raise self._failed("answer", "message", str(error)) from None
+            process.note_answer()
+        except NO_ANSWER as error:
+            why = why_no_answer(error, limit, process)
+            raise self._failed(why.kind, why.part, why.told_of(self.LAYER), why.lines) from None
         if answer["type"] != message["type"]:
             text = f"`{message['type']}` was answered by {shown(answer['type'])}"
             raise self._failed("answer", "type", text)

@@ -7,15 +7,18 @@ import importlib.metadata
 import os
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
+from mrta_falsify.core.stack_failure import GIB, FailureKind
 from simulator_interface.external import messages
 from simulator_interface.external.answers import Ready, Wrong, read_ready
 from simulator_interface.external.keeper import Keeper
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
-from simulator_interface.heartbeat import PAGE
+from simulator_interface.forking import ending_of
+from simulator_interface.heartbeat import PAGE, post
 
 LINK = "MRTA_STACK_FD"
 #: sources of noise that can be stilled from outside
@@ -29,6 +32,27 @@ STILL = {
 }
 LAST_LINES = 8  # of the stack's output that are kept
 LONGEST_LINE = 300  # characters
+WEIGHED_EVERY = 20  # answers between two looks at the memory of a stack that is quick
+
+
+class Heavy(Exception):  # noqa: N818 - says what happened to the stack
+    """Its processes take up more memory than the stack may have."""
+
+
+NO_ANSWER = (Closed, Late, Heavy, Unreadable, Wrong)  #: why there may be none, or none of use
+
+
+class NoAnswer(NamedTuple):
+    """Why a process gave no answer, in the words of a verdict."""
+
+    kind: FailureKind
+    part: str  #: a field, a signal or an exit code
+    text: str  #: what it did, or what is wrong with its answer
+    lines: Sequence[str] | None = None  #: the last that it printed; None: not asked yet
+
+    def told_of(self, who: str) -> str:
+        """Say it of the stack, or of one of its layers."""
+        return self.text if self.kind == "answer" else f"the {who} {self.text}"
 
 
 class StackProcess:
@@ -53,7 +77,9 @@ class StackProcess:
             theirs.close()
         else:
             ours = _connected(options)
+        self._answers = 0
         self.wire = Wire(ours)
+        self.wire.look_at_stack(self.weigh)
         try:
             self.ready = self._shake_hands()
         except BaseException:
@@ -73,8 +99,10 @@ class StackProcess:
         except Closed:
             code, lines = self.last_words()
             said = f"; it printed last: {' | '.join(lines[-3:])}" if lines else ""
-            how = "closed the connection" if code is None else f"ended with exit code {code}"
+            how = "closed the connection" if code is None else f"ended by {ending_of(code)}"
             raise ConfigError(f"the stack ({label}) {how} before it was ready{said}") from None
+        except Heavy as heavy:
+            raise ConfigError(f"the stack ({label}) {heavy} before it was ready") from None
         except Late:
             limit = self._options.start_limit
             raise ConfigError(
@@ -88,15 +116,27 @@ class StackProcess:
         """Whether it was started here; one that runs already is not ended either."""
         return self._keeper is not None
 
-    def resident(self) -> float:
-        """Measure the memory that all its processes take up [bytes].
+    def note_answer(self) -> None:
+        """Take note that it has answered; look at its memory now and then.
 
-        What several of them share counts once.
+        Raises:
+            Heavy: see :meth:`weigh`.
+        """
+        self._answers += 1
+        if self._answers % WEIGHED_EVERY == 0:
+            self.weigh()
+
+    def weigh(self) -> None:
+        """Measure the memory that all its processes take up; what several share counts once.
+
+        Raises:
+            Heavy: it is more than the stack may have.
         """
         kept = self._keeper.kept() if self._keeper is not None else []
-        if len(kept) == 1:
-            return _resident(kept[0])
-        return sum(_share(process) for process in kept)
+        measure = _resident if len(kept) == 1 else _share
+        most = post().limits.memory
+        if sum(measure(process) for process in kept) > most * GIB:
+            raise Heavy(f"took up more than {most:g} GiB of memory")
 
     def last_words(self) -> tuple[int | None, tuple[str, ...]]:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
@@ -136,6 +176,31 @@ class StackProcess:
             ready = read_ready(self.wire.receive(self._options.start_limit))
         self.wire.is_binary = ready.encoding == "msgpack"
         return ready
+
+
+def why_no_answer(error: Exception, limit: float, process: StackProcess | None) -> NoAnswer:
+    """Tell why a stack gave no answer.
+
+    Args:
+        error: one of ``NO_ANSWER``.
+        limit: time that it had [s].
+        process: that was asked; None: a copy of it, of which only the connection is known.
+    """
+    match error:
+        case Closed():
+            code, lines = (None, ()) if process is None else process.last_words()
+            if code is None:
+                return NoAnswer("crash", "closed", "closed the connection", lines)
+            how = ending_of(code)
+            return NoAnswer("crash", how, f"ended by {how}", lines)
+        case Late():
+            return NoAnswer("hang", "", f"did not answer within {limit:g} s")
+        case Heavy():
+            return NoAnswer("memory", "", str(error))
+        case Wrong(field=field):
+            return NoAnswer("answer", field, str(error))
+        case _:
+            return NoAnswer("answer", "message", str(error))
 
 
 def _connected(options: ExternalStack) -> socket.socket:

@@ -13,7 +13,8 @@ import numpy as np
 from mrta_falsify.core.stack_failure import AskedAgain, OtherAnswer
 from simulator_interface.external.branching import CannotBranch, Exchanges
 from simulator_interface.external.messages import Message
-from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
+from simulator_interface.external.process import NO_ANSWER
+from simulator_interface.external.wire import Wire
 
 FIRST_COMPARED = ("type", "twist")  # fields of an answer; the others follow by name
 MOST_TEXT = 200  # characters of a value that are kept
@@ -63,7 +64,7 @@ def told_again(
             other = other_answer(Exchange(tick, wire.read(heard), wire.read(again)), names)
             if other is not None:
                 return AskedAgain(difference=other, ticks=ticks)
-    except (Closed, Late, Unreadable) as error:
+    except NO_ANSWER as error:
         raise no_further(error) from None
     return AskedAgain(ticks=ticks)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import time
+from collections.abc import Callable
 from typing import Any
 
 import msgpack
@@ -16,6 +17,7 @@ __all__ = ["Closed", "Late", "Unreadable", "Wire"]
 
 MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
 LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
+LOOK_EVERY = 0.1  # s of waiting between two looks at the stack
 
 
 class Late(Exception):  # noqa: N818 - says what happened to the stack
@@ -34,13 +36,18 @@ class _Timed(Connection):
     def __init__(self, link: socket.socket) -> None:
         super().__init__(link)
         self.until = 0.0  #: s of ``time.monotonic``
+        self.look: Callable[[], None] = lambda: None  #: called now and then while it waits
 
     def _chunk(self, most: int) -> bytes:
-        left = self.until - time.monotonic()
-        if left <= 0.0:
-            raise TimeoutError
-        self._link.settimeout(left)
-        return super()._chunk(most)
+        while True:
+            left = self.until - time.monotonic()
+            if left <= 0.0:
+                raise TimeoutError
+            self._link.settimeout(min(left, LOOK_EVERY))
+            try:
+                return super()._chunk(most)
+            except TimeoutError:
+                self.look()
 
 
 class Wire:
@@ -54,6 +61,10 @@ class Wire:
         self._link = link
         self._connection = _Timed(link)
         self.is_binary = False  #: msgpack; the handshake is JSON
+
+    def look_at_stack(self, look: Callable[[], None]) -> None:
+        """Have ``look`` called now and then while an answer is waited for; it may raise."""
+        self._connection.look = look
 
     def send(self, message: Message, limit: float) -> bytes:
         """Send a message; give the bytes that were sent.

@@ -78,6 +78,10 @@ class Bad:
                 os._exit(4)
             case "eats":
                 self.eaten = b"x" * (400 << 20)
+            case "hoards":
+                while True:
+                    self.eaten = [*getattr(self, "eaten", ()), b"x" * (8 << 20)]
+                    time.sleep(0.01)
             case "child eats":
                 program = f"import time; eaten = b'x' * {400 << 20}; time.sleep(1000)"
                 self.child = subprocess.Popen([sys.executable, "-c", program])

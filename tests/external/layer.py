@@ -7,6 +7,8 @@ import numpy as np
 
 from simulator_interface.clients.mrta_stack import serve_layer
 
+HELD: list[bytes] = []
+
 
 def allocate(message: dict) -> dict:
     """As the shipped `in_turn`: task k to robot k modulo their number."""
@@ -28,6 +30,9 @@ def answer(message: dict) -> dict:
             time.sleep(1e6)
         case "raises":
             raise RuntimeError("a bug of the layer's")
+        case "hoards":
+            HELD.append(b"x" * (400 << 20))
+            time.sleep(1e6)
         case "twice":
             return {"routes": [[[0, "pickup"], [0, "pickup"]] for _ in message["robots"]]}
     match message["type"]:

@@ -105,7 +105,7 @@ def test_a_flood_of_output_is_cut_and_its_end_is_kept(hall):
     assert all(len(line) <= 300 for line in evidence["frames"])
 
 
-@pytest.mark.parametrize("how", ["eats", "child eats"])
+@pytest.mark.parametrize("how", ["eats", "hoards", "child eats"])
 def test_too_much_memory_is_seen_within_a_second(hall, how):
     limits = StackLimits(memory=0.3)
     with at_post(Post(limits=limits)):
@@ -113,13 +113,13 @@ def test_too_much_memory_is_seen_within_a_second(hall, how):
     (verdict,) = outcome.verdicts
     assert verdict.evidence["kind"] == "memory"
     assert verdict.evidence["message"] == "the stack took up more than 0.3 GiB of memory"
-    assert AT < verdict.evidence["tick"] <= AT + 20
+    assert AT <= verdict.evidence["tick"] <= AT + 20
 
 
 @pytest.mark.parametrize(
     ("how", "message"),
     [
-        ("refuses", "ended with exit code 1 before it was ready; it printed last: no world like"),
+        ("refuses", "ended by exit code 1 before it was ready; it printed last: no world like"),
         ("asks", r"start is \[0.0, nan\]; it must be two finite numbers"),
         ("silent", r"was not ready within 1 s \(stack.start_limit\)"),
         ("old", "`ready`: protocol speaks version 9; this harness speaks 1"),

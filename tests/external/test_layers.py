@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
+from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import Outcome, simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,13 +48,15 @@ def test_layers_outside_give_the_run_that_they_give_inside():
 @pytest.mark.parametrize(
     ("how", "kind", "message"),
     [
-        ("raises", "crash", "the allocator ended with exit code 1"),
+        ("raises", "crash", "the allocator ended by exit code 1"),
         ("twice", "answer", "routes has [0, 'pickup']: no open task, or named twice"),
-        ("hangs", "hang", "the allocator did not answer within 0.5 s"),
+        ("hangs", "hang", "the allocator did not answer within 2 s"),
+        ("hoards", "memory", "the allocator took up more than 0.3 GiB of memory"),
     ],
 )
 def test_what_a_layer_does_wrong_is_a_verdict_that_names_it(how, kind, message):
-    outcome = run(f"allocator={outside(how)}", "allocator.tick_limit=0.5")
+    with at_post(Post(limits=StackLimits(memory=0.3))):
+        outcome = run(f"allocator={outside(how)}", "allocator.tick_limit=2")
     (verdict,) = outcome.verdicts
     assert verdict.evidence["kind"] == kind
     assert verdict.evidence["layer"] == "allocator"
