@@ -1,0 +1,1 @@
+"""Stacks of others: what they speak, and what takes the place of their middleware."""
