@@ -1,1 +1,1 @@
-"""A stand-in for rclpy: a user's ROS 2 nodes in one process, on simulated time, in a fixed order."""
+"""A stand-in for rclpy: a user's ROS 2 nodes in one process, on simulated time."""

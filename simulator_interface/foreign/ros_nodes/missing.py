@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Collection
 from types import ModuleType
 from typing import Any
 
@@ -30,13 +32,21 @@ KNOWN_NODE_NAMES = frozenset(
 )
 
 
-def refusing(name: str, members: dict[str, Any]) -> ModuleType:
-    """Make a module that says so when it is asked for something else."""
+def refusing(name: str, members: dict[str, Any], known: Collection[str] = ()) -> ModuleType:
+    """Make a module that says so when it is asked for something else.
+
+    Args:
+        name: of the module.
+        members: that it has.
+        known: full names of modules that can be imported, those under it among them.
+    """
     module = ModuleType(name)
     vars(module).update(members)
     module.__path__ = []  # a package: what is under it is refused by name as well
 
     def missing(member: str) -> Any:
+        if f"{name}.{member}" in known:
+            return importlib.import_module(f"{name}.{member}")
         if member.startswith("__"):
             raise AttributeError(member)
         raise AttributeError(f"the stand-in for ROS 2 has no {name}.{member}")

@@ -119,11 +119,11 @@ class StandIns(Loader):
         """
         name = spec.name
         if name in MODULES:
-            return refusing(name, _members(name))
+            return refusing(name, _members(name), MODULES)
         top, _, rest = name.partition(".")
         if top in MODULES:
             raise ImportError(f"the stand-in for ROS 2 has no module {name}", name=name)
-        return interface_module(top, rest) if rest else refusing(name, {})
+        return interface_module(top, rest) if rest else refusing(name, {}, ())
 
     def exec_module(self, module: ModuleType) -> None:
         """Do nothing more."""

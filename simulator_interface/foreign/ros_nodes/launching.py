@@ -1,0 +1,107 @@
+"""What a launch file says: the programs of a stack, for each robot, and its topics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.errors import ConfigError
+from simulator_interface.foreign.robot_topics import ROBOT, Topics
+from simulator_interface.foreign.ros_nodes.programs import Launch
+
+ROBOTS, OTHERS = "{robots}", "{others}"  # stand for the names of all robots, or of all others
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """A program as the file describes it; ``{robot}`` in any text: one program for each robot."""
+
+    name: str
+    target: str  #: ``module:function``
+    arguments: tuple[str, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
+    namespace: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaunchFile:
+    """The whole file."""
+
+    name: str = "nodes"  #: of the stack, for reports
+    folders: tuple[str, ...] = (".",)  #: the user's modules are under, relative to the file
+    interfaces: tuple[str, ...] = ()  #: with .msg, .srv and .action files, relative to the file
+    programs: tuple[Program, ...] = ()
+    topics: Topics = field(default_factory=Topics)
+
+
+def read_launch(path: Path) -> LaunchFile:
+    """Read a launch file.
+
+    Raises:
+        ConfigError: it cannot be read, or says what is not known.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = yaml.safe_load(text)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
+    launch = codec.decode(LaunchFile, content or {}, where=str(path))
+    if not launch.programs:
+        raise ConfigError(
+            f"{path}: programs is empty; each has a name and a target MODULE:FUNCTION"
+        )
+    for program in launch.programs:
+        if program.target.count(":") != 1:
+            raise ConfigError(
+                f"{path}: programs: {program.name}: target is {program.target!r}; it must be "
+                "MODULE:FUNCTION"
+            )
+    return launch
+
+
+def launches_of(programs: Sequence[Program], robots: Sequence[str]) -> list[Launch]:
+    """Give the programs to start, one for each robot where ``{robot}`` stands in it.
+
+    Raises:
+        ConfigError: two have one name.
+    """
+    made = [
+        _launch(program, robot, robots)
+        for program in programs
+        for robot in (robots if ROBOT in repr(program) else [""])
+    ]
+    names = [launch.name for launch in made]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"programs: {names.count(name)} are named {name!r}")
+    return made
+
+
+def _launch(program: Program, robot: str, robots: Sequence[str]) -> Launch:
+    def filled(value: Any) -> Any:
+        if value == ROBOTS:
+            return list(robots)
+        if value == OTHERS:
+            return [name for name in robots if name != robot]
+        if isinstance(value, str):
+            return value.replace(ROBOT, robot)
+        if isinstance(value, Mapping):
+            return {filled(key): filled(item) for key, item in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [filled(item) for item in value]
+        return value
+
+    return Launch(
+        name=filled(program.name),
+        target=program.target,
+        arguments=tuple(filled(program.arguments)),
+        parameters=filled(program.parameters),
+        remappings=filled(program.remappings),
+        namespace=filled(program.namespace),
+    )

@@ -1,0 +1,183 @@
+"""A stack of the user's nodes: asked a tick, it runs them up to then and gives their commands."""
+
+from __future__ import annotations
+
+import random
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simulator_interface.foreign.interfaces import read_interfaces
+from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Said, Topic
+from simulator_interface.foreign.ros_nodes import here, navigator
+from simulator_interface.foreign.ros_nodes.fibres import NS, Timeline
+from simulator_interface.foreign.ros_nodes.private_modules import PrivateModules
+from simulator_interface.foreign.ros_nodes.programs import Launch, RunningProgram, start_all
+from simulator_interface.foreign.ros_nodes.quality import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from simulator_interface.foreign.ros_nodes.ros_graph import Graph, Publisher, Subscription
+from simulator_interface.foreign.ros_nodes.ros_messages import DEFINITIONS, message_class
+from simulator_interface.foreign.ros_nodes.schedule import Schedule, read_dials
+from simulator_interface.foreign.ros_nodes.stand_ins import StandIns
+from simulator_interface.foreign.ros_nodes.threads import threading_module, time_module
+
+START = 1.0  # s that ROS time is ahead: nodes take 0 for "no clock yet"
+
+
+class ProgramDied(Exception):  # noqa: N818 - says what became of a program
+    """A program of the stack has ended by an error; the text has its traceback."""
+
+
+class NodeGraph:
+    """Programs of nodes on simulated time, and the harness's ends of their topics.
+
+    Args:
+        world: message of the door.
+        launches: the programs.
+        folders: the user's modules are under.
+        interfaces: folders with the user's .msg, .srv and .action files.
+
+    Raises:
+        UnknownDial: the parameters of the stack name a dial that there is not.
+    """
+
+    def __init__(
+        self,
+        world: Mapping[str, Any],
+        launches: Sequence[Launch],
+        *,
+        folders: Sequence[str],
+        interfaces: Sequence[str] = (),
+    ) -> None:
+        names = [launch.name for launch in launches]
+        dials = read_dials(world["params"], world["seed"], names)
+        schedule = Schedule(dials)
+        self.timeline = Timeline(schedule.order)
+        self.timeline.run_until(round(START * NS))
+        self.graph = Graph(self.timeline, schedule)
+        here.enter(self.graph)
+        still_chance(dials.seed)
+        for folder in interfaces:
+            DEFINITIONS.add(read_interfaces(Path(folder)))
+        replaced = {"time": time_module(), "threading": threading_module()}
+        modules = PrivateModules(folders, replaced)
+        sys.meta_path[:0] = [modules, StandIns()]
+        self.programs = start_all(launches, self.timeline, modules, schedule.phases(names))
+        self._told: set[str] = set()
+
+    def publisher(self, kind: str, topic: str, qos: Qos | None = None) -> Publisher:
+        """Publish to nodes, messages of the type ``kind``."""
+        return Publisher(self.graph, message_class(kind), topic, _profile(qos))
+
+    def listen(
+        self, kind: str, topic: str, hear: Callable[[Any], object], qos: Qos | None = None
+    ) -> None:
+        """Have ``hear`` called with each message of a topic, when it arrives."""
+
+        def take() -> None:
+            while subscription.is_ready():
+                subscription.take()()
+
+        subscription = Subscription(
+            self.graph, message_class(kind), topic, hear, _profile(qos), notify=take
+        )
+
+    def advance(self, time: float) -> None:
+        """Run the programs up to ``time`` [s] of the world.
+
+        Raises:
+            ProgramDied: one of them has.
+        """
+        self.timeline.run_until(round((START + time) * NS))
+        for program in self.programs:
+            if program.is_dead and program.launch.name not in self._told:
+                self._told.add(program.launch.name)
+                raise ProgramDied(f"program {program.launch.name} died:\n{program.error}")
+
+    def program(self, name: str) -> RunningProgram:
+        """Give a program by its name."""
+        return next(program for program in self.programs if program.launch.name == name)
+
+
+class NodeStack:
+    """A stack of nodes with the usual topics, for :func:`mrta_stack.serve`.
+
+    Args:
+        graph: its nodes.
+        robot_topics: what is told and heard.
+        harness: plans for the nodes.
+    """
+
+    def __init__(self, graph: NodeGraph, robot_topics: RobotTopics, harness: Any) -> None:
+        self._graph, self._topics = graph, robot_topics
+        navigator.BasicNavigator.planner = staticmethod(harness.plan)
+        count = len(robot_topics.robots)
+        self._twist = np.zeros((count, 3))
+        self._goal = np.full((count, 2), np.nan)
+        self._paths: dict[int, np.ndarray] = {}
+        self._events: list[dict[str, Any]] = []
+        self._publishers = {
+            topic: graph.publisher(topic.type, topic.name, topic.qos)
+            for topic in robot_topics.published
+        }
+        for topic in robot_topics.heard:
+            graph.listen(topic.type, topic.name, self._hearing(topic), topic.qos)
+        self._publish(robot_topics.at_start())
+
+    def step(self, tick: dict[str, Any]) -> dict[str, Any]:
+        """Answer a tick."""
+        self._publish(self._topics.at_tick(tick))
+        self._graph.advance(tick["time"])
+        answer: dict[str, Any] = {"twist": self._twist, "goal": self._goal, "events": self._events}
+        answer["paths"] = [[robot, path] for robot, path in sorted(self._paths.items())]
+        self._paths, self._events = {}, []
+        return answer
+
+    def _publish(self, messages: Sequence[tuple[Topic, Any]]) -> None:
+        for topic, message in messages:
+            self._publishers[topic].publish(message)
+
+    def _hearing(self, topic: Topic) -> Callable[[Any], None]:
+        def hear(message: Any) -> None:
+            said: Said = self._topics.read(topic, message)
+            if said.twist is not None:
+                self._twist[topic.robot] = said.twist
+            if said.goal is not None:
+                self._goal[topic.robot] = said.goal
+            if said.path is not None:
+                self._paths[topic.robot] = said.path
+            if said.event is not None:
+                self._events.append(said.event)
+
+        return hear
+
+
+def still_chance(seed: int) -> None:
+    """Seed all generators of this process, those that ask for no seed among them."""
+    random.seed(seed)
+    np.random.seed(seed % 2**32)  # noqa: NPY002 - the user's code may draw from it
+    seeded = np.random.default_rng
+    drawn = iter(range(sys.maxsize))
+
+    def default_rng(own: Any = None) -> np.random.Generator:
+        return seeded([seed, next(drawn)] if own is None else own)
+
+    np.random.default_rng = default_rng  # type: ignore[assignment]
+
+
+def _profile(qos: Qos | None) -> QoSProfile:
+    if qos is None:
+        return QoSProfile()
+    durable, fleeting = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+    sure, quick = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+    return QoSProfile(
+        depth=qos.depth,
+        reliability=sure if qos.is_reliable else quick,
+        durability=durable if qos.is_transient_local else fleeting,
+    )
