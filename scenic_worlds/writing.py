@@ -186,6 +186,11 @@ def _params(world: World) -> Iterator[str]:
     if world.ray_noise:
         yield f"param ray_noise = {number_text(world.ray_noise)}"
     yield f"param noise_seed = {world.seed}"
+    if world.stack_params:
+        pairs = (
+            f"({name!r}, {number_text(number)})" for name, number in world.stack_params.items()
+        )
+        yield f"param stack_params = [{', '.join(pairs)}]"
 
 
 def _tasks(tasks: Iterable[Task]) -> str:

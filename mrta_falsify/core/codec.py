@@ -90,8 +90,11 @@ def quantity(
 def later(default: Any) -> Any:
     """Declare a field that joined a schema later: while it has its default it is not written.
 
-    Files and digests of values that do not use it stay as they were.
+    Files and digests of values that do not use it stay as they were. ``dict`` stands for an empty
+    one.
     """
+    if default is dict:
+        return dataclasses.field(default_factory=dict, metadata={"later": True})
     return dataclasses.field(default=default, metadata={"later": True})
 
 
@@ -119,7 +122,11 @@ def encode(value: Any) -> Any:
 
 
 def _is_left_out(field: dataclasses.Field[Any], item: Any) -> bool:
-    return "later" in field.metadata and bool(item == field.default)
+    if "later" not in field.metadata:
+        return False
+    if field.default_factory is not dataclasses.MISSING:
+        return not item
+    return bool(item == field.default)
 
 
 def canonical_json(value: Any) -> str:

@@ -36,6 +36,7 @@ class ExternalStack:
     start_limit: float = quantity(above=0.0, unit="s", default=60.0)  #: until it is ready
     #: simulated time that each answer is held back, on top of what the stack says that it took
     delay: float = quantity(low=0.0, unit="s", default=0.0, came_later=True)
+    tasks_ahead: bool = later(False)  #: it is told all tasks at the start, as some read from a file
 
     def __post_init__(self) -> None:
         if self.connect and self.command:

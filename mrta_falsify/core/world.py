@@ -220,6 +220,8 @@ class World:
     ray_noise: float = quantity(low=0.0, unit="m", default=0.0)  #: std of obstacle distances
     seed: int = quantity(low=0, default=0)  #: of all noise inside the episode
     scripted: str = later("")  #: what of its Scenic program it cannot do without, empty: nothing
+    #: parameters of a foreign stack by name, over those of its file; the shipped stack has none
+    stack_params: dict[str, float] = later(dict)
 
     def digest(self) -> str:
         """Compute the sha256 of the canonical JSON; kept for the last few worlds."""

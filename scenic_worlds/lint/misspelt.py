@@ -28,6 +28,7 @@ WORLD_PARAMS = (
     "noise_seed",
     "late_people",
     "restrict",
+    "stack_params",
 )
 #: global parameters that `scenic -S` reads, to run a scene
 RUN_PARAMS = ("stack", "settings", "engine", "specs", "seed", "output")

@@ -80,6 +80,8 @@ def roots_of(scenario: Scenario) -> tuple[Root, ...]:
     roots = objects + [Root(f"point_{i + 1}", item) for i, item in enumerate(others)]
     for name, value in scenario.params.items():
         if isinstance(value, Samplable):
+            if name == "stack_params":
+                roots.extend(_stack_params(value))
             roots.append(Root("tasks" if name == "tasks" else f"param {name}", value))
     for name, value in _requirement_values(scenario):
         roots.append(Root(name, value))
@@ -131,6 +133,15 @@ def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
         name = entry.name if times == 1 else f"{entry.name}#{times}"
         unique.append(Found(name, entry.value, entry.is_choice))
     return tuple(unique)
+
+
+def _stack_params(value: Samplable) -> Iterator[Root]:
+    """Give the random ones among pairs ``(name, number)`` under the names that the stack knows."""
+    for pair in value.coordinates if isinstance(value, TupleDistribution) else ():
+        if isinstance(pair, TupleDistribution) and len(pair.coordinates) == 2:
+            name, number = pair.coordinates
+            if isinstance(name, str) and isinstance(number, Samplable):
+                yield Root(f"stack {name}", number)
 
 
 # --- what values are made of -----------------------------------------------------------------

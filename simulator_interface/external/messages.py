@@ -51,16 +51,29 @@ def hello(version: str) -> Message:
     }
 
 
-def world_message(world: World, dt: float, costmap: Costmap, params: Mapping[str, Any]) -> Message:
-    """Tell all that a stack may know before the start: no task, no event, no person's route.
+def world_message(
+    world: World,
+    dt: float,
+    costmap: Costmap,
+    params: Mapping[str, Any],
+    *,
+    tasks_ahead: bool = False,
+) -> Message:
+    """Tell all that a stack may know before the start: no event, no person's route.
 
     Args:
         world: of the episode.
         dt: control period [s].
         costmap: of the building at time 0.
         params: that the user gave for the stack.
+        tasks_ahead: whether all tasks are told, with their arrival.
     """
+    told = [
+        {**task_message(number, task), "arrival": task.arrival}
+        for number, task in enumerate(world.tasks)
+    ]
     return {
+        **({"tasks": told} if tasks_ahead else {}),
         "type": "world",
         "name": world.name,
         "seed": world.seed,

@@ -95,8 +95,13 @@ class ProcessStack:
         self.signals: Mapping[str, float] = {}  #: of the last tick
         self.talk: Talk
         if told is None:
-            costmap, params = costmaps.costmap(0.0, NO_POINTS), config.stack.params
-            message = world_message(world, 1.0 / config.control_rate, costmap, params)
+            message = world_message(
+                world,
+                1.0 / config.control_rate,
+                costmaps.costmap(0.0, NO_POINTS),
+                {**config.stack.params, **world.stack_params},
+                tasks_ahead=config.stack.tasks_ahead,
+            )
             self.talk = Conversation(config.stack, message, Services(world, config, costmaps))
         else:
             self.talk = ToldTalk(told)

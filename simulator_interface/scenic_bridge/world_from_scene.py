@@ -100,6 +100,7 @@ def world_from_scene(scene: Scene, *, name: str, seed: int) -> World:
         horizon=read_number(params["horizon"], "param horizon"),
         ray_noise=read_number(params.get("ray_noise", 0.0), "param ray_noise"),
         seed=read_seed(params.get("noise_seed"), seed),
+        stack_params=_stack_params(params.get("stack_params", ())),
     )
     _check_blocked_starts(world)
     check_waiting_spots(world, places.layout)
@@ -112,6 +113,17 @@ def _tasks(scene: Scene) -> tuple[Task, ...]:
     names = names_in_world(objects)
     absent = {names[id(item)] for item in objects if item.kind == "robot" and not item.active}
     return read_tasks(scene.params["tasks"], places_of_scene(scene), names, absent)
+
+
+def _stack_params(given: Any) -> dict[str, float]:
+    """Read pairs of names and numbers; a list, since Scenic does not sample what is in a dict."""
+    what = "param stack_params"
+    is_list = isinstance(given, (list, tuple))
+    if not is_list or not all(isinstance(pair, (list, tuple)) and len(pair) == 2 for pair in given):
+        raise WorldError(f"{what} is {given!r}; it must be a list of pairs (name, number)")
+    if not all(isinstance(name, str) for name, _ in given):
+        raise WorldError(f"{what} is {given!r}; each name must be a text")
+    return {name: read_number(value, f"{what}: {name}") for name, value in given}
 
 
 def is_composed(scene: Scene) -> bool:

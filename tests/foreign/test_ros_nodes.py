@@ -37,7 +37,9 @@ def _own_import_system(monkeypatch):
 
 def graph(*targets: str | Launch, seed: int = 0, **params) -> NodeGraph:
     launches = [
-        target if isinstance(target, Launch) else Launch(name=target, target=f"feature_nodes:{target}")
+        target
+        if isinstance(target, Launch)
+        else Launch(name=target, target=f"feature_nodes:{target}")
         for target in targets
     ]
     world = {"seed": seed, "params": {"phases": 0.0, **params}}

@@ -193,6 +193,39 @@ param tasks = [(0, 1, 2, 300)]
     assert 20 <= upper <= 39  # three quarters of 40, four standard deviations either way
 
 
+def test_parameters_of_a_foreign_stack_are_dimensions_under_its_names(tmp_path):
+    from scenic_worlds.program import compile_program
+
+    text = """
+model scenic_worlds.model
+new Robot with start_room 0
+param tasks = [(0, 1, 2, 300)]
+param stack_params = [('gain', 2), ('latency', Range(0, 0.01)), ('schedule', DiscreteRange(3, 4))]
+"""
+    program = compile_program(written(text, tmp_path))
+    assert {d.name: d.kind for d in program.space.dimensions} == {
+        "stack latency": "range", "stack schedule": "integer",
+    }  # fmt: skip
+    world = program.sample(1)
+    assert world.stack_params["gain"] == 2
+    assert 0 <= world.stack_params["latency"] <= 0.01
+    assert world.stack_params["schedule"] in (3, 4)
+
+
+@pytest.mark.parametrize("given", ["{'gain': 2}", "[('gain', 'high')]", "[(1, 2)]", "3"])
+def test_parameters_of_a_foreign_stack_are_pairs_of_a_name_and_a_number(given, tmp_path):
+    from scenic_worlds.program import compile_program
+
+    text = f"""
+model scenic_worlds.model
+new Robot with start_room 0
+param tasks = [(0, 1, 2, 300)]
+param stack_params = {given}
+"""
+    with pytest.raises(InputError, match="param stack_params"):
+        compile_program(written(text, tmp_path)).sample(0)
+
+
 # --- what is refused ----------------------------------------------------------------------------
 
 

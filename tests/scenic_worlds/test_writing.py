@@ -127,6 +127,7 @@ def busy_hall(hall):
         ),
         ray_noise=0.01,
         seed=12345678901234567,
+        stack_params={"latency_most": 0.005, "phase.cbf_robot1": 0.01},
     )  # fmt: skip
 
 
