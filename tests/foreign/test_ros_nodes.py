@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import random
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rosbags")
@@ -12,6 +14,7 @@ pytest.importorskip("greenlet")
 
 from simulator_interface.foreign.ros_nodes.node_stack import NodeGraph, ProgramDied
 from simulator_interface.foreign.ros_nodes.programs import Launch
+from simulator_interface.foreign.ros_nodes.schedule import WIDEST_PHASE
 
 FOLDER = Path(__file__).with_name("ros_workspace")
 
@@ -19,11 +22,7 @@ FOLDER = Path(__file__).with_name("ros_workspace")
 @pytest.fixture(autouse=True)
 def _own_import_system(monkeypatch):
     """Leave what a graph installs in this process behind."""
-    import random
-
-    import numpy as np
-
-    state, old_state = random.getstate(), np.random.get_state()
+    state, legacy = random.getstate(), np.random.get_state()  # noqa: NPY002
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
     monkeypatch.setattr(sys, "argv", list(sys.argv))
     monkeypatch.setattr(np.random, "default_rng", np.random.default_rng)
@@ -32,17 +31,19 @@ def _own_import_system(monkeypatch):
     for name in set(sys.modules) - known:
         del sys.modules[name]
     random.setstate(state)
-    np.random.set_state(old_state)
+    np.random.set_state(legacy)  # noqa: NPY002
 
 
 def graph(*targets: str | Launch, seed: int = 0, **params) -> NodeGraph:
+    """Make a graph whose programs all start at 1 s, unless ``params`` say otherwise."""
     launches = [
-        target
-        if isinstance(target, Launch)
-        else Launch(name=target, target=f"feature_nodes:{target}")
+        Launch(name=target, target=f"feature_nodes:{target}") if isinstance(target, str) else target
         for target in targets
     ]
-    world = {"seed": seed, "params": {"phases": 0.0, **params}}
+    if "phases" not in params:
+        at_once = {f"phase.{launch.name}": WIDEST_PHASE for launch in launches}
+        params = {**at_once, **params}
+    world = {"seed": seed, "params": params}
     return NodeGraph(world, launches, folders=[str(FOLDER)])
 
 
@@ -178,5 +179,5 @@ def test_the_schedule_comes_from_the_seed_and_the_dials():
 
     assert heard(phases=0.05, seed=1) == heard(phases=0.05, seed=1)
     assert heard(phases=0.05, seed=1) != heard(phases=0.05, seed=2)
-    assert heard(**{"phase.ticker": 0.02})[0] == "heard 1 at 1120000000"
+    assert heard(**{"phase.ticker": 0.02})[0] == "heard 1 at 1070000000"
     assert heard(latency_most=0.4, schedule=3) == heard(latency_most=0.4, schedule=3)

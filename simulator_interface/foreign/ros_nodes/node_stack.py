@@ -6,6 +6,7 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from simulator_interface.foreign.ros_nodes.quality import (
 )
 from simulator_interface.foreign.ros_nodes.ros_graph import Graph, Publisher, Subscription
 from simulator_interface.foreign.ros_nodes.ros_messages import DEFINITIONS, message_class
-from simulator_interface.foreign.ros_nodes.schedule import Schedule, read_dials
+from simulator_interface.foreign.ros_nodes.schedule import WIDEST_PHASE, Schedule, read_dials
 from simulator_interface.foreign.ros_nodes.stand_ins import StandIns
 from simulator_interface.foreign.ros_nodes.threads import threading_module, time_module
 
@@ -42,6 +43,7 @@ class NodeGraph:
         launches: the programs.
         folders: the user's modules are under.
         interfaces: folders with the user's .msg, .srv and .action files.
+        patches: called with modules of the user's, by name, once they are loaded.
 
     Raises:
         UnknownDial: the parameters of the stack name a dial that there is not.
@@ -54,19 +56,20 @@ class NodeGraph:
         *,
         folders: Sequence[str],
         interfaces: Sequence[str] = (),
+        patches: Mapping[str, Callable[[ModuleType], object]] | None = None,
     ) -> None:
         names = [launch.name for launch in launches]
         dials = read_dials(world["params"], world["seed"], names)
         schedule = Schedule(dials)
         self.timeline = Timeline(schedule.order)
-        self.timeline.run_until(round(START * NS))
+        self.timeline.run_until(round((START - WIDEST_PHASE) * NS))
         self.graph = Graph(self.timeline, schedule)
         here.enter(self.graph)
         still_chance(dials.seed)
         for folder in interfaces:
             DEFINITIONS.add(read_interfaces(Path(folder)))
         replaced = {"time": time_module(), "threading": threading_module()}
-        modules = PrivateModules(folders, replaced)
+        modules = PrivateModules(folders, replaced, patches or {})
         sys.meta_path[:0] = [modules, StandIns()]
         self.programs = start_all(launches, self.timeline, modules, schedule.phases(names))
         self._told: set[str] = set()

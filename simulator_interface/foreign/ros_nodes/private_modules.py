@@ -10,7 +10,7 @@ import builtins
 import importlib.machinery
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 from typing import Any
@@ -22,12 +22,19 @@ class PrivateModules:
     Args:
         folders: the user's modules are under.
         replaced: modules that they see in place of others, by name.
+        patches: called with modules of the user's, by name, once they are loaded.
     """
 
-    def __init__(self, folders: Sequence[str], replaced: Mapping[str, ModuleType]) -> None:
+    def __init__(
+        self,
+        folders: Sequence[str],
+        replaced: Mapping[str, ModuleType],
+        patches: Mapping[str, Callable[[ModuleType], object]],
+    ) -> None:
         self.owned: dict[str, ModuleType] = {}  #: of the program that runs
         self._folders = [os.path.realpath(folder) for folder in folders]
         self._replaced = replaced
+        self.patches = patches
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -78,6 +85,9 @@ class _Loader(SourceFileLoader):
         self._modules.note(module.__name__, module)
         vars(module)["__builtins__"] = self._modules.builtins()
         super().exec_module(module)
+        patch = self._modules.patches.get(module.__name__)
+        if patch is not None:
+            patch(module)
 
 
 def install(finder: PrivateModules | importlib.machinery.PathFinder | Any) -> None:

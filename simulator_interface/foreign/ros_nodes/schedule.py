@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+WIDEST_PHASE = 0.05  # s, a period of the usual control loop
 PHASE = "phase"  # dial of a program's start: `phase.NAME` [s]
 
 
@@ -34,7 +35,7 @@ class Dials:
     latency: tuple[float, float] = (0.0, 0.0)
     shuffles: bool = False
     phases: Mapping[str, float] | None = None
-    widest_phase: float = 0.05
+    widest_phase: float = WIDEST_PHASE
 
 
 class Schedule:
@@ -88,5 +89,5 @@ def read_dials(params: Mapping[str, Any], seed: int, programs: Sequence[str]) ->
         latency=(least, max(least, float(params.get("latency_most", least)))),
         shuffles=bool(params.get("order", 0)),
         phases=phases,
-        widest_phase=float(params.get("phases", 0.05)),
+        widest_phase=float(params.get("phases", WIDEST_PHASE)),
     )
