@@ -42,7 +42,9 @@ def run_bridge(settings: BridgeSettings) -> None:
                 env = environment(reserved.number)
                 nodes = Nodes(settings.commands, env, reserved.hold)
                 open_things.callback(nodes.end)
-                return Bridge(settings, world, reserved.number, nodes)
+                bridge = Bridge(settings, world, reserved.number, nodes)
+            open_things.callback(bridge.close)
+            return bridge
 
         serve(begin, name=NAME, says=settings.says, can=(), coupling=settings.coupling)
 
@@ -95,6 +97,10 @@ class Bridge:
         if self._settings.drives == "harness":
             return {**answer, "follow": list(range(len(self._topics.robots)))}
         return {**answer, "twist": self._heard.twist(self._settings.stale_after)}
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._link.close()
 
     def _find_nodes(self) -> None:
         """Wait until those are there whom a run needs, and nobody else has come for a while."""

@@ -53,7 +53,7 @@ def read_settings(path: Path) -> BridgeSettings:
     """Read a YAML file.
 
     Raises:
-        ConfigError: a field is unknown or wrong.
-        FormatError: the file is none.
+        InputError: the file cannot be read, or a field is unknown or wrong.
     """
-    return codec.decode(BridgeSettings, codec.read_yaml(path) or {}, where=str(path))
+    data = codec.read_yaml(path)
+    return codec.decode(BridgeSettings, {} if data is None else data, where=str(path))

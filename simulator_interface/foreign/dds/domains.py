@@ -23,6 +23,8 @@ LOOPBACK = f"""<CycloneDDS><Domain id="any">
 <Peers><Peer Address="127.0.0.1"/></Peers>
 </Discovery>
 </Domain></CycloneDDS>"""
+#: the bridge's own: who starts later than it, and listens to unicast only, hears of it soon
+ANNOUNCING = LOOPBACK.replace("</Discovery>", "<SPDPInterval>1s</SPDPInterval></Discovery>")
 
 
 class ReservedDomain:

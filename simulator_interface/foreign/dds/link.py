@@ -17,7 +17,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic as DdsTopic
 
-from simulator_interface.foreign.dds.domains import LOOPBACK
+from simulator_interface.foreign.dds.domains import ANNOUNCING
 from simulator_interface.foreign.dds.wire_types import WireTypes
 from simulator_interface.foreign.robot_topics import NANO, Topic
 
@@ -38,7 +38,7 @@ class Link:
 
     def __init__(self, domain: int, types: WireTypes) -> None:
         self._types = types
-        self._domain = Domain(domain, LOOPBACK)
+        self._domain = Domain(domain, ANNOUNCING)
         self._participant = DomainParticipant(domain)
         self._waiting = WaitSet(self._participant)
         self._writers: dict[str, DataWriter] = {}
@@ -103,6 +103,15 @@ class Link:
     def matches(self) -> tuple[int, ...]:
         """Count the other ends of all topics; it changes while participants find each other."""
         return (*map(self.listeners, self._writers), *map(self.publishers, self._readers))
+
+    def close(self) -> None:
+        """Leave the domain; nothing may be asked afterwards."""
+        # Entities go with the last reference to them, children before what they belong to.
+        del self._waiting
+        self._writers.clear()
+        self._readers.clear()
+        del self._participant
+        del self._domain
 
     def _dds_topic(self, topic: Topic, qos: Qos) -> DdsTopic:
         return DdsTopic(self._participant, f"rt{topic.name}", self._types.type_of(topic.type), qos)
