@@ -18,6 +18,7 @@ pytest.importorskip("rosbags")
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, InputError
 from mrta_falsify.core.external import ExternalStack
+from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings, read_settings
 from simulator_interface.foreign.dds.domains import ReservedDomain
@@ -77,6 +78,22 @@ def test_nodes_drive_a_robot_in_each_coupling_and_the_run_says_which(coupling, t
 def test_stepped_runs_are_equal(tmp_path):
     config = bridge(tmp_path, commands=nodes("stepped"))
     assert run(config).trace.digest == run(config).trace.digest
+
+
+@pytest.mark.slow
+def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tmp_path):
+    config = bridge(
+        tmp_path,
+        commands=[[sys.executable, "-m", "tests.foreign.dds.fetching_node"]],
+        drives="harness",
+        says=["deliveries", "goals"],
+    )
+    world = dataclasses.replace(lane_world(head_on=False, followers=1), horizon=90.0)
+    judges = build_specifications(["all_tasks_done", "no_deadlock"])
+    outcome = simulate(world, config, specifications=judges)
+    assert outcome.ended == "all-tasks-done"
+    assert outcome.tasks.completed == outcome.tasks.total == 2
+    assert not any(verdict.not_judged or verdict.violated for verdict in outcome.verdicts)
 
 
 @pytest.mark.slow
