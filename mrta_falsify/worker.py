@@ -204,6 +204,7 @@ class TrialRunner:
             trace_digest=outcome.trace.digest,
             engine=engine,
             ended=outcome.ended,
+            coupling=outcome.coupling,
             sim_time=outcome.sim_time,
             wall_s=time.perf_counter() - began,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.verdict import Verdict
 
 #: what a layer, or the stack, did, by the kind of its failure
@@ -15,6 +16,18 @@ DID = {
 NOISE = (
     "Usual sources: threads, clocks, random numbers without a seed, the order of sets (hash seeds)."
 )
+_OTHERWISE = "the same run again may go otherwise"
+#: what each coupling of a stack to simulated time means
+COUPLED: dict[Coupling, str] = {
+    "stepped": "stepped: it answered when all of a tick's work was done",
+    "awaited": f"awaited: it waited for its parts, up to a limit; {_OTHERWISE}",
+    "paced": f"paced: its parts ran by the clock on the wall; {_OTHERWISE}",
+}
+
+
+def coupling_facts(coupling: Coupling | None) -> tuple[tuple[str, str], ...]:
+    """Say how tightly a stack in a process of its own was coupled; nothing of the shipped one."""
+    return (("coupling", COUPLED[coupling]),) if coupling is not None else ()
 
 
 def stack_failure_sentence(verdict: Verdict) -> str:

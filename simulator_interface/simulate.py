@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
@@ -60,6 +61,7 @@ class Outcome:
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
     told: Told | None = None  #: what a stack in a process of its own has said, if it is kept
+    coupling: Coupling | None = None  #: of such a stack to simulated time
 
 
 def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
@@ -249,7 +251,7 @@ class EpisodeRun:
 
     def outcome(self) -> Outcome:
         """Sum up the run; call it once, at its end."""
-        books = self.episode.books
+        books, outside = self.episode.books, self.episode.outside
         return Outcome(
             trace=self._recorder.finish(self.ended),
             verdicts=self._verdicts(),
@@ -260,6 +262,7 @@ class EpisodeRun:
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
             wall_s=wall_clock.perf_counter() - self._began,
             told=self._told(),
+            coupling=None if outside is None else outside.talk.ready.coupling,
         )
 
     def _told(self) -> Told | None:

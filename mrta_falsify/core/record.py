@@ -10,6 +10,7 @@ from typing import Literal
 
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
 
@@ -100,6 +101,7 @@ class TrialRecord:
     jittered: Jittered | None = None  #: of a failure, where the campaign asks for copies
     #: of a failure of a stack in a process of its own
     repeated: Repeats | None = later(None)
+    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
     scene_s: float = 0.0  #: measured time to sample the world [s]

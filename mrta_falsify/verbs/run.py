@@ -19,6 +19,7 @@ from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.record import versions
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
@@ -33,6 +34,7 @@ from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.worlds import FoundWorld, find_world_and_scene
 from reports.run_view import RunView
 from reports.sentences import violation_sentence
+from reports.stack_sentences import coupling_facts
 from simulator_interface import starts
 from simulator_interface.guard import guarded
 
@@ -175,6 +177,7 @@ class RunSummary:
     stack_digest: str = ""
     output: str = later("")  #: directory of the files, if any were written
     stack_failure: str = later("")  #: how the stack failed to answer, in words
+    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
 
 
 def summarise_run(
@@ -207,6 +210,7 @@ def summarise_run(
         seed=seed,
         stack_digest=(config or StackConfig()).digest(),
         output=str(output) if output is not None else "",
+        coupling=outcome.coupling,
         stack_failure=" ".join(
             violation_sentence(verdict)
             for verdict in outcome.verdicts
@@ -341,6 +345,7 @@ def view_of(outcome: Outcome, world: World, config: StackConfig) -> RunView:
         ("simulated", f"{outcome.sim_time:.1f} s, ended: {outcome.ended}"),
         *((done, finished) if tasks.told else (("tasks done", UNTOLD),)),
         ("contacts", ", ".join(touched) or "none"),
+        *coupling_facts(outcome.coupling),
         ("people", f"{len(world.humans)}"),
         ("seed", f"{world.seed}"),
         ("world digest", outcome.trace.world_digest[:12]),

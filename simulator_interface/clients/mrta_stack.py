@@ -33,7 +33,7 @@ from typing import Any, TypeVar
 import msgpack
 import numpy as np
 
-PROTOCOL = (1, 0)  #: major and minor version that this file speaks
+PROTOCOL = (1, 1)  #: major and minor version that this file speaks
 MOST_BYTES = 64 << 20  #: of one message
 _LENGTH = struct.Struct("<I")
 _T = TypeVar("_T")
@@ -178,6 +178,7 @@ def serve(
     version: str = "",
     says: tuple[str, ...] = (),
     can: tuple[str, ...] = ("branch",),
+    coupling: str = "",
     listen: str = "",
 ) -> None:
     """Answer the harness until it says bye.
@@ -188,6 +189,7 @@ def serve(
         version: of the stack.
         says: what it tells beside twists: ``deliveries``, ``goals``, ``paths``.
         can: ``branch`` if the process may be copied by fork, which threads do not survive.
+        coupling: ``awaited`` or ``paced`` if parts of it run by themselves; docs/door.md.
         listen: for ``--stack connect:ADDRESS``: a path for a Unix socket, or ``127.0.0.1:PORT``.
             The program then waits there for episodes, each in a process of its own, without end.
     """
@@ -199,7 +201,7 @@ def serve(
             if kind == "tick" and running is not None:
                 connection.send(msgpack.packb(running.answer(message)))
             elif kind == "hello":
-                connection.send(_ready(name, version, says, can))
+                connection.send(_ready(name, version, says, can, coupling))
             elif kind == "world":
                 running = _Running(stack, message, connection)
                 connection.send(msgpack.packb({"type": "ready"}))
@@ -302,8 +304,12 @@ def _accepted(address: str) -> Connection:
         link.close()
 
 
-def _ready(name: str, version: str, says: tuple[str, ...], can: tuple[str, ...]) -> bytes:
+def _ready(
+    name: str, version: str, says: tuple[str, ...], can: tuple[str, ...], coupling: str = ""
+) -> bytes:
     ready = {"type": "ready", "protocol": PROTOCOL, "encoding": "msgpack", "name": name}
+    if coupling:  # which harnesses of version 1.0 do not know
+        ready["coupling"] = coupling
     return json.dumps({**ready, "version": version, "says": says, "can": can}).encode()
 
 

@@ -11,16 +11,18 @@ import math
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Phase, StackEvent
 from simulator_interface.external.messages import PROTOCOL, Message
 
-READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can")
+READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can", "coupling")
 SAYS = ("deliveries", "goals", "paths")
 CAN = ("branch",)
 LONGEST_PATH = 100_000  # points
@@ -78,6 +80,7 @@ class Ready:
     says: tuple[str, ...]
     can: tuple[str, ...]
     minor: int  #: version of the protocol
+    coupling: Coupling = later("stepped")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,6 +122,7 @@ def read_ready(message: Message) -> Ready:
             says=_names("says", message.get("says", ()), SAYS),
             can=_names("can", message.get("can", ()), CAN),
             minor=minor,
+            coupling=_coupling(message.get("coupling", "stepped")),
         )
     except Wrong as wrong:
         raise ConfigError(f"{where}: {wrong}") from None
@@ -129,6 +133,14 @@ def _pair(value: Any) -> tuple[int, int]:
     if not is_pair or not all(isinstance(number, int) for number in value):
         raise Wrong("protocol", f"is {shown(value)}; it must be [major, minor]")
     return value[0], value[1]
+
+
+def _coupling(value: Any) -> Coupling:
+    known: tuple[Coupling, ...] = get_args(Coupling)
+    for name in known:
+        if value == name:
+            return name
+    raise Wrong("coupling", f"is {shown(value)}; it must be one of {', '.join(known)}")
 
 
 def _names(field: str, value: Any, known: tuple[str, ...]) -> tuple[str, ...]:

@@ -111,9 +111,9 @@ class Conversation:
         self._last = b""  # answer to a tick
         self._forks_compared = 0
         self._process: StackProcess | None = StackProcess(options)
-        self._exchanges = Exchanges(are_kept=self._may_replay())
         self._wire: Wire = self._process.wire
         self.ready = self._process.ready
+        self._exchanges = Exchanges(are_kept=self._may_replay())
         self._recorder = ToldRecorder(self.ready)
         try:
             with self._process.starting():
@@ -235,10 +235,14 @@ class Conversation:
 
     def _may_fork(self) -> bool:
         is_able = "branch" in self.ready.can and not self._exchanges.forking_failed
-        return is_able and self._options.branch in ("auto", "fork")
+        return is_able and self._is_stepped() and self._options.branch in ("auto", "fork")
 
     def _may_replay(self) -> bool:
-        return self._options.branch in ("auto", "replay")
+        return self._options.branch in ("auto", "replay") and self._is_stepped()
+
+    def _is_stepped(self) -> bool:
+        """Whether its answers can be had again; a copy of it would answer otherwise."""
+        return self.ready.coupling == "stepped"
 
     def _replay(self) -> None:
         """Say everything again to a fresh process; it must answer the same."""
@@ -301,6 +305,10 @@ class Conversation:
         return found
 
     def _ask_fresh(self) -> AskedAgain:
+        if not self._is_stepped():
+            raise CannotBranch(
+                f"the stack is coupled `{self.ready.coupling}`: it need not answer the same again"
+            )
         if not self._may_replay():
             raise CannotBranch(
                 f"the stack is not copied by replay (branch: {self._options.branch})"

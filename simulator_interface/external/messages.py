@@ -17,7 +17,7 @@ from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.fleet import FleetState
 from mrta_falsify.core.world import RobotSpec, Task, World
 
-PROTOCOL = (1, 0)  # major, minor
+PROTOCOL = (1, 1)  # major, minor
 ENCODINGS = ("msgpack", "json")
 
 #: fields of a robot that its stack may know; noise, slip and latency are not among them

@@ -7,6 +7,7 @@ radians and seconds in the map frame.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import LETHAL, UNKNOWN
@@ -42,6 +44,7 @@ DEFAULT = Qos()
 SENSOR_DATA = Qos(depth=5, is_reliable=False)
 LATCHED = Qos(depth=1, is_transient_local=True)
 TRANSFORMS = Qos(depth=100)
+ALL_TASKS = Qos(depth=1000, is_transient_local=True)  # whoever comes later hears of all
 
 
 class Topic(NamedTuple):
@@ -63,6 +66,8 @@ class Topics:
     tf: str = "/tf"
     tf_static: str = "/tf_static"
     people: str = "/people"
+    tasks: str = "/tasks"  #: tasks that arrive, as JSON in a String; this harness's own
+    events: str = "/events"  #: claims and other events, as JSON in a String; this harness's own
     odom: str = "/{robot}/odom"
     scan: str = "/{robot}/scan"
     cmd_vel: str = "/{robot}/cmd_vel"
@@ -84,13 +89,16 @@ PUBLISHED = {
     "scan": ("sensor_msgs/msg/LaserScan", SENSOR_DATA),
     "people": ("geometry_msgs/msg/PoseArray", DEFAULT),
     "tf": ("tf2_msgs/msg/TFMessage", TRANSFORMS),
+    "tasks": ("std_msgs/msg/String", ALL_TASKS),
     "clock": ("rosgraph_msgs/msg/Clock", DEFAULT),
 }
 HEARD = {
     "cmd_vel": ("geometry_msgs/msg/Twist", DEFAULT),
     "goal_pose": ("geometry_msgs/msg/PoseStamped", DEFAULT),
     "plan": ("nav_msgs/msg/Path", DEFAULT),
+    "events": ("std_msgs/msg/String", Qos(depth=100)),
 }
+PER_ROBOT = ("odom", "scan", "cmd_vel", "goal_pose", "plan")
 
 
 class Said(NamedTuple):
@@ -99,6 +107,7 @@ class Said(NamedTuple):
     twist: tuple[float, float, float] | None = None  #: forward, left [m/s], turn rate [rad/s]
     goal: tuple[float, float] | None = None  #: [m]
     path: Array | None = None  #: (L, 2) [m]
+    event: dict[str, Any] | None = None  #: of the door's `command`
     stamp: int | None = None  #: [ns] of simulated time, of a message that has one
 
 
@@ -150,14 +159,22 @@ class RobotTopics:
             "tf": lambda _: self._transforms(tick),
             "clock": lambda _: self._clock(tick),
         }
-        return [
-            (topic, fill[topic.field](topic.robot))
-            for topic in self.published
-            if topic.field in fill
-        ]
+        filled = []
+        for topic in self.published:
+            if topic.field == "tasks":
+                filled += [(topic, self._task(task)) for task in tick["tasks"]]
+            elif topic.field in fill:
+                filled.append((topic, fill[topic.field](topic.robot)))
+        return filled
 
     def read(self, topic: Topic, message: Any) -> Said:
-        """Read a message of a topic that is listened to."""
+        """Read a message of a topic that is listened to.
+
+        Raises:
+            ConfigError: the text of an event is none.
+        """
+        if topic.field == "events":
+            return Said(event=self._event(topic, message.data))
         if topic.field == "plan":
             points = [(p.pose.position.x, p.pose.position.y) for p in message.poses]
             path = np.array(points, dtype=np.float64).reshape(-1, 2)
@@ -183,8 +200,7 @@ class RobotTopics:
                 qos = DEFAULT  # noqa: PLW2901
             if field == "cmd_vel" and self._names.stamped:
                 kind = "geometry_msgs/msg/TwistStamped"  # noqa: PLW2901
-            is_each = field in ("odom", "scan", *HEARD)
-            for robot, name in enumerate(self.robots) if is_each else [(-1, "")]:
+            for robot, name in enumerate(self.robots) if field in PER_ROBOT else [(-1, "")]:
                 yield Topic(_full_name(field, pattern, name), kind, qos, field, robot)
 
     def _frame(self, pattern: str, robot: int) -> str:
@@ -221,6 +237,31 @@ class RobotTopics:
         message.range_max = self._names.range_max
         message.ranges = ranges.tolist()
         return message
+
+    def _task(self, task: Mapping[str, Any]) -> Any:
+        """Tell a task as the door does, and where its rooms are."""
+        rooms = self._world["rooms"]
+        said = dict(task)
+        for end in ("start", "end"):
+            room = rooms[task[end]]
+            said[f"{end}_room"], said[f"{end}_point"] = room["name"], list(room["point"])
+        message = self._make("std_msgs/msg/String")
+        message.data = json.dumps(codec.finite(said), sort_keys=True)
+        return message
+
+    def _event(self, topic: Topic, text: str) -> dict[str, Any]:
+        try:
+            event = json.loads(text)
+        except ValueError:
+            event = None
+        if not isinstance(event, dict):
+            raise ConfigError(
+                f"{topic.name}: {text!r:.80} is no event; it must be a JSON object with `kind`, "
+                "and what applies of `robot`, `task`, `resource`, `other`, `detail`"
+            )
+        if event.get("robot") in self.robots:
+            event["robot"] = self.robots.index(event["robot"])
+        return event
 
     def _people(self, tick: Mapping[str, Any]) -> Any:
         message = self._make("geometry_msgs/msg/PoseArray")

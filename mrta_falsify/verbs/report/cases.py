@@ -25,6 +25,7 @@ from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, FailureFamily
 from reports.sentences import listed
+from reports.stack_sentences import coupling_facts
 
 if TYPE_CHECKING:
     from mrta_falsify.core.config import StackConfig
@@ -218,5 +219,6 @@ def _facts(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str], ..
         ("trace digest", record.trace_digest),
         ("simulated", f"{record.sim_time:.1f} s, ended: {record.ended}"),
         ("scenes tried", str(record.attempts)),
+        *coupling_facts(record.coupling),
         *sorted(record.versions.items()),
     )
