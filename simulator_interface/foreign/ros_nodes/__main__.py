@@ -27,8 +27,12 @@ def main(arguments: list[str]) -> None:
         launch = read_launch(path)
     except InputError as error:
         sys.exit(str(error))
-    says = ("deliveries", "goals") if launch.topics.events else ()
-    serve(functools.partial(_stack, launch, path.parent), name=launch.name, says=says)
+    serve(
+        functools.partial(_stack, launch, path.parent),
+        name=launch.name,
+        says=launch.says,
+        can=("branch",) if launch.forks else (),
+    )
 
 
 def _stack(launch: LaunchFile, folder: Path, world: dict[str, Any], harness: Any) -> NodeStack:
@@ -42,7 +46,7 @@ def _stack(launch: LaunchFile, folder: Path, world: dict[str, Any], harness: Any
         )
     except (InputError, ValueError) as error:
         sys.exit(str(error))
-    return NodeStack(graph, topics, harness)
+    return NodeStack(graph, topics, harness, launch.drives)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -24,8 +24,8 @@ class Program:
     name: str
     target: str  #: ``module:function``
     arguments: tuple[str, ...] = ()
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    remappings: Mapping[str, str] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    remappings: dict[str, str] = field(default_factory=dict)
     namespace: str = ""
 
 
@@ -38,6 +38,10 @@ class LaunchFile:
     interfaces: tuple[str, ...] = ()  #: with .msg, .srv and .action files, relative to the file
     programs: tuple[Program, ...] = ()
     topics: Topics = field(default_factory=Topics)
+    drives: Literal["nodes", "harness"] = "nodes"  #: harness: to each robot's goal or path
+    says: tuple[Literal["deliveries", "goals", "paths"], ...] = ()  #: beside twists
+    #: whether copies are made by fork; threads of a library do not survive it
+    forks: bool = True
 
 
 def read_launch(path: Path) -> LaunchFile:

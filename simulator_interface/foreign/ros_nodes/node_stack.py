@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import functools
+
 import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from simulator_interface.foreign.dds.heard import Heard
 from simulator_interface.foreign.interfaces import read_interfaces
-from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Said, Topic
+from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Topic, nanoseconds_of
 from simulator_interface.foreign.ros_nodes import here, navigator
 from simulator_interface.foreign.ros_nodes.fibres import NS, Timeline
 from simulator_interface.foreign.ros_nodes.private_modules import PrivateModules
@@ -28,6 +31,7 @@ from simulator_interface.foreign.ros_nodes.schedule import WIDEST_PHASE, Schedul
 from simulator_interface.foreign.ros_nodes.stand_ins import StandIns
 from simulator_interface.foreign.ros_nodes.threads import threading_module, time_module
 
+HELD = 1e9  # s that a command holds: until the next one, as with a driver that has no watchdog
 START = 1.0  # s that ROS time is ahead: nodes take 0 for "no clock yet"
 
 
@@ -115,50 +119,46 @@ class NodeStack:
         graph: its nodes.
         robot_topics: what is told and heard.
         harness: plans for the nodes.
+        drives: who drives robots that are told a goal or a path: the nodes, by ``cmd_vel``, or the
+            harness.
     """
 
-    def __init__(self, graph: NodeGraph, robot_topics: RobotTopics, harness: Any) -> None:
-        self._graph, self._topics = graph, robot_topics
+    def __init__(
+        self,
+        graph: NodeGraph,
+        robot_topics: RobotTopics,
+        harness: Any,
+        drives: Literal["nodes", "harness"] = "nodes",
+    ) -> None:
+        self._graph, self._topics, self._drives = graph, robot_topics, drives
+        self._heard = Heard(robot_topics)
         navigator.BasicNavigator.planner = staticmethod(harness.plan)
-        count = len(robot_topics.robots)
-        self._twist = np.zeros((count, 3))
-        self._goal = np.full((count, 2), np.nan)
-        self._paths: dict[int, np.ndarray] = {}
-        self._events: list[dict[str, Any]] = []
         self._publishers = {
             topic: graph.publisher(topic.type, topic.name, topic.qos)
             for topic in robot_topics.published
         }
         for topic in robot_topics.heard:
-            graph.listen(topic.type, topic.name, self._hearing(topic), topic.qos)
+            hear = functools.partial(self._heard.take_in, topic)
+            graph.listen(topic.type, topic.name, hear, topic.qos)
         self._publish(robot_topics.at_start())
 
     def step(self, tick: dict[str, Any]) -> dict[str, Any]:
         """Answer a tick."""
+        self._heard.now = nanoseconds_of(tick["time"])
         self._publish(self._topics.at_tick(tick))
         self._graph.advance(tick["time"])
-        answer: dict[str, Any] = {"twist": self._twist, "goal": self._goal, "events": self._events}
-        answer["paths"] = [[robot, path] for robot, path in sorted(self._paths.items())]
-        self._paths, self._events = {}, []
-        return answer
+        answer: dict[str, Any] = {
+            "goal": self._heard.goals(),
+            "paths": self._heard.new_paths(),
+            "events": self._heard.new_events(),
+        }
+        if self._drives == "harness":
+            return {**answer, "follow": list(range(len(self._topics.robots)))}
+        return {**answer, "twist": self._heard.twist(HELD)}
 
     def _publish(self, messages: Sequence[tuple[Topic, Any]]) -> None:
         for topic, message in messages:
             self._publishers[topic].publish(message)
-
-    def _hearing(self, topic: Topic) -> Callable[[Any], None]:
-        def hear(message: Any) -> None:
-            said: Said = self._topics.read(topic, message)
-            if said.twist is not None:
-                self._twist[topic.robot] = said.twist
-            if said.goal is not None:
-                self._goal[topic.robot] = said.goal
-            if said.path is not None:
-                self._paths[topic.robot] = said.path
-            if said.event is not None:
-                self._events.append(said.event)
-
-        return hear
 
 
 def still_chance(seed: int) -> None:

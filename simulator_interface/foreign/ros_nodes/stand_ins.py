@@ -102,12 +102,15 @@ def _members(name: str) -> dict[str, Any]:
 class StandIns(Loader):
     """Finds the modules of this file, and of message packages; for ``sys.meta_path``."""
 
+    def __init__(self) -> None:
+        self._packages = DEFINITIONS.packages()  # not later: to read them, modules are imported
+
     def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Find a module; None: it is none of these, or a real one is needed."""
         top, _, rest = fullname.partition(".")
         if fullname in MODULES or top in MODULES:
             return ModuleSpec(fullname, self, is_package=True)
-        if rest in ("", *FOLDERS) and top in DEFINITIONS.packages():
+        if rest in ("", *FOLDERS) and top in self._packages:
             return ModuleSpec(fullname, self, is_package=True)
         return None
 
