@@ -26,8 +26,8 @@ from simulator_interface.clients.mrta_stack import serve
 from simulator_interface.foreign.interfaces import parse_interface
 from simulator_interface.foreign.ros_nodes import navigator
 from simulator_interface.foreign.ros_nodes.node_stack import NodeGraph
-from simulator_interface.foreign.ros_nodes.programs import Launch
 from simulator_interface.foreign.ros_nodes.ros_messages import DEFINITIONS, message_class
+from simulator_interface.foreign.ros_nodes.ros_programs import Launch
 
 PACKAGE, MESSAGES = "social_navigation_py", "social_navigation_msgs"
 CASE = "simulation/testcase_6agents_3_3.json"  # the file that the dispatcher reads

@@ -13,7 +13,7 @@ pytest.importorskip("rosbags")
 pytest.importorskip("greenlet")
 
 from simulator_interface.foreign.ros_nodes.node_stack import NodeGraph, ProgramDied
-from simulator_interface.foreign.ros_nodes.programs import Launch
+from simulator_interface.foreign.ros_nodes.ros_programs import Launch
 from simulator_interface.foreign.ros_nodes.schedule import WIDEST_PHASE
 
 FOLDER = Path(__file__).with_name("ros_workspace")

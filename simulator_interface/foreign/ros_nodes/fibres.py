@@ -17,7 +17,7 @@ from greenlet import getcurrent, greenlet
 NS = 1_000_000_000  # in a second
 
 
-class Program(Protocol):
+class FibreOwner(Protocol):
     """What fibres belong to: one operating system process of the stack."""
 
     is_dead: bool
@@ -37,10 +37,10 @@ class Fibre:
         call: what it does.
     """
 
-    def __init__(self, program: Program, call: Callable[[], object]) -> None:
+    def __init__(self, program: FibreOwner, call: Callable[[], object]) -> None:
         self.program = program
         self.is_finished = False
-        self.ended = Signal()
+        self.ended = Latch()
         self._call = call
         self.turn = 0  #: counts its waits, so that it is not resumed twice for one of them
         self.control = greenlet(self._run)
@@ -88,7 +88,7 @@ class Timeline:
             call()
         self.now = max(self.now, time)
 
-    def start(self, program: Program, call: Callable[[], object], *, after: int = 0) -> Fibre:
+    def start(self, program: FibreOwner, call: Callable[[], object], *, after: int = 0) -> Fibre:
         """Start a fibre ``after`` [ns] from now."""
         fibre = Fibre(program, call)
         self.at(self.now + after, lambda: self._resume(fibre, 0, woken=True))
@@ -142,7 +142,7 @@ class Timeline:
             self.current = None
 
 
-class Signal:
+class Latch:
     """What fibres wait for."""
 
     def __init__(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import Any
 
-from simulator_interface.foreign.ros_nodes.fibres import Signal
+from simulator_interface.foreign.ros_nodes.fibres import Latch
 
 
 class Future:
@@ -16,7 +16,7 @@ class Future:
     """
 
     def __init__(self, *, executor: Any = None) -> None:
-        self.ended = Signal()
+        self.ended = Latch()
         self._executor = executor
         self._result: Any = None
         self._exception: BaseException | None = None

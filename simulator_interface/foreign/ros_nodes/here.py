@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from simulator_interface.foreign.ros_nodes.fibres import Timeline
-    from simulator_interface.foreign.ros_nodes.programs import RunningProgram
     from simulator_interface.foreign.ros_nodes.ros_graph import Graph
+    from simulator_interface.foreign.ros_nodes.ros_programs import RunningProgram
 
 _graphs: list[Graph] = []  # the last one counts
 

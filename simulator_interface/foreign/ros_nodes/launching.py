@@ -12,13 +12,13 @@ import yaml
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import ConfigError
 from simulator_interface.foreign.robot_topics import ROBOT, Topics
-from simulator_interface.foreign.ros_nodes.programs import Launch
+from simulator_interface.foreign.ros_nodes.ros_programs import Launch
 
 ROBOTS, OTHERS = "{robots}", "{others}"  # stand for the names of all robots, or of all others
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+class ProgramEntry:
     """A program as the file describes it; ``{robot}`` in any text: one program for each robot."""
 
     name: str
@@ -36,7 +36,7 @@ class LaunchFile:
     name: str = "nodes"  #: of the stack, for reports
     folders: tuple[str, ...] = (".",)  #: the user's modules are under, relative to the file
     interfaces: tuple[str, ...] = ()  #: with .msg, .srv and .action files, relative to the file
-    programs: tuple[Program, ...] = ()
+    programs: tuple[ProgramEntry, ...] = ()
     topics: Topics = field(default_factory=Topics)
     drives: Literal["nodes", "harness"] = "nodes"  #: harness: to each robot's goal or path
     says: tuple[Literal["deliveries", "goals", "paths"], ...] = ()  #: beside twists
@@ -69,7 +69,7 @@ def read_launch(path: Path) -> LaunchFile:
     return launch
 
 
-def launches_of(programs: Sequence[Program], robots: Sequence[str]) -> list[Launch]:
+def launches_of(programs: Sequence[ProgramEntry], robots: Sequence[str]) -> list[Launch]:
     """Give the programs to start, one for each robot where ``{robot}`` stands in it.
 
     Raises:
@@ -87,7 +87,7 @@ def launches_of(programs: Sequence[Program], robots: Sequence[str]) -> list[Laun
     return made
 
 
-def _launch(program: Program, robot: str, robots: Sequence[str]) -> Launch:
+def _launch(program: ProgramEntry, robot: str, robots: Sequence[str]) -> Launch:
     def filled(value: Any) -> Any:
         if value == ROBOTS:
             return list(robots)

@@ -18,7 +18,6 @@ from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Topic, na
 from simulator_interface.foreign.ros_nodes import here, navigator
 from simulator_interface.foreign.ros_nodes.fibres import NS, Timeline
 from simulator_interface.foreign.ros_nodes.private_modules import PrivateModules
-from simulator_interface.foreign.ros_nodes.programs import Launch, RunningProgram, start_all
 from simulator_interface.foreign.ros_nodes.quality import (
     DurabilityPolicy,
     QoSProfile,
@@ -26,6 +25,7 @@ from simulator_interface.foreign.ros_nodes.quality import (
 )
 from simulator_interface.foreign.ros_nodes.ros_graph import Graph, Publisher, Subscription
 from simulator_interface.foreign.ros_nodes.ros_messages import DEFINITIONS, message_class
+from simulator_interface.foreign.ros_nodes.ros_programs import Launch, RunningProgram, start_all
 from simulator_interface.foreign.ros_nodes.schedule import WIDEST_PHASE, Schedule, read_dials
 from simulator_interface.foreign.ros_nodes.stand_ins import StandIns
 from simulator_interface.foreign.ros_nodes.threads import threading_module, time_module

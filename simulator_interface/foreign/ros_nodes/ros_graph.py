@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from simulator_interface.foreign.ros_nodes.fibres import NS, Signal, Timeline
+from simulator_interface.foreign.ros_nodes.fibres import NS, Latch, Timeline
 from simulator_interface.foreign.ros_nodes.quality import QoSProfile, what_differs
 from simulator_interface.foreign.ros_nodes.schedule import Schedule
 
@@ -145,7 +145,7 @@ class Graph:
         self.publishers: list[Publisher] = []
         self.subscriptions: list[Subscription] = []
         self.services: dict[str, Any] = {}
-        self.changed = Signal()  #: set when something was added
+        self.changed = Latch()  #: set when something was added
         self._schedule = schedule
 
     def latency(self) -> int:

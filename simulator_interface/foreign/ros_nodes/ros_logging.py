@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from simulator_interface.foreign.ros_nodes.programs import RunningProgram
+    from simulator_interface.foreign.ros_nodes.ros_programs import RunningProgram
 
 from simulator_interface.foreign.ros_nodes.fibres import NS
 

@@ -13,7 +13,8 @@ from simulator_interface.foreign.ros_nodes import (
     navigator,
     quality,
     rclpy_functions,
-    ros_actions,
+    ros_action_client,
+    ros_action_server,
     ros_graph,
     ros_logging,
     ros_node,
@@ -54,10 +55,14 @@ _SERVER = (
 MODULES: dict[str, dict[str, ModuleType]] = {
     "rclpy": {_RCLPY: rclpy_functions, "Parameter": ros_parameters},
     "rclpy.action": {
-        "ActionServer ActionClient GoalResponse CancelResponse": ros_actions,
+        "ActionServer GoalResponse CancelResponse": ros_action_server,
+        "ActionClient": ros_action_client,
     },
-    "rclpy.action.client": {"ActionClient ClientGoalHandle GoalStatus": ros_actions},
-    "rclpy.action.server": {_SERVER: ros_actions},
+    "rclpy.action.client": {
+        "ActionClient ClientGoalHandle": ros_action_client,
+        "GoalStatus": ros_action_server,
+    },
+    "rclpy.action.server": {_SERVER: ros_action_server},
     "rclpy.callback_groups": {
         "CallbackGroup MutuallyExclusiveCallbackGroup ReentrantCallbackGroup": executing,
     },

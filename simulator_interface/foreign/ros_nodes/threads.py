@@ -8,7 +8,7 @@ from types import ModuleType, TracebackType
 from typing import Any
 
 from simulator_interface.foreign.ros_nodes import here
-from simulator_interface.foreign.ros_nodes.fibres import NS, Fibre, Signal
+from simulator_interface.foreign.ros_nodes.fibres import NS, Fibre, Latch
 from simulator_interface.foreign.ros_nodes.missing import refusing
 
 
@@ -67,7 +67,7 @@ class Event:
     """As ``threading.Event``."""
 
     def __init__(self) -> None:
-        self._signal = Signal()
+        self._signal = Latch()
 
     def is_set(self) -> bool:
         """Tell whether it is set."""
@@ -94,7 +94,7 @@ class RLock:
     def __init__(self) -> None:
         self._owner: Fibre | None = None
         self._depth = 0
-        self._freed = Signal()
+        self._freed = Latch()
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         """Take it, waiting for it if ``blocking``."""
@@ -146,7 +146,7 @@ class Condition:
     def __init__(self, lock: RLock | None = None) -> None:
         self._lock = lock or RLock()
         self.acquire, self.release = self._lock.acquire, self._lock.release
-        self._waiting: list[Signal] = []
+        self._waiting: list[Latch] = []
 
     def __enter__(self) -> bool:
         return self._lock.acquire()
@@ -156,7 +156,7 @@ class Condition:
 
     def wait(self, timeout: float | None = None) -> bool:
         """Give the lock back, wait to be notified, and take it again."""
-        signal = Signal()
+        signal = Latch()
         self._waiting.append(signal)
         self._lock.release()
         try:
