@@ -17,7 +17,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mrta-falsify"
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# What JAX has compiled is kept from run to run, and for copies of a run.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE / "mrta-sim-jax"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 import cvxpy
 import numpy as np
