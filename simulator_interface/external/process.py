@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib.metadata
 import os
+import re
 import socket
 import time
 from collections.abc import Iterator, Sequence
@@ -32,6 +33,10 @@ STILL = {
 }
 LAST_LINES = 8  # of the stack's output that are kept
 LONGEST_LINE = 300  # characters
+#: as Python's last line begins, and as C++ says what nobody has caught
+EXCEPTION = re.compile(
+    r"(?:^(?=[\w.]*(?:Error|Exception|Died|Exit|Interrupt)\b)|throwing an instance of ')([\w.:]+\w)"
+)
 WEIGHED_EVERY = 20  # answers between two looks at the memory of a stack that is quick
 
 
@@ -192,7 +197,7 @@ def why_no_answer(error: Exception, limit: float, process: StackProcess | None) 
             if code is None:
                 return NoAnswer("crash", "closed", "closed the connection", lines)
             how = ending_of(code)
-            return NoAnswer("crash", how, f"ended by {how}", lines)
+            return NoAnswer("crash", named_in(lines) or how, f"ended by {how}", lines)
         case Late():
             return NoAnswer("hang", "", f"did not answer within {limit:g} s")
         case Heavy():
@@ -201,6 +206,12 @@ def why_no_answer(error: Exception, limit: float, process: StackProcess | None) 
             return NoAnswer("answer", field, str(error))
         case _:
             return NoAnswer("answer", "message", str(error))
+
+
+def named_in(lines: Sequence[str]) -> str:
+    """Give the exception that the last words of a program in Python or C++ name; else nothing."""
+    found = [match[1] for line in lines if (match := EXCEPTION.search(line))]
+    return found[-1].rpartition(".")[2] if found else ""
 
 
 def _connected(options: ExternalStack) -> socket.socket:

@@ -22,6 +22,7 @@ from mrta_falsify.core.world import RobotSpec, World
 from simulator_interface.episode import Episode
 from simulator_interface.external import conversation
 from simulator_interface.external.branching import CannotBranch
+from simulator_interface.external.process import named_in
 from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
 from simulator_interface.watched_copy import run_in_watched_copy
@@ -83,6 +84,28 @@ def test_each_fault_is_a_verdict_with_what_was_wrong_and_what_was_printed(
     assert evidence["kind"] == kind
     assert message in evidence["message"]
     assert any(printed in line for line in evidence["frames"])
+
+
+def test_crashes_are_told_apart_by_the_exception_that_the_last_words_name(hall):
+    assert failure_of(hall, "raise")["exception"] == "RuntimeError"
+    assert failure_of(hall, "exit")["exception"] == "exit code 3"
+
+
+@pytest.mark.parametrize(
+    ("lines", "name"),
+    [
+        (["IndexError: list index out of range"], "IndexError"),
+        (["cvxpy.error.SolverError: failed", "bye"], "SolverError"),
+        (["ProgramDied: program a died:", "KeyError: 'left'"], "KeyError"),
+        (
+            ["terminate called after throwing an instance of 'std::out_of_range'"],
+            "std::out_of_range",
+        ),
+        (["An Error: no exception", "about to exit"], ""),
+    ],
+)
+def test_an_exception_is_found_in_last_words(lines, name):
+    assert named_in(lines) == name
 
 
 @pytest.mark.parametrize("how", ["hang", "spin", "dawdles"])
