@@ -17,13 +17,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mrta-falsify"
-os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# What JAX has compiled is kept from run to run, and for copies of a run.
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE / "mrta-sim-jax"))
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
-
 import cvxpy
 import numpy as np
 
@@ -270,6 +263,19 @@ def _share_compiled_functions(module: ModuleType) -> None:
     )
 
 
+def _settle_jax() -> None:
+    """Have JAX, which their modules import later, keep what it compiles for other runs."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mrta-falsify"
+    settings = {
+        "JAX_PLATFORMS": "cpu",
+        "JAX_COMPILATION_CACHE_DIR": str(cache / "mrta-sim-jax"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    }
+    for name, value in settings.items():
+        os.environ.setdefault(name, value)
+
+
 def _stand_in_for_licensed_solver() -> None:
     """Clarabel solves what Gurobi would; the differentiable layer is built and never called."""
     cvxpy.GUROBI = os.environ.get("MRTA_SOLVER", "CLARABEL")
@@ -286,6 +292,7 @@ def main() -> None:
     checkout = Checkout(Path(source).resolve())
     for file in checkout.messages:
         DEFINITIONS.add(parse_interface(file.read_text(), f"{MESSAGES}/msg/{file.stem}"))
+    _settle_jax()
     _stand_in_for_licensed_solver()
     says = ("deliveries", "goals", "paths")
     # JAX's threads do not survive a fork, so a copy of the run tells a fresh process everything.
