@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import Any
 
 import cvxpy
+import jax
 import numpy as np
 
 from simulator_interface.clients.mrta_stack import serve
@@ -264,16 +265,12 @@ def _share_compiled_functions(module: ModuleType) -> None:
 
 
 def _settle_jax() -> None:
-    """Have JAX, which their modules import later, keep what it compiles for other runs."""
+    """Have JAX keep what it compiles, for other runs and for copies of a run."""
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "mrta-falsify"
-    settings = {
-        "JAX_PLATFORMS": "cpu",
-        "JAX_COMPILATION_CACHE_DIR": str(cache / "mrta-sim-jax"),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
-    }
-    for name, value in settings.items():
-        os.environ.setdefault(name, value)
+    jax.config.update("jax_platforms", "cpu")
+    jax.config.update("jax_compilation_cache_dir", str(cache / "mrta-sim-jax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def _stand_in_for_licensed_solver() -> None:
