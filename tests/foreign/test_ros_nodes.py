@@ -145,6 +145,11 @@ def test_threads_of_a_program_run_on_simulated_time():
     assert ran("threaded", "ticker")["threaded"] == ["1.25 True", "1.50 True", "ok False"]
 
 
+def test_a_program_that_polls_does_not_stop_time():
+    lines = ran("polling", "ticker", until=0.55)["polling"]
+    assert [line.split()[0] for line in lines] == ["1", "2", "3", "4", "5"]
+
+
 def test_one_executor_runs_several_nodes():
     assert ran("two_nodes")["two_nodes"][0] == "made 1"
     assert len(ran("two_nodes")["two_nodes"]) == 6

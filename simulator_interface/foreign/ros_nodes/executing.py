@@ -158,6 +158,7 @@ class Executor:
                 self._run(entity)
                 return
             if until is not None and self._timeline.now >= until:
+                self._timeline.look_around()
                 return
             self._wait(until)
 

@@ -15,6 +15,7 @@ from typing import Protocol
 from greenlet import getcurrent, greenlet
 
 NS = 1_000_000_000  # in a second
+LOOK = NS // 1000  # ns that a look takes which finds nothing to do
 
 
 class FibreOwner(Protocol):
@@ -118,6 +119,10 @@ class Timeline:
         until = self.now + time
         while self.now < until:
             self.park(until)
+
+    def look_around(self) -> None:
+        """Let a little time go by: a program that looks again and again must not stop it."""
+        self.sleep(LOOK)
 
     def fibre(self) -> Fibre:
         """Give the fibre that runs.

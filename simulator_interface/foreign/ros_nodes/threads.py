@@ -8,7 +8,7 @@ from types import ModuleType, TracebackType
 from typing import Any
 
 from simulator_interface.foreign.ros_nodes import here
-from simulator_interface.foreign.ros_nodes.fibres import NS, Fibre, Latch
+from simulator_interface.foreign.ros_nodes.fibres import LOOK, NS, Fibre, Latch
 from simulator_interface.foreign.ros_nodes.missing import refusing
 
 
@@ -200,7 +200,7 @@ def time_module() -> ModuleType:
         return here.timeline().now
 
     def sleep(span: float) -> None:
-        here.timeline().sleep(int(span * NS))
+        here.timeline().sleep(max(LOOK if span == 0 else 0, int(span * NS)))
 
     module = ModuleType("time")
     vars(module).update(vars(machine_time))

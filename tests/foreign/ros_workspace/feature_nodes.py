@@ -414,6 +414,16 @@ def threaded():
     node.get_logger().info(f"ok {rclpy.ok()}")
 
 
+def polling():
+    """A loop that never waits."""
+    rclpy.init()
+    node = rclpy.create_node("polling")
+    node.create_subscription(String, "ticks", lambda m: node.get_logger().info(m.data), 10)
+    while rclpy.ok():
+        rclpy.spin_once(node, timeout_sec=0)
+        time.sleep(0)
+
+
 def two_nodes():
     rclpy.init()
     executor = SingleThreadedExecutor()
