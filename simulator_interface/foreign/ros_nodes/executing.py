@@ -150,6 +150,7 @@ class Executor:
 
     def _spin(self, is_over: Callable[[], bool], until: int | None) -> None:
         """Run the next callback; wait for it until ``until`` [ns]."""
+        has_waited = False
         while self._goes_on() and not is_over():
             if self._failed:
                 raise self._failed.pop(0)
@@ -158,9 +159,11 @@ class Executor:
                 self._run(entity)
                 return
             if until is not None and self._timeline.now >= until:
-                self._timeline.look_around()
+                if not has_waited:
+                    self._timeline.look_around()
                 return
             self._wait(until)
+            has_waited = True
 
     def _wait(self, until: int | None) -> None:
         fibre = self._timeline.fibre()
