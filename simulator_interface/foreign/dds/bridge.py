@@ -74,8 +74,10 @@ class Bridge:
         self._heard = Heard(self._topics)
         for topic in self._topics.published:
             self._link.advertise(topic)
+        is_stepped = settings.coupling == "stepped"  # then only acknowledgements are waited for
         for topic in self._topics.heard:
-            self._link.listen(topic, functools.partial(self._heard.take_in, topic))
+            take_in = functools.partial(self._heard.take_in, topic)
+            self._link.listen(topic, take_in, wakes=not is_stepped)
         self._waiting: Waiting = way_of_waiting(settings, self._link, self._heard, nodes.look)
         for topic, message in self._topics.at_start():
             self._link.publish(topic, message)

@@ -18,6 +18,8 @@ from simulator_interface.foreign.dds.link import Link
 from simulator_interface.foreign.robot_topics import NANO, Qos, Topic
 
 SLICE = 0.5  # s of one wait; between two it is looked whether the nodes still run
+#: s between two looks for messages that were published before an acknowledgement that overtook them
+OVERTAKEN = 0.001
 DONE_TYPE = "std_msgs/msg/UInt64MultiArray"
 
 
@@ -72,29 +74,30 @@ class Stepped:
         """See :class:`Waiting`."""
         until = time.monotonic() + self._settings.step_limit
         self._link.take()
-        while not self._is_done():
+        while (late := self._late()) or self._heard.messages < self._sent():
             if time.monotonic() > until:
                 raise Silence(self._complaint())
             self._look()
-            self._link.wait(min(until, time.monotonic() + SLICE))
+            self._link.wait(min(until, time.monotonic() + (SLICE if late else OVERTAKEN)))
 
     def _note(self, name: str, message: Any) -> None:
         clock, sent = (*message.data, 0)[:2] if len(message.data) else (NEVER, 0)
         self._acknowledged[name] = clock, sent
 
-    def _is_done(self) -> bool:
-        rows = self._acknowledged.values()
-        is_told = all(clock == self._heard.now for clock, _ in rows)
-        return is_told and self._heard.messages >= sum(sent for _, sent in rows)
+    def _late(self) -> list[str]:
+        """List the topics on which the clock has not been acknowledged."""
+        rows = self._acknowledged.items()
+        return [name for name, (clock, _) in rows if clock != self._heard.now]
+
+    def _sent(self) -> int:
+        return sum(sent for _, sent in self._acknowledged.values())
 
     def _complaint(self) -> str:
-        now = self._heard.now
-        late = [name for name, (clock, _) in self._acknowledged.items() if clock != now]
         limit = f"within {self._settings.step_limit:g} s (step_limit)"
-        if late:
-            return f"clock {now / NANO:.3f} s was not acknowledged on {', '.join(late)} {limit}"
-        sent = sum(sent for _, sent in self._acknowledged.values())
-        return f"{self._heard.messages} of {sent} published messages came {limit}"
+        if late := self._late():
+            now = f"{self._heard.now / NANO:.3f} s"
+            return f"clock {now} was not acknowledged on {', '.join(late)} {limit}"
+        return f"{self._heard.messages} of {self._sent()} published messages came {limit}"
 
 
 class Awaited:
