@@ -21,7 +21,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings, read_settings
-from simulator_interface.foreign.dds.domains import ReservedDomain
+from simulator_interface.foreign.dds.domains import ReservedDomain, environment
 from simulator_interface.simulate import Outcome, simulate
 from tests.external.lane_worlds import ROOT, lane_world
 
@@ -140,6 +140,18 @@ def test_a_domain_is_held_by_one_bridge_at_a_time():
     again = ReservedDomain(first.number)
     assert again.number == first.number
     again.hold.close()
+
+
+@pytest.mark.parametrize(
+    ("middleware", "is_by_ros"), [("rmw_fastrtps_cpp", True), ("rmw_cyclonedds_cpp", False)]
+)
+def test_nodes_are_told_once_to_stay_on_this_machine(middleware, is_by_ros, monkeypatch):
+    monkeypatch.setenv("RMW_IMPLEMENTATION", middleware)
+    monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+    found = environment(77)
+    assert found["ROS_DOMAIN_ID"] == "77"
+    assert ("ROS_LOCALHOST_ONLY" in found) is is_by_ros
+    assert "127.0.0.1" in found["CYCLONEDDS_URI"]
 
 
 @pytest.mark.parametrize(
