@@ -52,7 +52,7 @@ def test_the_shipped_stack_has_no_coupling():
 def test_only_a_stepped_stack_is_asked_again(coupling):
     judge = Repeatable(Repeatable.Options())
     simulate(short(0.5), loose(coupling), specifications=[judge])
-    assert f"coupled `{coupling}`" in judge.verdict().not_judged
+    assert f"coupling of the stack is {coupling}" in judge.verdict().not_judged
 
 
 @pytest.mark.slow

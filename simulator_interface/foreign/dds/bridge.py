@@ -15,7 +15,7 @@ from simulator_interface.foreign.dds.domains import ReservedDomain, environment
 from simulator_interface.foreign.dds.heard import Heard
 from simulator_interface.foreign.dds.link import Link
 from simulator_interface.foreign.dds.nodes import NodeEnded, Nodes
-from simulator_interface.foreign.dds.waiting import Silence, Waiting, way_of_waiting
+from simulator_interface.foreign.dds.waiting import Silence, TickEnd, end_of_ticks
 from simulator_interface.foreign.dds.wire_types import WireTypes
 from simulator_interface.foreign.interfaces import humble_types
 from simulator_interface.foreign.robot_topics import RobotTopics, nanoseconds_of
@@ -78,7 +78,7 @@ class Bridge:
         for topic in self._topics.heard:
             take_in = functools.partial(self._heard.take_in, topic)
             self._link.listen(topic, take_in, wakes=not is_stepped)
-        self._waiting: Waiting = way_of_waiting(settings, self._link, self._heard, nodes.look)
+        self._tick_end: TickEnd = end_of_ticks(settings, self._link, self._heard, nodes.look)
         for topic, message in self._topics.at_start():
             self._link.publish(topic, message)
         self._find_nodes()
@@ -89,7 +89,7 @@ class Bridge:
             self._heard.now = nanoseconds_of(tick["time"])
             for topic, message in self._topics.at_tick(tick):
                 self._link.publish(topic, message)
-            self._waiting.until_done()
+            self._tick_end.until_done()
         answer: dict[str, Any] = {
             "paths": self._heard.new_paths(),
             "events": self._heard.new_events(),

@@ -27,8 +27,8 @@ class Silence(Exception):  # noqa: N818 - says what did not happen
     """The nodes have not said what a tick needs."""
 
 
-class Waiting(Protocol):
-    """Waits until a tick is over."""
+class TickEnd(Protocol):
+    """Decides when a tick is over."""
 
     def until_done(self) -> None:
         """Return when the answer to the tick of ``heard.now`` may be given.
@@ -38,9 +38,9 @@ class Waiting(Protocol):
         """
 
 
-def way_of_waiting(
+def end_of_ticks(
     settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
-) -> Waiting:
+) -> TickEnd:
     """Choose by the coupling.
 
     Args:
@@ -49,13 +49,13 @@ def way_of_waiting(
         heard: they go there.
         look: whether the nodes still run; it raises if not.
     """
-    ways: dict[Coupling, Callable[..., Waiting]]
-    ways = {"stepped": Stepped, "awaited": Awaited, "paced": Paced}
-    return ways[settings.coupling](settings, link, heard, look)
+    ends: dict[Coupling, Callable[..., TickEnd]]
+    ends = {"stepped": Stepped, "awaited": Awaited, "paced": Paced}
+    return ends[settings.coupling](settings, link, heard, look)
 
 
 class Stepped:
-    """Waits for acknowledgements of the clock; see :class:`Waiting` and :func:`way_of_waiting`.
+    """Waits for acknowledgements of the clock; see :class:`TickEnd` and :func:`end_of_ticks`.
 
     An acknowledgement is ``[clock in ns]``, or ``[clock in ns, messages published since the
     start]``. With the second number nothing is left to the order in which topics arrive: the tick
@@ -71,7 +71,7 @@ class Stepped:
             link.listen(done_topic(name), functools.partial(self._note, name))
 
     def until_done(self) -> None:
-        """See :class:`Waiting`."""
+        """See :class:`TickEnd`."""
         until = time.monotonic() + self._settings.step_limit
         self._link.take()
         while (late := self._late()) or self._heard.messages < self._sent():
@@ -101,7 +101,7 @@ class Stepped:
 
 
 class Awaited:
-    """Waits for a command of each active robot; see :class:`Waiting` and :func:`way_of_waiting`.
+    """Waits for a command of each active robot; see :class:`TickEnd` and :func:`end_of_ticks`.
 
     A robot is active from its first command on, until a tick in which none has come in time.
     """
@@ -114,7 +114,7 @@ class Awaited:
         self._given_up = [NEVER] * len(heard.said_at)  # the command after which none came in time
 
     def until_done(self) -> None:
-        """See :class:`Waiting`."""
+        """See :class:`TickEnd`."""
         until = time.monotonic() + self._settings.await_limit
         self._link.take()
         while (missing := self._missing()) and time.monotonic() < until:
@@ -133,7 +133,7 @@ class Awaited:
 
 
 class Paced:
-    """Waits for the wall clock; see :class:`Waiting` and :func:`way_of_waiting`."""
+    """Waits for the wall clock; see :class:`TickEnd` and :func:`end_of_ticks`."""
 
     def __init__(
         self, settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
@@ -142,7 +142,7 @@ class Paced:
         self._before = (0, time.monotonic())  # simulated [ns] and wall-clock time [s]
 
     def until_done(self) -> None:
-        """See :class:`Waiting`; time that the simulator took itself is not made up for."""
+        """See :class:`TickEnd`; time that the simulator took itself is not made up for."""
         now, (then, wall) = self._heard.now, self._before
         until = max(wall + (now - then) / NANO / self._settings.rate, time.monotonic())
         self._link.take()

@@ -13,7 +13,7 @@ pytest.importorskip("rosbags")
 
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.dds.heard import Heard
-from simulator_interface.foreign.dds.waiting import Silence, way_of_waiting
+from simulator_interface.foreign.dds.waiting import Silence, end_of_ticks
 from simulator_interface.foreign.robot_topics import NANO, RobotTopics, Topics
 from tests.foreign.plain_messages import make
 from tests.foreign.seen_worlds import world_seen
@@ -55,7 +55,7 @@ class Scene:
         self._commands = [topic for topic in topics.heard if topic.field == "cmd_vel"]
         self.looked = 0
         chosen = BridgeSettings(**settings)
-        self.waiting = way_of_waiting(chosen, self.link, self.heard, self._look)
+        self.waiting = end_of_ticks(chosen, self.link, self.heard, self._look)
 
     def _look(self) -> None:
         self.looked += 1
