@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+from mrta_falsify.core.errors import ConfigError
 from simulator_interface.clients.mrta_stack import Harness, serve
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.dds.domains import ReservedDomain, environment
@@ -31,8 +32,13 @@ def run_bridge(settings: BridgeSettings) -> None:
         settings: of the bridge.
 
     Raises:
-        ConfigError: the domain is not free, or a topic cannot be.
+        ConfigError: the domain is not free or not known to the nodes, or a topic cannot be.
     """
+    if not settings.commands and settings.domain is None:
+        raise ConfigError(
+            "neither commands nor domain is given; let the bridge start your nodes (commands), "
+            "or name the domain of those that run already"
+        )
     reserved = ReservedDomain(settings.domain)
     with contextlib.ExitStack() as open_things:
 

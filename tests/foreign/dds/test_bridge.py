@@ -103,15 +103,16 @@ def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tm
         ({"commands": [["sh", "-c", "exit 7"]]}, "sh -c 'exit 7' ended by exit code 7"),
         ({"commands": [["./no-such-node"]]}, "./no-such-node: cannot be started"),
         (
-            {"start_limit": 0.3},
+            {"start_limit": 0.3, "domain": 40},
             r"no node was found within 0.3 s \(start_limit\) that publishes /clock_done",
         ),
         (
-            {"coupling": "paced", "start_limit": 0.3},
+            {"coupling": "paced", "start_limit": 0.3, "domain": 39},
             r"within 0.3 s \(start_limit\) that publishes any of /robot1/cmd_vel",
         ),
         ({"coupling": "loose"}, "coupling is 'loose'"),
-        ({"topics": {"odom": "odom"}}, "topics.odom: 'odom' is no name of a topic"),
+        ({}, "neither commands nor domain is given"),
+        ({"domain": 38, "topics": {"odom": "odom"}}, "topics.odom: 'odom' is no name of a topic"),
     ],
 )
 def test_what_keeps_a_run_from_starting_is_bad_input_in_one_sentence(settings, said, tmp_path):
