@@ -102,9 +102,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
     for name, text in coupling_facts(record.coupling):
         out.print(f"{name:<11}{text}")
-    for counted in (record.repeated, record.jittered):
-        if counted:
-            out.print(f"           {counted}")
+    for counted in filter(None, (record.repeated, record.jittered)):
+        out.print(f"           {counted}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
