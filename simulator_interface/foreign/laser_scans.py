@@ -57,11 +57,9 @@ def _distance_to_discs(angles: Array, centres: Array, radii: Array) -> Array:
 
     Args:
         angles: ``(A,)`` [rad].
-        centres: ``(D, 2)`` [m].
+        centres: ``(D, 2)`` [m], at least one.
         radii: ``(D,)`` [m].
     """
-    if not len(centres):
-        return np.full(len(angles), np.inf)
     along = np.cos(angles)[:, None] * centres[:, 0] + np.sin(angles)[:, None] * centres[:, 1]
     half_chord = radii**2 - ((centres**2).sum(axis=1) - along**2)
     meets = (half_chord >= 0.0) & (along > 0.0)

@@ -97,6 +97,25 @@ def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tm
 
 
 @pytest.mark.slow
+def test_a_deadlock_of_stepped_nodes_is_confirmed_by_copies_with_nodes_of_their_own(tmp_path):
+    config = bridge(
+        tmp_path,
+        commands=[[sys.executable, "-m", "tests.foreign.dds.fetching_node", "ahead"]],
+        says=["deliveries", "goals"],
+    )
+    (judge,) = build_specifications(["no_deadlock"])
+
+    def stop(frame) -> str:
+        return "decided" if judge.verdict().violated else ""
+
+    world = dataclasses.replace(lane_world(head_on=True), horizon=60.0)
+    outcome = simulate(world, config, specifications=[judge], stop=stop)
+    assert outcome.ended == "decided"
+    assert judge.verdict().evidence["confirmed"] is True
+    assert set(judge.verdict().who) == {"robot1", "robot2"}
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
