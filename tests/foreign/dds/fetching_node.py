@@ -19,7 +19,7 @@ from simulator_interface.foreign.dds.wire_types import WireTypes
 from simulator_interface.foreign.interfaces import humble_types
 from simulator_interface.foreign.robot_topics import ALL_TASKS, DEFAULT, NANO, Topic
 
-NEAR = 0.6  # m
+NEAR = 0.6 if "ahead" in sys.argv else 0.3  # m
 APART = 1.2  # m, at which robots that drive straight ahead stop
 KINDS = ("picked-up", "dropped-off")
 ROBOTS = ("robot1", "robot2")
