@@ -17,6 +17,7 @@ from mrta_falsify.cli.options import FILE, count_option, format_option, trial_ar
 from mrta_falsify.core import codec
 
 if TYPE_CHECKING:
+    from mrta_falsify.core.verdict import Verdict
     from mrta_falsify.verbs.replay import Replay
     from mrta_falsify.verbs.stored_trials import TrialRow
 
@@ -80,6 +81,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
     from mrta_falsify.verbs.stored_trials import layer_of, open_campaign, what_happened
+    from reports.stack_sentences import coupling_facts
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
@@ -98,24 +100,29 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"           {text}")
     if record.failed:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
-    for counted in (record.repeated, record.jittered):
-        if counted:
-            out.print(f"           {counted}")
+    for name, text in coupling_facts(record.coupling):
+        out.print(f"{name:<11}{text}")
+    for counted in filter(None, (record.repeated, record.jittered)):
+        out.print(f"           {counted}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
-        state = verdict.outcome.replace("_", " ")
-        at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
-        who = f" by {', '.join(verdict.who)}" if verdict.who else ""
-        why = f": {verdict.not_judged}" if verdict.not_judged else ""
-        rho = "" if verdict.not_judged else f", robustness {verdict.robustness:+.3g}"
-        out.print(f"  {verdict.spec:24} {state}{at}{who}{why}{rho}")
+        out.print(_verdict_line(verdict))
     out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
     out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
     if record.trace_file:
         out.print(f"files      {campaign.folder(record)}")
     out.print(f"replay     mrta-falsify replay {shlex.quote(str(directory))} {record.id}")
     return ExitCode.DONE
+
+
+def _verdict_line(verdict: Verdict) -> str:
+    state = verdict.outcome.replace("_", " ")
+    at = "" if verdict.violated_at is None else f" at {verdict.violated_at:.2f} s"
+    who = f" by {', '.join(verdict.who)}" if verdict.who else ""
+    why = f": {verdict.not_judged}" if verdict.not_judged else ""
+    rho = "" if verdict.not_judged else f", robustness {verdict.robustness:+.3g}"
+    return f"  {verdict.spec:24} {state}{at}{who}{why}{rho}"
 
 
 @main.command("replay")

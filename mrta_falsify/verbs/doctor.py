@@ -52,6 +52,7 @@ EXTRAS = {
     "dask": ("distributed", "dask"),
     "mcap": ("mcap", "mcap_ros2", "rosbags"),
     "qd": ("ribs",),
+    "ros": ("cyclonedds", "rosbags"),
     "smt": ("z3",),
     "tsp": ("ortools",),
     "verifai": ("verifai",),

@@ -307,7 +307,8 @@ class Conversation:
     def _ask_fresh(self) -> AskedAgain:
         if not self._is_stepped():
             raise CannotBranch(
-                f"the stack is coupled `{self.ready.coupling}`: it need not answer the same again"
+                f"the coupling of the stack is {self.ready.coupling}: "
+                "it need not answer the same again"
             )
         if not self._may_replay():
             raise CannotBranch(

@@ -46,23 +46,20 @@ class Scans:
         ranges[hit] = np.hypot(offset[hit, 0], offset[hit, 1])
         turned = np.arctan2(offset[hit, 1], offset[hit, 0]) - yaw - angles[hit]
         first = math.atan2(np.sin(turned).sum(), np.cos(turned).sum())
-        others = np.arange(len(self._centres)) != robot
-        centres = self._centres[others] - (x, y)
-        bodies = _distance_to_discs(yaw + first + angles, centres, self._radii[others])
+        centres = self._centres - (x, y)  # its own is at the origin, so before no ray
+        bodies = _distance_to_discs(yaw + first + angles, centres, self._radii)
         nearest = np.minimum(ranges, bodies)
         return first, np.where(nearest <= self._range_max, nearest, np.inf)
 
 
 def _distance_to_discs(angles: Array, centres: Array, radii: Array) -> Array:
-    """Distances ``(A,)`` [m] along rays from the origin to the nearest disc; inf: none.
+    """Distances ``(A,)`` [m] along rays from the origin to the nearest disc ahead; inf: none.
 
     Args:
         angles: ``(A,)`` [rad].
-        centres: ``(D, 2)`` [m].
+        centres: ``(D, 2)`` [m], at least one.
         radii: ``(D,)`` [m].
     """
-    if not len(centres):
-        return np.full(len(angles), np.inf)
     along = np.cos(angles)[:, None] * centres[:, 0] + np.sin(angles)[:, None] * centres[:, 1]
     half_chord = radii**2 - ((centres**2).sum(axis=1) - along**2)
     meets = (half_chord >= 0.0) & (along > 0.0)

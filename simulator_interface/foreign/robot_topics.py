@@ -76,7 +76,7 @@ class Topics:
     map_frame: str = "map"
     odom_frame: str = "{robot}/odom"
     base_frame: str = "{robot}/base_link"
-    stamped: bool = False  #: whether cmd_vel carries TwistStamped, as in Nav2 from Jazzy on
+    stamped: bool = False  #: whether cmd_vel carries TwistStamped; Nav2: enable_stamped_cmd_vel
     reliable_scan: bool = False  #: whether subscribers of scans may ask for reliable delivery
     range_max: float = quantity(above=0.0, unit="m", default=10.0)  #: of scans
 

@@ -106,12 +106,18 @@ def test_whatever_a_stack_says_is_read_or_refused_in_words(fields):
         ({"protocol": "1.0"}, r"protocol is '1.0'; it must be \[major, minor\]"),
         ({"encoding": "cbor"}, "encoding is 'cbor'; it must be msgpack or json"),
         ({"says": ["goal"]}, "says has 'goal'; known are deliveries, goals, paths"),
+        ({"coupling": "loose"}, "coupling is 'loose'; it must be one of stepped, awaited, paced"),
+        ({"coupling": []}, r"coupling is \[\]; it must be one of stepped"),
         ({"sais": ["goals"]}, "sais is no field of the message; did you mean 'says'?"),
     ],
 )
 def test_a_handshake_that_fails_says_why(changes, text):
     with pytest.raises(ConfigError, match=text):
         read_ready({"type": "ready", "protocol": [1, 0], **changes})
+
+
+def test_a_stack_that_does_not_tell_its_coupling_is_stepped():
+    assert read_ready({"type": "ready", "protocol": [1, 0]}).coupling == "stepped"
 
 
 def test_a_later_minor_version_is_let_through():

@@ -103,6 +103,7 @@ def search(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_failure_by_chance_comes_again_now_and_then(search):
     record = search("coin", verify=20)
+    assert record.coupling == "stepped"
     found = record.repeated
     assert 0 < found.same.failures < 20  # fails once in half a million
     assert found.same.trials == 20

@@ -41,6 +41,19 @@ def test_a_topic_without_a_name_is_left_out():
     assert "plan" not in {topic.field for topic in topics.heard}
 
 
+def test_scans_are_best_effort_unless_reliable_ones_are_asked_for():
+    def is_reliable(**names) -> dict[str, bool]:
+        return {topic.field: topic.qos.is_reliable for topic in topics_of(**names).published}
+
+    assert [field for field, reliable in is_reliable().items() if not reliable] == ["scan"]
+    assert all(is_reliable(reliable_scan=True).values())
+
+
+def test_what_is_published_once_is_kept_for_who_comes_later():
+    latched = {t.field for t in topics_of().published if t.qos.is_transient_local}
+    assert latched == {"map", "tf_static", "tasks"}
+
+
 def test_time_is_in_whole_nanoseconds():
     clock = filled(topics_of(), tick_seen(7, 2))["/clock"].clock
     assert (clock.sec, clock.nanosec) == (0, 350_000_000)

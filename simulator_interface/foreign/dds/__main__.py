@@ -9,7 +9,7 @@ from mrta_falsify.core.errors import ConfigError, InputError
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings, read_settings
 
 
-def main(arguments: list[str]) -> None:
+def _start(arguments: list[str]) -> None:
     """Run a bridge for one episode.
 
     Args:
@@ -30,4 +30,4 @@ def main(arguments: list[str]) -> None:
         sys.exit(f"bridge: {error}")
 
 
-main(sys.argv[1:])
+_start(sys.argv[1:])

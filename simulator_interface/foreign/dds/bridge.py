@@ -9,14 +9,15 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+from mrta_falsify.core.errors import ConfigError
 from simulator_interface.clients.mrta_stack import Harness, serve
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.dds.domains import ReservedDomain, environment
-from simulator_interface.foreign.dds.heard import Heard
 from simulator_interface.foreign.dds.link import Link
 from simulator_interface.foreign.dds.nodes import NodeEnded, Nodes
-from simulator_interface.foreign.dds.waiting import Silence, Waiting, way_of_waiting
+from simulator_interface.foreign.dds.waiting import Silence, TickEnd, end_of_ticks
 from simulator_interface.foreign.dds.wire_types import WireTypes
+from simulator_interface.foreign.heard import Heard
 from simulator_interface.foreign.interfaces import humble_types
 from simulator_interface.foreign.robot_topics import RobotTopics, nanoseconds_of
 
@@ -31,8 +32,13 @@ def run_bridge(settings: BridgeSettings) -> None:
         settings: of the bridge.
 
     Raises:
-        ConfigError: the domain is not free, or a topic cannot be.
+        ConfigError: the domain is not free or not known to the nodes, or a topic cannot be.
     """
+    if not settings.commands and settings.domain is None:
+        raise ConfigError(
+            "neither commands nor domain is given; let the bridge start your nodes (commands), "
+            "or name the domain of those that run already"
+        )
     reserved = ReservedDomain(settings.domain)
     with contextlib.ExitStack() as open_things:
 
@@ -74,9 +80,11 @@ class Bridge:
         self._heard = Heard(self._topics)
         for topic in self._topics.published:
             self._link.advertise(topic)
+        is_stepped = settings.coupling == "stepped"  # then only acknowledgements are waited for
         for topic in self._topics.heard:
-            self._link.listen(topic, functools.partial(self._heard.take_in, topic))
-        self._waiting: Waiting = way_of_waiting(settings, self._link, self._heard, nodes.look)
+            take_in = functools.partial(self._heard.take_in, topic)
+            self._link.listen(topic, take_in, wakes=not is_stepped)
+        self._tick_end: TickEnd = end_of_ticks(settings, self._link, self._heard, nodes.look)
         for topic, message in self._topics.at_start():
             self._link.publish(topic, message)
         self._find_nodes()
@@ -87,7 +95,7 @@ class Bridge:
             self._heard.now = nanoseconds_of(tick["time"])
             for topic, message in self._topics.at_tick(tick):
                 self._link.publish(topic, message)
-            self._waiting.until_done()
+            self._tick_end.until_done()
         answer: dict[str, Any] = {
             "paths": self._heard.new_paths(),
             "events": self._heard.new_events(),

@@ -59,10 +59,14 @@ class ReservedDomain:
 
 def environment(domain: int) -> dict[str, str]:
     """Give the environment by which nodes find this domain and stay on this machine."""
-    return {
+    found = {
         **os.environ,
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_LOCALHOST_ONLY": "1",  # Humble, Iron
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",  # Jazzy and later
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",  # Iron and later
         "CYCLONEDDS_URI": LOOPBACK,
+        "ROS_LOCALHOST_ONLY": "1",  # Humble
     }
+    if found.get("RMW_IMPLEMENTATION") == "rmw_cyclonedds_cpp":
+        # It would choose the loopback interface once more, which Cyclone DDS refuses.
+        del found["ROS_LOCALHOST_ONLY"]
+    return found

@@ -51,17 +51,19 @@ class Link:
             self._participant, self._dds_topic(topic, qos), qos=qos
         )
 
-    def listen(self, topic: Topic, handle: Handler) -> None:
+    def listen(self, topic: Topic, handle: Handler, *, wakes: bool = True) -> None:
         """Begin to listen to a topic.
 
         Args:
             topic: which.
             handle: called by :meth:`take` and :meth:`wait` with each message.
+            wakes: whether :meth:`wait` ends when a message comes.
         """
         qos = _qos(topic, keeps_all=True)
         reader = DataReader(self._participant, self._dds_topic(topic, qos), qos=qos)
-        unread = SampleState.NotRead | ViewState.Any | InstanceState.Any
-        self._waiting.attach(ReadCondition(reader, unread))
+        if wakes:
+            unread = SampleState.NotRead | ViewState.Any | InstanceState.Any
+            self._waiting.attach(ReadCondition(reader, unread))
         self._readers[topic.name] = reader, handle
 
     def publish(self, topic: Topic, message: Any) -> None:

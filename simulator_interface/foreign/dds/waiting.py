@@ -13,11 +13,13 @@ from typing import Any, Protocol
 
 from mrta_falsify.core.external import Coupling
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
-from simulator_interface.foreign.dds.heard import NEVER, Heard
 from simulator_interface.foreign.dds.link import Link
+from simulator_interface.foreign.heard import NEVER, Heard
 from simulator_interface.foreign.robot_topics import NANO, Qos, Topic
 
 SLICE = 0.5  # s of one wait; between two it is looked whether the nodes still run
+#: s between two looks for messages that were published before an acknowledgement that overtook them
+OVERTAKEN = 0.001
 DONE_TYPE = "std_msgs/msg/UInt64MultiArray"
 
 
@@ -25,8 +27,8 @@ class Silence(Exception):  # noqa: N818 - says what did not happen
     """The nodes have not said what a tick needs."""
 
 
-class Waiting(Protocol):
-    """Waits until a tick is over."""
+class TickEnd(Protocol):
+    """Decides when a tick is over."""
 
     def until_done(self) -> None:
         """Return when the answer to the tick of ``heard.now`` may be given.
@@ -36,9 +38,9 @@ class Waiting(Protocol):
         """
 
 
-def way_of_waiting(
+def end_of_ticks(
     settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
-) -> Waiting:
+) -> TickEnd:
     """Choose by the coupling.
 
     Args:
@@ -47,13 +49,13 @@ def way_of_waiting(
         heard: they go there.
         look: whether the nodes still run; it raises if not.
     """
-    ways: dict[Coupling, Callable[..., Waiting]]
-    ways = {"stepped": Stepped, "awaited": Awaited, "paced": Paced}
-    return ways[settings.coupling](settings, link, heard, look)
+    ends: dict[Coupling, Callable[..., TickEnd]]
+    ends = {"stepped": Stepped, "awaited": Awaited, "paced": Paced}
+    return ends[settings.coupling](settings, link, heard, look)
 
 
 class Stepped:
-    """Waits for acknowledgements of the clock; see :class:`Waiting` and :func:`way_of_waiting`.
+    """Waits for acknowledgements of the clock; see :class:`TickEnd` and :func:`end_of_ticks`.
 
     An acknowledgement is ``[clock in ns]``, or ``[clock in ns, messages published since the
     start]``. With the second number nothing is left to the order in which topics arrive: the tick
@@ -69,36 +71,37 @@ class Stepped:
             link.listen(done_topic(name), functools.partial(self._note, name))
 
     def until_done(self) -> None:
-        """See :class:`Waiting`."""
+        """See :class:`TickEnd`."""
         until = time.monotonic() + self._settings.step_limit
         self._link.take()
-        while not self._is_done():
+        while (late := self._late()) or self._heard.messages < self._sent():
             if time.monotonic() > until:
                 raise Silence(self._complaint())
             self._look()
-            self._link.wait(min(until, time.monotonic() + SLICE))
+            self._link.wait(min(until, time.monotonic() + (SLICE if late else OVERTAKEN)))
 
     def _note(self, name: str, message: Any) -> None:
         clock, sent = (*message.data, 0)[:2] if len(message.data) else (NEVER, 0)
         self._acknowledged[name] = clock, sent
 
-    def _is_done(self) -> bool:
-        rows = self._acknowledged.values()
-        is_told = all(clock == self._heard.now for clock, _ in rows)
-        return is_told and self._heard.messages >= sum(sent for _, sent in rows)
+    def _late(self) -> list[str]:
+        """List the topics on which the clock has not been acknowledged."""
+        rows = self._acknowledged.items()
+        return [name for name, (clock, _) in rows if clock != self._heard.now]
+
+    def _sent(self) -> int:
+        return sum(sent for _, sent in self._acknowledged.values())
 
     def _complaint(self) -> str:
-        now = self._heard.now
-        late = [name for name, (clock, _) in self._acknowledged.items() if clock != now]
         limit = f"within {self._settings.step_limit:g} s (step_limit)"
-        if late:
-            return f"clock {now / NANO:.3f} s was not acknowledged on {', '.join(late)} {limit}"
-        sent = sum(sent for _, sent in self._acknowledged.values())
-        return f"{self._heard.messages} of {sent} published messages came {limit}"
+        if late := self._late():
+            now = f"{self._heard.now / NANO:.3f} s"
+            return f"clock {now} was not acknowledged on {', '.join(late)} {limit}"
+        return f"{self._heard.messages} of {self._sent()} published messages came {limit}"
 
 
 class Awaited:
-    """Waits for a command of each active robot; see :class:`Waiting` and :func:`way_of_waiting`.
+    """Waits for a command of each active robot; see :class:`TickEnd` and :func:`end_of_ticks`.
 
     A robot is active from its first command on, until a tick in which none has come in time.
     """
@@ -111,7 +114,7 @@ class Awaited:
         self._given_up = [NEVER] * len(heard.said_at)  # the command after which none came in time
 
     def until_done(self) -> None:
-        """See :class:`Waiting`."""
+        """See :class:`TickEnd`."""
         until = time.monotonic() + self._settings.await_limit
         self._link.take()
         while (missing := self._missing()) and time.monotonic() < until:
@@ -130,7 +133,7 @@ class Awaited:
 
 
 class Paced:
-    """Waits for the wall clock; see :class:`Waiting` and :func:`way_of_waiting`."""
+    """Waits for the wall clock; see :class:`TickEnd` and :func:`end_of_ticks`."""
 
     def __init__(
         self, settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
@@ -139,7 +142,7 @@ class Paced:
         self._before = (0, time.monotonic())  # simulated [ns] and wall-clock time [s]
 
     def until_done(self) -> None:
-        """See :class:`Waiting`; time that the simulator took itself is not made up for."""
+        """See :class:`TickEnd`; time that the simulator took itself is not made up for."""
         now, (then, wall) = self._heard.now, self._before
         until = max(wall + (now - then) / NANO / self._settings.rate, time.monotonic())
         self._link.take()

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from simulator_interface.foreign.dds.heard import Heard
+from simulator_interface.foreign.heard import Heard
 from simulator_interface.foreign.interfaces import read_interfaces
 from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Topic, nanoseconds_of
 from simulator_interface.foreign.ros_nodes import here, navigator

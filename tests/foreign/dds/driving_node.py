@@ -32,14 +32,23 @@ class Driving:
             name = f"/robot{robot + 1}"
             odom = Topic(f"{name}/odom", "nav_msgs/msg/Odometry", DEFAULT, "odom", robot)
             command = Topic(f"{name}/cmd_vel", "geometry_msgs/msg/Twist", DEFAULT, "cmd_vel", robot)
-            self.link.listen(odom, functools.partial(self.see, robot))
+            see = functools.partial(self.see, robot)
+            self.link.listen(odom, see, wakes=coupling != "stepped")
             self.link.advertise(command)
             self.commands.append(command)
         if coupling == "stepped":
             clock = Topic("/clock", "rosgraph_msgs/msg/Clock", DEFAULT, "clock")
-            self.done = done_topic("/clock_done")
-            self.link.advertise(self.done)
             self.link.listen(clock, self.answer)
+            self.wait_for_subscribers()
+            self.done = done_topic("/clock_done")
+            self.link.advertise(self.done)  # ready to step
+
+    def wait_for_subscribers(self) -> None:
+        until = time.monotonic() + LONGEST
+        while time.monotonic() < until:
+            if all(self.link.listeners(topic.name) for topic in self.commands):
+                return
+            time.sleep(0.01)
 
     def see(self, robot: int, odometry) -> None:
         self.x[robot] = odometry.pose.pose.position.x

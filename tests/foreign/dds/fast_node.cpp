@@ -2,7 +2,7 @@
 // Fast CDR, field by field. After each clock it answers with what it has seen, so that the other
 // side can check every value, and acknowledges the clock.
 //
-// Arguments: domain, number of robots. It ends when nothing comes for 60 s.
+// Arguments: domain, number of robots, "still" if all are to stand. It ends when nothing comes for 60 s.
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -13,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fastcdr/Cdr.h>
@@ -108,7 +109,7 @@ struct Quality {
 
 class Node {
 public:
-    Node(int domain, int count) : robots(count)
+    Node(int domain, int count, bool still) : robots(count), stands(still)
     {
         fast::DomainParticipantQos qos;
         qos.transport().use_builtin_transports = false;  // they would leave the machine
@@ -143,7 +144,6 @@ public:
                    });
         }
         advertise("/events", "std_msgs::msg::dds_::String_");
-        advertise("/clock_done", "std_msgs::msg::dds_::UInt64MultiArray_");
         listen("/map", "nav_msgs::msg::dds_::OccupancyGrid_", {true, true}, [this](Cdr& cdr) {
             Header header;
             header << cdr;
@@ -175,6 +175,8 @@ public:
             cdr >> sec >> nanosec;
             clocks.push_back(uint64_t(sec) * 1000000000U + nanosec);
         });
+        wait_for_subscribers();
+        advertise("/clock_done", "std_msgs::msg::dds_::UInt64MultiArray_");  // ready to step
     }
 
     // Answer the next clock; false: none has come.
@@ -196,6 +198,18 @@ public:
     }
 
 private:
+    void wait_for_subscribers() const
+    {
+        const auto until = std::chrono::steady_clock::now() + silence;
+        for (const auto& [name, writer] : writers) {
+            fast::PublicationMatchedStatus status;
+            do {
+                std::this_thread::sleep_for(std::chrono::milliseconds(10));
+                writer->get_publication_matched_status(status);
+            } while (status.current_count == 0 && std::chrono::steady_clock::now() < until);
+        }
+    }
+
     struct Listener : fast::DataReaderListener {
         Node* node = nullptr;
         std::function<void(Cdr&)> take;
@@ -215,7 +229,9 @@ private:
         const Robot& robot = robots[i];
         const std::string name = "/robot" + std::to_string(i + 1);
         publish(name + "/cmd_vel", [&](Cdr& cdr) {
-            cdr << robot.x << double(robot.range) << 0.0 << 0.0 << 0.0 << time;
+            const double shares = stands ? 0.0 : 1.0;
+            cdr << shares * robot.x << (stands ? 0.0 : double(robot.range));
+            cdr << 0.0 << 0.0 << 0.0 << shares * time;
         });
         publish(name + "/goal_pose", [&](Cdr& cdr) {
             now >> cdr;
@@ -276,6 +292,7 @@ private:
     }
 
     std::vector<Robot> robots;
+    bool stands;
     std::string seen, frames;
     std::deque<uint64_t> clocks;
     uint64_t sent = 0;
@@ -288,9 +305,9 @@ private:
     fast::Subscriber* subscriber = nullptr;
 };
 
-int main(int, char** arguments)
+int main(int count, char** arguments)
 {
-    Node node(std::atoi(arguments[1]), std::atoi(arguments[2]));
+    Node node(std::atoi(arguments[1]), std::atoi(arguments[2]), count > 3);
     while (node.answer()) {
     }
     std::_Exit(0);  // nobody is left to say goodbye to

@@ -1,6 +1,7 @@
-"""A dispatcher of a user: each robot fetches and brings its own tasks, driven by the harness.
+"""A dispatcher of a user: each robot fetches and brings its own tasks.
 
-It hears of tasks, says where each robot is to go, and what it has picked up and dropped off.
+It hears of tasks, says where each robot is to go, and what it has picked up and dropped off. The
+harness drives. With the argument `ahead`, robots drive straight ahead and stop before each other.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import functools
 import json
 import math
 import os
+import sys
 import time
 
 from simulator_interface.foreign.dds.link import Link
@@ -17,7 +19,8 @@ from simulator_interface.foreign.dds.wire_types import WireTypes
 from simulator_interface.foreign.interfaces import humble_types
 from simulator_interface.foreign.robot_topics import ALL_TASKS, DEFAULT, NANO, Topic
 
-NEAR = 0.5  # m
+NEAR = 0.6 if "ahead" in sys.argv else 0.3  # m
+APART = 1.2  # m, at which robots that drive straight ahead stop
 KINDS = ("picked-up", "dropped-off")
 ROBOTS = ("robot1", "robot2")
 
@@ -36,7 +39,11 @@ class Fetching:
             name: Topic(f"/{name}/goal_pose", "geometry_msgs/msg/PoseStamped", DEFAULT, "goal_pose")
             for name in ROBOTS
         }
-        for topic in (self.events, self.done, *self.goals.values()):
+        self.commands = {
+            name: Topic(f"/{name}/cmd_vel", "geometry_msgs/msg/Twist", DEFAULT, "cmd_vel")
+            for name in (ROBOTS if "ahead" in sys.argv else ())
+        }
+        for topic in (self.events, self.done, *self.goals.values(), *self.commands.values()):
             self.link.advertise(topic)
         for name in ROBOTS:
             odom = Topic(f"/{name}/odom", "nav_msgs/msg/Odometry", DEFAULT, "odom")
@@ -80,6 +87,14 @@ class Fetching:
         x, y = stops[0]["at"] if stops else (math.nan, math.nan)
         goal.pose.position.x, goal.pose.position.y = x, y
         self.publish(self.goals[name], goal)
+        if name in self.commands:
+            self.drive(name, math.dist(self.place[name], (x, y)) > NEAR)
+
+    def drive(self, name: str, is_away: bool) -> None:
+        one, other = self.place.values()
+        twist = self.types.make("geometry_msgs/msg/Twist")
+        twist.linear.x = 0.5 if is_away and math.dist(one, other) > APART else 0.0
+        self.publish(self.commands[name], twist)
 
     def publish(self, topic: Topic, message) -> None:
         self.link.publish(topic, message)

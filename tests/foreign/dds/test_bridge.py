@@ -21,7 +21,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings, read_settings
-from simulator_interface.foreign.dds.domains import ReservedDomain
+from simulator_interface.foreign.dds.domains import ReservedDomain, environment
 from simulator_interface.simulate import Outcome, simulate
 from tests.external.lane_worlds import ROOT, lane_world
 
@@ -69,7 +69,7 @@ def test_nodes_drive_a_robot_in_each_coupling_and_the_run_says_which(coupling, t
     if coupling == "stepped":
         assert not verdict.not_judged
     else:
-        assert f"coupled `{coupling}`" in verdict.not_judged
+        assert f"coupling of the stack is {coupling}" in verdict.not_judged
     if coupling == "paced":
         assert time.monotonic() - began > SECONDS / 2.0
 
@@ -97,21 +97,41 @@ def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tm
 
 
 @pytest.mark.slow
+def test_a_deadlock_of_stepped_nodes_is_confirmed_by_copies_with_nodes_of_their_own(tmp_path):
+    config = bridge(
+        tmp_path,
+        commands=[[sys.executable, "-m", "tests.foreign.dds.fetching_node", "ahead"]],
+        says=["deliveries", "goals"],
+    )
+    (judge,) = build_specifications(["no_deadlock"])
+
+    def stop(frame) -> str:
+        return "decided" if judge.verdict().violated else ""
+
+    world = dataclasses.replace(lane_world(head_on=True), horizon=60.0)
+    outcome = simulate(world, config, specifications=[judge], stop=stop)
+    assert outcome.ended == "decided"
+    assert judge.verdict().evidence["confirmed"] is True
+    assert set(judge.verdict().who) == {"robot1", "robot2"}
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
         ({"commands": [["sh", "-c", "exit 7"]]}, "sh -c 'exit 7' ended by exit code 7"),
         ({"commands": [["./no-such-node"]]}, "./no-such-node: cannot be started"),
         (
-            {"start_limit": 0.3},
+            {"start_limit": 0.3, "domain": 40},
             r"no node was found within 0.3 s \(start_limit\) that publishes /clock_done",
         ),
         (
-            {"coupling": "paced", "start_limit": 0.3},
+            {"coupling": "paced", "start_limit": 0.3, "domain": 39},
             r"within 0.3 s \(start_limit\) that publishes any of /robot1/cmd_vel",
         ),
         ({"coupling": "loose"}, "coupling is 'loose'"),
-        ({"topics": {"odom": "odom"}}, "topics.odom: 'odom' is no name of a topic"),
+        ({}, "neither commands nor domain is given"),
+        ({"domain": 38, "topics": {"odom": "odom"}}, "topics.odom: 'odom' is no name of a topic"),
     ],
 )
 def test_what_keeps_a_run_from_starting_is_bad_input_in_one_sentence(settings, said, tmp_path):
@@ -143,6 +163,18 @@ def test_a_domain_is_held_by_one_bridge_at_a_time():
 
 
 @pytest.mark.parametrize(
+    ("middleware", "is_by_ros"), [("rmw_fastrtps_cpp", True), ("rmw_cyclonedds_cpp", False)]
+)
+def test_nodes_are_told_once_to_stay_on_this_machine(middleware, is_by_ros, monkeypatch):
+    monkeypatch.setenv("RMW_IMPLEMENTATION", middleware)
+    monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+    found = environment(77)
+    assert found["ROS_DOMAIN_ID"] == "77"
+    assert ("ROS_LOCALHOST_ONLY" in found) is is_by_ros
+    assert "127.0.0.1" in found["CYCLONEDDS_URI"]
+
+
+@pytest.mark.parametrize(
     ("settings", "said"),
     [
         ({"done": []}, "done is empty"),
@@ -167,7 +199,7 @@ def test_an_empty_file_means_the_defaults(tmp_path):
 
 
 def test_a_command_counts_until_it_is_stale():
-    from simulator_interface.foreign.dds.heard import Heard
+    from simulator_interface.foreign.heard import Heard
     from simulator_interface.foreign.robot_topics import NANO, RobotTopics, Topics
     from tests.foreign.plain_messages import make
     from tests.foreign.seen_worlds import world_seen
