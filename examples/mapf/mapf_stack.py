@@ -15,7 +15,7 @@ from w9_pathfinding.mapf import HCAStar
 PITCH = 0.7  # m between places: robots of 0.44 m stand on two of them side by side
 NEAR = 0.35  # m from a place at which a robot is there
 LEAD = 4  # steps ahead that a robot is sent: less than a room is deep
-LETHAL = 253  # cost of places where a robot's disc touches something
+CLOSE = 150  # cost from which a place is too near to something; 253: the robot touches it
 LONGEST = 400  # steps of a plan
 
 
@@ -163,7 +163,7 @@ def lattice(costmap, ends):
 
     def is_free(points):
         col, row = ((np.asarray(points) - origin) / size).astype(int).T
-        return cost[row.clip(0, len(cost) - 1), col.clip(0, cost.shape[1] - 1)] < LETHAL
+        return cost[row.clip(0, len(cost) - 1), col.clip(0, cost.shape[1] - 1)] < CLOSE
 
     best = None
     for shift in np.ndindex(4, 4):  # a lattice may just miss a doorway

@@ -34,7 +34,7 @@ class Block(NamedTuple):
     high: float  #: largest value
 
 
-#: an observation ``(SIZE,)`` in order; positions and velocities in the robot's frame (forward, left)
+#: an observation ``(SIZE,)`` in order; places and velocities are forward and left of the robot
 BLOCKS = (
     Block("pose", 4, -np.inf, np.inf),  # x [m], y [m] in the map frame, cos(yaw), sin(yaw)
     Block("velocity", 3, -np.inf, np.inf),  # forward, left [m/s], turn rate [rad/s]
@@ -172,7 +172,7 @@ def _people(view: ControlView, frame: _Frames) -> Array:
     return _nearest(frame, view.human_position, view.human_velocity, seen, PEOPLE, radius)
 
 
-def _nearest(  # noqa: PLR0917 - arrays of one table
+def _nearest(
     frame: _Frames, points: Array, moves: Array, seen: BoolArray, most: int, more: Array
 ) -> Array:
     """List the nearest bodies of each robot, nearest first, zeros where there is none.
@@ -186,7 +186,8 @@ def _nearest(  # noqa: PLR0917 - arrays of one table
         more: ``(M, C)`` further columns.
     """
     robots, bodies = seen.shape
-    table = np.zeros((robots, max(bodies, most), 5 + more.shape[1]))
+    columns = 5 + more.shape[1]
+    table = np.zeros((robots, max(bodies, most), columns))
     if bodies:
         offset = frame.offsets(points)
         away = np.hypot(offset[..., 0], offset[..., 1])
@@ -198,4 +199,4 @@ def _nearest(  # noqa: PLR0917 - arrays of one table
         rows = np.where(is_near[..., None], rows, 0.0)
         order = np.argsort(np.where(is_near, away, np.inf), axis=1, kind="stable")
         table[:, :bodies] = np.take_along_axis(rows, order[..., None], axis=1)
-    return table[:, :most].reshape(robots, -1)
+    return table[:, :most].reshape(robots, most * columns)

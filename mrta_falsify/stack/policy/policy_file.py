@@ -43,7 +43,8 @@ def load_policy(file: str) -> Policy:
 
 def _read_function(path: Path, name: str) -> Policy:
     spec = importlib.util.spec_from_file_location(f"policy_in_{path.stem}", path)
-    assert spec is not None and spec.loader is not None, "a .py file has a loader"
+    assert spec is not None, "a .py file has a loader"
+    assert spec.loader is not None, "a .py file has a loader"
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
