@@ -22,7 +22,7 @@ from scenic_worlds.shipped import scenario_names
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class PlayedWorld:
     """The world of an episode."""
 
     world: World
@@ -40,9 +40,8 @@ class WorldSource:
         self._program = None
         self._fixed: World | None = None
         self._seed: int | None = None
-        self._number = 0
-        is_world = isinstance(source, World)
-        if not is_world and (Path(str(source)).suffix == ".scenic" or source in scenario_names()):
+        self._number = -1  #: of the episode, counted since the seed was given
+        if not isinstance(source, World) and _is_program(source):
             self._program = open_scenario(source)
         else:
             self._fixed = find_world(source)
@@ -59,7 +58,7 @@ class WorldSource:
         assert self._program is not None
         return self._program.realise(self._program.candidate(0)).world
 
-    def draw(self, seed: int | None, options: Mapping[str, Any]) -> Drawn:
+    def draw(self, seed: int | None, options: Mapping[str, Any]) -> PlayedWorld:
         """Draw the world of the next episode.
 
         Args:
@@ -70,27 +69,24 @@ class WorldSource:
             RejectedScene: no scene near ``u`` was accepted. The episode counts all the same.
             InputError: an option cannot be used.
         """
-        if seed is not None or self._seed is None:
-            self._number = -1
-        is_varied = seed is not None or self._seed is not None
-        self._seed = seed if seed is not None else (self._seed or 0 if is_varied else None)
-        self._number += 1
+        self._number = 0 if seed is not None else self._number + 1
+        self._seed = self._seed if seed is None else seed
         if "world" in options and "u" in options:
             raise ConfigError("reset: options has both `u` and `world`; give one of them")
         if "world" in options:
-            return Drawn(world=_as_playable(find_world(options["world"])))
+            return PlayedWorld(world=_as_playable(find_world(options["world"])))
         if self._program is not None:
             return self._sampled(options.get("u"))
         if "u" in options:
             raise ConfigError("reset: options has `u`, but a fixed world has no random choices")
         assert self._fixed is not None
         if self._seed is None:
-            return Drawn(world=_as_playable(self._fixed))
+            return PlayedWorld(world=_as_playable(self._fixed))
         number = self._number
         own = self._seed if not number else candidate_seed(self._seed, number)
-        return Drawn(world=_as_playable(variation.vary_world(self._fixed, own)))
+        return PlayedWorld(world=_as_playable(variation.vary_world(self._fixed, own)))
 
-    def _sampled(self, u: Any) -> Drawn:
+    def _sampled(self, u: Any) -> PlayedWorld:
         """Realise a point of the cube as a campaign with this seed does its proposal."""
         assert self._program is not None
         seed, number = self._seed or 0, self._number
@@ -104,7 +100,11 @@ class WorldSource:
                 params=self._program.params,
             )
         found = self._program.realise(asked)
-        return Drawn(world=_as_playable(found.world), u=found.candidate.u)
+        return PlayedWorld(world=_as_playable(found.world), u=found.candidate.u)
+
+
+def _is_program(name: Place) -> bool:
+    return Path(name).suffix == ".scenic" or str(name) in scenario_names()
 
 
 def _as_point(u: Any, dimensions: int) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.gym.drawing import Drawn
+from mrta_falsify.gym.drawing import PlayedWorld
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Judged
 
@@ -26,7 +26,7 @@ class EpisodeEnd:
     world_digest: str
     trace_digest: str  #: the same actions in the same world give the same
 
-    def feedback(self, number: int, drawn: Drawn) -> Feedback:
+    def feedback(self, number: int, drawn: PlayedWorld) -> Feedback:
         """Tell a sampler what became of its proposal ``number``."""
         assert drawn.u is not None, "worlds of a program have a point"
         return Feedback(
@@ -40,7 +40,7 @@ class EpisodeEnd:
         )
 
 
-def end_of(judged: Judged) -> EpisodeEnd:
+def episode_end(judged: Judged) -> EpisodeEnd:
     """Sum up a finished episode."""
     outcome = judged.outcome
     return EpisodeEnd(

@@ -16,8 +16,8 @@ from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
 from mrta_falsify.gym.awaited import AwaitedActions
-from mrta_falsify.gym.drawing import Drawn, WorldSource
-from mrta_falsify.gym.episode_end import EpisodeEnd, end_of
+from mrta_falsify.gym.drawing import PlayedWorld, WorldSource
+from mrta_falsify.gym.episode_end import EpisodeEnd, episode_end
 from mrta_falsify.stack.policy.observation import ACTIONS, Observations, bounds, observe
 from mrta_falsify.trial import Job, TrialWatch, campaign_specifications, judges_of, summed_up
 from mrta_falsify.verbs.folders import Place
@@ -33,7 +33,7 @@ Infos = dict[str, dict[str, Any]]
 Step = tuple[dict[str, Observations], dict[str, float], dict[str, bool], dict[str, bool], Infos]
 
 
-class FleetEnv(ParallelEnv[str, Observations, Any]):
+class FleetEnv(ParallelEnv[str, Observations, Any]):  # type: ignore[misc]  # has no types here
     """Robots are agents, observations and actions those of :mod:`mrta_falsify.stack.policy`.
 
     A step is a control tick. The reward is the way [m] that a robot came nearer to the point that
@@ -72,7 +72,7 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):
         low, high = bounds()
         self._seen = {name: Box(low, high, dtype=np.float32) for name in self.possible_agents}
         self._acts = {name: Box(-1.0, 1.0, (ACTIONS,), np.float32) for name in self.possible_agents}
-        self.drawn: Drawn | None = None  #: the world of the episode
+        self.drawn: PlayedWorld | None = None  #: the world of the episode
         self._run: EpisodeRun | None = None
         self._watch: TrialWatch | None = None
         self._frame: Frame | None = None
@@ -188,7 +188,7 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):
 
     def _end(self) -> EpisodeEnd:
         assert self._run is not None and self._watch is not None  # noqa: PT018 - one state
-        return end_of(summed_up(self._run.outcome(), self._watch))
+        return episode_end(summed_up(self._run.outcome(), self._watch))
 
 
 def _with_actions_awaited(config: StackConfig) -> StackConfig:

@@ -128,7 +128,7 @@ class _Frames:
         """Turn map vectors ``(N, ..., 2)`` into the robots' frames; not finite ones become 0."""
         shape = (-1,) + (1,) * (vectors.ndim - 2)
         cos, sin = self._cos.reshape(shape), self._sin.reshape(shape)
-        known = np.where(np.isfinite(vectors).all(axis=-1)[..., None], vectors, 0.0)
+        known = np.where(np.isfinite(vectors).all(axis=-1, keepdims=True), vectors, 0.0)
         x, y = known[..., 0], known[..., 1]
         return np.stack((cos * x + sin * y, cos * y - sin * x), axis=-1)
 
@@ -166,10 +166,11 @@ def _robots(view: ControlView, frame: _Frames) -> Array:
 
 
 def _people(view: ControlView, frame: _Frames) -> Array:
-    there = np.isfinite(view.human_position).all(axis=1)
-    seen = np.broadcast_to(there, (len(view.pose), len(there)))
+    place = view.human_position
+    there = np.isfinite(place[:, 0]) & np.isfinite(place[:, 1])
+    seen = np.broadcast_to(there, (len(view.pose), len(place)))
     radius = view.human_radius[:, None]
-    return _nearest(frame, view.human_position, view.human_velocity, seen, PEOPLE, radius)
+    return _nearest(frame, place, view.human_velocity, seen, PEOPLE, radius)
 
 
 def _nearest(
