@@ -26,12 +26,12 @@ class EpisodeEnd:
     world_digest: str
     trace_digest: str  #: the same actions in the same world give the same
 
-    def feedback(self, number: int, drawn: PlayedWorld) -> Feedback:
+    def feedback(self, number: int, played: PlayedWorld) -> Feedback:
         """Tell a sampler what became of its proposal ``number``."""
-        assert drawn.u is not None, "worlds of a program have a point"
+        assert played.u is not None, "worlds of a program have a point"
         return Feedback(
             number=number,
-            u=drawn.u,
+            u=played.u,
             score=self.score,
             objectives=self.margins,
             descriptors=self.descriptors,

@@ -72,7 +72,7 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):  # type: ignore[misc]  # ha
         low, high = bounds()
         self._seen = {name: Box(low, high, dtype=np.float32) for name in self.possible_agents}
         self._acts = {name: Box(-1.0, 1.0, (ACTIONS,), np.float32) for name in self.possible_agents}
-        self.drawn: PlayedWorld | None = None  #: the world of the episode
+        self.played: PlayedWorld | None = None  #: the world of the episode
         self._run: EpisodeRun | None = None
         self._watch: TrialWatch | None = None
         self._frame: Frame | None = None
@@ -103,8 +103,8 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):  # type: ignore[misc]  # ha
             InputError: an option cannot be used, or the world has other robots.
         """
         self.close()
-        self.drawn = self._source.draw(seed, options or {})
-        world = self.drawn.world
+        self.played = self._source.draw(seed, options or {})
+        world = self.played.world
         names = [robot.name for robot in world.robots]
         if names != self.possible_agents:
             raise WorldError(
@@ -126,7 +126,7 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):  # type: ignore[misc]  # ha
         if self._run.ended:
             raise WorldError(f"{world.name}: the stack ended at once: {self._run.ended}")
         self.agents = names
-        point = None if self.drawn.u is None else tuple(self.drawn.u.tolist())
+        point = None if self.played.u is None else tuple(self.played.u.tolist())
         infos = {name: {"world_digest": world.digest(), "u": point} for name in names}
         return self._observations(), infos
 

@@ -114,7 +114,7 @@ def test_a_sampler_closes_the_loop_and_finds_worlds_that_fail(program):
         proposal = sampler.ask()
         seed = 1 if number == 0 else None
         _, end = played(env, policy, seed=seed, options={"u": proposal.u})
-        sampler.tell(end.feedback(proposal.number, env.drawn))
+        sampler.tell(end.feedback(proposal.number, env.played))
         ends.append(end)
     assert len({end.world_digest for end in ends}) == 4
     failed = [end for end in ends if end.failed]
@@ -129,8 +129,8 @@ def test_the_same_point_and_seed_give_the_same_world(program):
     worlds = [env.reset(seed=5, options={"u": u})[1] for _ in range(2)]
     assert worlds[0] == worlds[1]
     assert env.reset(options={"u": u})[1] != worlds[0]  # its noise is another
-    (info,) = {str(i) for i in env.reset(options={"world": env.drawn.world})[1].values()}
-    assert env.drawn.world.digest() in info
+    (info,) = {str(i) for i in env.reset(options={"world": env.played.world})[1].values()}
+    assert env.played.world.digest() in info
 
 
 @pytest.mark.parametrize(
