@@ -40,7 +40,6 @@ class Mapf:
         self.reached, self.sent = [0] * self.count, [0] * self.count  # steps of them
         self.tasks, self.holder, self.aims = [], {}, None
         self.stops = [[] for _ in self.robots]  # of each robot: claim, task, room, service time
-        self.since = [math.inf] * self.count
 
     def nearest(self, point, taken=()):
         away = np.hypot(*(self.places - point).T)
@@ -91,14 +90,10 @@ class Mapf:
         if not self.stops[robot]:
             return None
         kind, task, room, service = self.stops[robot][0]
-        if math.dist(tick["pose"][robot, :2], self.places[self.rooms[room]]) > NEAR:
-            self.since[robot] = math.inf
-            return None
-        self.since[robot] = min(self.since[robot], tick["time"])
-        if tick["time"] - self.since[robot] < service + 1.0:
+        away = math.dist(tick["pose"][robot, :2], self.places[self.rooms[room]])
+        if away > NEAR or tick["parked_for"][robot] < service + 0.5:
             return None
         self.stops[robot].pop(0)
-        self.since[robot] = math.inf
         return {"kind": kind, "robot": robot, "task": task}
 
     def aim(self, robot, tick):
