@@ -25,7 +25,7 @@ $(STAMP): pyproject.toml constraints.txt
 		exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { \
 		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3.11-venv" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,mcap,qd,ros,smt,tsp,video]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,gym,mcap,qd,ros,smt,tsp,video]'
 	@touch $@
 
 demo: $(STAMP)

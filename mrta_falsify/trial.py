@@ -247,8 +247,13 @@ def judge(job: Job, *, keep_trace: bool = True) -> Judged:
 
 def _judge(job: Job, *, keep_trace: bool) -> Judged:
     specifications = judges_of(job)
-    watch = _Watch(job, specifications)
+    watch = TrialWatch(job, specifications)
     outcome = _run_episode(job, specifications, keep_trace=keep_trace, stop=watch.stop)
+    return summed_up(outcome, watch)
+
+
+def summed_up(outcome: Outcome, watch: TrialWatch) -> Judged:
+    """Sum up a run that ``watch`` has seen and may have ended."""
     verdicts = tuple(_bounded(verdict) for verdict in outcome.verdicts)
     margins = objectives(verdicts)
     if outcome.ended == "decided":
@@ -261,8 +266,13 @@ def _judge(job: Job, *, keep_trace: bool) -> Judged:
     )
 
 
-class _Watch:
-    """Looks at every frame; says when an episode may end."""
+class TrialWatch:
+    """Looks at every frame; says when an episode may end.
+
+    Args:
+        job: whether it ends early, and in which world.
+        specifications: that judge it, the objects that are updated.
+    """
 
     def __init__(self, job: Job, specifications: tuple[Specification, ...]) -> None:
         dt = 1.0 / job.config.control_rate
@@ -272,6 +282,7 @@ class _Watch:
         self._decided = np.inf
 
     def stop(self, frame: Frame) -> str:
+        """Take in a tick; give the reason to end here, empty: there is none."""
         self.descriptors.update(frame)
         sensed = frame.sensed
         if sensed.tick % self._stride == 0 and self._decided == np.inf:

@@ -158,6 +158,7 @@ class EpisodeRun:
         keep_trace: keep columns and tables; without, the trace has only its digest.
         stop: ends the episode at the first frame for which it returns a reason.
         told: what a stack in a process of its own has said; it is not asked again.
+        copies: False where nobody would command the robots in a copy of the run: no forecasts.
 
     Raises:
         InputError: as in :func:`frames_of`.
@@ -172,6 +173,7 @@ class EpisodeRun:
         keep_trace: bool = True,
         stop: Callable[[Frame], str] | None = None,
         told: Told | None = None,
+        copies: bool = True,
     ) -> None:
         self._began = wall_clock.perf_counter()
         self.episode = Episode(world, config, told)
@@ -194,9 +196,10 @@ class EpisodeRun:
         for specification in self._specifications:
             specification.start(world, self.episode.dt)
         self._stop = stop
-        self.episode.repeats = repeats_of(self._asked_for, config)
         self._frames = self.episode.frames()
-        offer_forecasts(self._specifications, self.episode, self._frames)
+        if copies:
+            self.episode.repeats = repeats_of(self._asked_for, config)
+            offer_forecasts(self._specifications, self.episode, self._frames)
 
     def advance(self) -> Frame:
         """Run the next tick, recorded and judged; the run must not have ended.
@@ -205,18 +208,32 @@ class EpisodeRun:
             The frame of the tick. Where the stack fails there is none: the run ends, and the
             last frame is given again.
         """
+        frame = self.look()
+        if not self.ended:
+            self.take_in(frame)
+        return frame
+
+    def look(self) -> Frame:
+        """Run the next tick; it is neither recorded nor judged before :meth:`take_in`.
+
+        Returns:
+            As :meth:`advance`.
+        """
         with heard():
             try:
-                frame = next(self._frames)
+                return next(self._frames)
             except StackFailed as failed:
                 return self._stack_failed(failed.failure)
+
+    def take_in(self, frame: Frame) -> None:
+        """Record and judge the tick that was looked at last."""
+        with heard():
             self._recorder.add(frame)
             self._contacts.update(frame)
             for specification in self._specifications:
                 specification.update(frame)
         self.frame = frame
         self.end(_end_of(self.episode, frame) or (self._stop(frame) if self._stop else ""))
-        return frame
 
     def _stack_failed(self, failure: StackFailure) -> Frame:
         assert self.frame is not None, "an episode has a frame before its stack fails"

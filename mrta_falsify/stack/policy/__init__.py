@@ -1,0 +1,1 @@
+"""Policies: functions from what one robot sees to how it drives, from a file."""
