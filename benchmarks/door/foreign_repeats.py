@@ -1,7 +1,8 @@
 """The same run of a foreign stack again and again, in several processes and on both engines.
 
 ``python -m benchmarks.door.foreign_repeats STACK.yaml WORLD [--runs 20] [--processes 3]
-[--horizon 10]``: prints the digests, how often each was seen, and the real-time factor.
+[--horizon 10] [--people 0] [--engines kinematic bullet]``: prints the digests, how often each was
+seen, and the real-time factor. The stack's command must be absolute, or found from here.
 """
 
 from __future__ import annotations
@@ -39,11 +40,12 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--processes", type=int, default=3)
     parser.add_argument("--horizon", type=float, default=10.0)
+    parser.add_argument("--engines", nargs="+", default=ENGINES, choices=ENGINES)
     parser.add_argument("--people", type=int, default=0)
     options = parser.parse_args()
     tasks = [
         (options.stack, options.world, engine, options.horizon, options.people)
-        for engine in ENGINES
+        for engine in options.engines
         for _ in range(options.runs)
     ]
     seen: Counter[tuple[str, str]] = Counter()
