@@ -67,6 +67,7 @@ class Executor:
         self._nodes: list[Any] = []
         self._tasks: list[Task] = []
         self._batch: Iterator[Any] = iter(())
+        self._may_be_ready = True  # something was heard of since all entities were looked at
         self._waiting: list[Fibre] = []
         self._running = 0
         self._failed: list[BaseException] = []
@@ -104,6 +105,7 @@ class Executor:
 
     def wake(self) -> None:
         """Look again at what is ready."""
+        self._may_be_ready = True
         for fibre in self._waiting:
             self._timeline.wake(fibre)
 
@@ -175,12 +177,14 @@ class Executor:
 
     def _next(self) -> Any:
         """Take the next entity of which a callback is ready and may run; None: there is none."""
-        for _ in range(2):  # what is left of the last look, then a fresh one
+        while True:
             for entity in self._batch:
                 if entity.is_ready() and _group(entity).may_run():
                     return entity
+            if not self._may_be_ready:
+                return None
+            self._may_be_ready = False
             self._batch = iter([entity for entity in self._entities() if entity.is_ready()])
-        return None
 
     def _entities(self) -> list[Any]:
         self._tasks = [task for task in self._tasks if not task.done()]
@@ -195,6 +199,7 @@ class Executor:
         finally:
             self._running -= 1
             group.running -= 1
+            self._may_be_ready = True  # more may wait in it, or for its group
 
     def _carry_out(self, call: Callable[[], object]) -> None:
         result = call()

@@ -31,7 +31,7 @@ _CODES = {
 _DTYPES = {"f": np.float32, "d": np.float64}
 _FLOATS = ("float32", "float64")
 _PLAIN = frozenset((int, float, str, bool, bytes))
-_NEW, _SET = object.__new__, object.__setattr__
+_NEW = object.__new__
 
 
 class Definitions:
@@ -119,6 +119,9 @@ class _Message:
     __slots__: tuple[str, ...] = ()
     TYPE = ""
     _FIELDS: tuple[str, ...] = ()
+    _PLAIN_SLOTS: tuple[str, ...] = ()
+    _MESSAGE_SLOTS: tuple[str, ...] = ()
+    _OTHER_SLOTS: tuple[str, ...] = ()
     _DEFAULTS: tuple[Callable[[], Any], ...] = ()
 
     def __init__(self, **given: Any) -> None:
@@ -148,9 +151,12 @@ class _Message:
     def copied(self) -> Any:
         """Give a copy of it and of all in it, as one that has travelled."""
         new = _NEW(type(self))
-        for slot in self.__slots__:
-            value = getattr(self, slot)
-            _SET(new, slot, value if type(value) in _PLAIN else _copied(value))
+        for slot in self._PLAIN_SLOTS:
+            setattr(new, slot, getattr(self, slot))
+        for slot in self._MESSAGE_SLOTS:
+            setattr(new, slot, getattr(self, slot).copied())
+        for slot in self._OTHER_SLOTS:
+            setattr(new, slot, _copied(getattr(self, slot)))
         return new
 
     @classmethod
@@ -173,12 +179,22 @@ def _make_class(type_: MessageType, find: Callable[[str], type]) -> type:
         "__slots__": tuple("_" + field for field in fields),
         "TYPE": type_.name,
         "_FIELDS": tuple(fields),
+        **_slots_by_kind(type_),
         "_DEFAULTS": tuple(_default(field, find) for field in type_.fields),
         "_KINDS": tuple((field.name, _kind_name(field.type)) for field in type_.fields),
         **{constant.name: constant.value for constant in type_.constants},
         **{field.name: _property(field, find, type_.name) for field in type_.fields},
     }
     return type(type_.name.split("/")[-1], (_Message,), body)
+
+
+def _slots_by_kind(type_: MessageType) -> dict[str, tuple[str, ...]]:
+    """Sort slots by how they are copied."""
+    kinds: dict[str, list[str]] = {"_PLAIN_SLOTS": [], "_MESSAGE_SLOTS": [], "_OTHER_SLOTS": []}
+    for field in type_.fields:
+        one = "_PLAIN_SLOTS" if field.type.is_primitive else "_MESSAGE_SLOTS"
+        kinds["_OTHER_SLOTS" if field.type.container else one].append("_" + field.name)
+    return {kind: tuple(slots) for kind, slots in kinds.items()}
 
 
 def _kind_name(kind: FieldType) -> str:
