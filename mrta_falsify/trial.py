@@ -49,6 +49,7 @@ class Job:
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
     told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
+    reference: Costs | None = None  #: to compare with; None: of a run of the reference stack
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,7 +157,8 @@ def judges_of(job: Job) -> tuple[Specification, ...]:
     specifications = build_specifications(job.specifications)
     for specification in specifications:
         if isinstance(specification, Comparing):
-            specification.compare_with(_reference_costs(job, specification.reference))
+            known = job.reference
+            specification.compare_with(known or _reference_costs(job, specification.reference))
     return specifications
 
 

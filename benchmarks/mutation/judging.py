@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.protocols import Costs
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
@@ -44,9 +45,17 @@ def run(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def explain(request: dict[str, Any]) -> dict[str, Any]:
-    """Name the layer that a failure belongs to; the stack's crashes and hangs are verdicts here."""
-    limits = StackLimits(tick=TICK)
-    job = dataclasses.replace(_job_of(request), early_stop=False, limits=limits)
+    """Name the layer that a failure belongs to; the stack's crashes and hangs are verdicts here.
+
+    A mutant that only costs more is compared with what the request says of the sound stack, since
+    a reference stack in this process would be mutated as well.
+    """
+    job = dataclasses.replace(
+        _job_of(request),
+        early_stop=False,
+        limits=StackLimits(tick=TICK),
+        reference=_reference(request["sound_costs"]),
+    )
     found = explain_job(job, max_runs=request["max_runs"])
     return {"layer": found.layer, "guess": found.guess, "reason": found.reason, "runs": found.runs}
 
@@ -60,6 +69,10 @@ def costs_of(trace: Trace) -> dict[str, float]:
         "time": float(max(times, default=trace.duration)),
         "calls": float(sum(event.kind in ALLOCATED for event in trace.events)),
     }
+
+
+def _reference(costs: dict[str, float]) -> Costs:
+    return Costs(way=(costs["way"],), time=costs["time"], calls=int(costs["calls"]), undelivered=0)
 
 
 def _job_of(request: dict[str, Any]) -> Job:

@@ -24,6 +24,7 @@ from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Sampler
 from mrta_falsify.core.record import Jittered
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.causes import COSTLY
 from scenic_worlds.variation import jittered_worlds
 
 EXPLAIN_RUNS = 16  # runs and continuations of one explanation
@@ -177,7 +178,7 @@ class _Search:
         if not told.apart:
             self.knife_edges += 1
             return False
-        explained = explanation(trial, lane, world)
+        explained = explanation(trial, lane, world, why)
         self.found = {
             "found_at": self.trials,
             "source": lane.source.name,
@@ -237,13 +238,22 @@ def _with_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def explanation(trial: Trial, lane: Lane, world: World) -> dict[str, Any]:
-    """Ask the mutated stack's own ``explain`` for the layer; empty-handed if it cannot say."""
+def explanation(trial: Trial, lane: Lane, world: World, why: Sequence[str]) -> dict[str, Any]:
+    """Ask the mutated stack's own ``explain`` for the layer; empty-handed if it cannot say.
+
+    Args:
+        trial: of the mutant.
+        lane: whose stack it is.
+        world: in which it failed.
+        why: it did, as :func:`~benchmarks.mutation.runs.reasons` lists.
+    """
+    costly = [name for name in why if name.startswith(COSTLY)]
     request = {
         "do": "explain",
         "world": codec.encode(world),
         "stack": codec.encode(lane.stack),
-        "specifications": trial.bench.sound.specifications,
+        "specifications": costly or trial.bench.sound.specifications,
+        "sound_costs": trial.sound(world, lane.stack).costs,
         "max_runs": EXPLAIN_RUNS,
     }
     return trial.process.ask(request, cpu_s=EXPLAIN_S)

@@ -101,8 +101,12 @@ def test_a_stored_campaign_is_shown_and_reported(stored):
 def test_a_stored_corpus_has_the_same_fates(stored):
     before = json.loads((CAMPAIGNS / f"{stored.name}.corpus.json").read_text())
     now = json.loads(_run("corpus", str(stored), "--format", "json"))
-    fates = [(row["id"], row["fate"], row["signature"]) for row in before["failures"]]
-    assert [(row["id"], row["fate"], row["signature"]) for row in now["failures"]] == fates
+    assert list(map(_fate, now["failures"])) == list(map(_fate, before["failures"]))
+
+
+def _fate(row):
+    """The signature ends with the kind of place now, with the name of the queue or room before."""
+    return row["id"], row["fate"], row["signature"].split("/")[:2]
 
 
 @pytest.mark.parametrize("stored", ["stalls"], indirect=True)

@@ -6,16 +6,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from shapely import unary_union
 from shapely.geometry import box
 
 from benchmarks.oracle.floors import floor, robot, two_rooms
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.costmap import INSCRIBED
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.world import Resource, Task
-from mrta_falsify.stack.resources.clear_ways import ClearWays
+from mrta_falsify.stack.resources.clear_ways import APART, AT_ROOM, ClearWays
 from simulator_interface.simulate import simulate
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
@@ -78,6 +80,33 @@ def test_places_leave_the_ways_open_together_and_lie_apart():
     assert ways.leaves_open(np.array(places))
     gaps = np.hypot(*(np.array(places)[:, None] - np.array(places)[None]).transpose(2, 0, 1))
     assert (gaps + np.eye(6) >= 0.6).all()
+
+
+def stays_joined(ways, world, stands):
+    """As `leaves_open`, by the parts of the whole map."""
+    free = ways._map.cost < INSCRIBED
+    centers = ways._map.centers(np.stack(np.indices(free.shape), -1).reshape(-1, 2))
+
+    def pairs(free):
+        parts = ndimage.label(free)[0].ravel()
+        near = [np.hypot(*(centers - room.point).T) <= AT_ROOM for room in world.rooms]
+        found = [set(parts[cells]) - {0} for cells in near]
+        return {(i, k) for i in range(len(found)) for k in range(i) if found[i] & found[k]}
+
+    covered = [np.hypot(*(centers - stand).T) <= APART for stand in np.round(stands, 1)]
+    return pairs(free) <= pairs(free & ~np.any(covered, axis=0).reshape(free.shape))
+
+
+@pytest.mark.parametrize(("width", "count"), [(1.0, 1), (1.2, 1), (1.6, 3), (2.4, 3)])
+def test_a_look_around_each_stand_says_what_the_whole_map_says(width, count):
+    world, random = dead_end(width), np.random.default_rng(count)
+    ways = ways_of(world)
+    answers = set()
+    for _ in range(60):
+        stands = random.uniform([-7.0, -2.0], [7.0, 2.0], size=(count, 2))
+        answers.add(expected := stays_joined(ways, world, stands))
+        assert ways.leaves_open(stands) == expected, stands
+    assert answers == {True, False}
 
 
 def waits_at(world, time):

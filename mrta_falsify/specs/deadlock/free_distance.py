@@ -6,7 +6,6 @@ does not depend on who is in it.
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass, field
 
@@ -65,24 +64,38 @@ class FreeDistance:
 
 @njit(cache=True)
 def _distances(free: BoolArray, goal_row: int, goal_col: int, cell: float) -> Array:
-    """Measure the shortest way to the goal's cell from every cell [m]; inf: none."""
+    """Measure the shortest way to the goal's cell from every cell [m]; inf: none.
+
+    Cells whose distance became shorter wait in a line until it has been passed on. All steps are
+    about as long, so that hardly any cell has to wait twice.
+
+    Source: Moore, "The shortest path through a maze", 1959.
+    """
     rows, cols = free.shape
     found = np.full(free.shape, np.inf)
+    waits = np.zeros(free.shape, dtype=np.bool_)
+    line = np.empty((rows * cols, 2), dtype=np.int64)
+    first, count, aslant = 0, 1, cell * math.sqrt(2.0)
     found[goal_row, goal_col] = 0.0
-    heap = [(0.0, goal_row, goal_col)]
-    while len(heap) > 0:
-        cost, row, col = heapq.heappop(heap)
-        if cost > found[row, col]:
-            continue
+    line[0, 0], line[0, 1] = goal_row, goal_col
+    while count > 0:
+        row, col = line[first]
+        first, count = (first + 1) % len(line), count - 1
+        waits[row, col] = False
         for up in range(-1, 2):
             for side in range(-1, 2):
                 r, c = row + up, col + side
                 if r < 0 or r >= rows or c < 0 or c >= cols or not free[r, c]:
                     continue
-                total = cost + cell * math.sqrt(up * up + side * side)
-                if total < found[r, c] - 1e-9:
-                    found[r, c] = total
-                    heapq.heappush(heap, (total, r, c))
+                total = found[row, col] + (aslant if up * side != 0 else cell)
+                if total >= found[r, c] - 1e-9:
+                    continue
+                found[r, c] = total
+                if not waits[r, c]:
+                    waits[r, c] = True
+                    last = (first + count) % len(line)
+                    line[last, 0], line[last, 1] = r, c
+                    count += 1
     return found
 
 
