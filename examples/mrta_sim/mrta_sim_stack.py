@@ -33,6 +33,7 @@ CASE = "simulation/testcase_6agents_3_3.json"  # the file that the dispatcher re
 DATA = ("roadmap_and_queues.pkl", "travel_time_07_22_24_full.pkl")  # read by their nodes alone
 ROOMS = 6  # that their nodes know
 RAYS_EVERY = 0.1  # s between two messages of the node that casts rays
+AT_REST = 0.1  # m/s along each axis, slow enough to load
 
 
 class Checkout:
@@ -83,6 +84,9 @@ class MrtaSim:
         navigator.BasicNavigator.planner = staticmethod(lambda *ends: cache(*map(tuple, ends)))
         self._twist = np.zeros((len(self._robots), 3))
         self._arrived = [0] * len(self._robots)
+        self._service = [(t["pickup_time"], t["dropoff_time"]) for t in world["tasks"]]
+        self._loading: list[list[dict[str, Any]]] = [[] for _ in self._robots]  # stops, in order
+        self._rests_since = [np.inf] * len(self._robots)  # while it loads [s]
         self._paths: list[Any] = [None] * len(self._robots)
         self._open()
 
@@ -93,11 +97,13 @@ class MrtaSim:
         self._publish(tick)
         self._graph.advance(tick["time"])
         setters = self._graph.program("goal_setter").nodes
+        events = [event for robot in range(len(setters)) for event in self._stops(robot, tick)]
+        is_held = np.array([len(stops) > 0 for stops in self._loading])
         return {
-            "twist": self._twist,
+            "twist": np.where(is_held[:, None], 0.0, self._twist),
             "goal": np.array([_goal(setter) for setter in setters]),
             "stops_left": [max(0, len(s.locs) - s.goal_idx) for s in setters],
-            "events": [event for robot in range(len(setters)) for event in self._arrivals(robot)],
+            "events": events,
             "paths": self._changed_paths() if tick["tick"] % 5 == 0 else [],
         }
 
@@ -129,6 +135,21 @@ class MrtaSim:
         if tick["tick"] % self._ray_ticks == 0:
             for robot, publisher in enumerate(self._rays):
                 publisher.publish(_obstacles(tick["obstacle_points"][robot]))
+
+    def _stops(self, robot: int, tick: dict[str, Any]) -> list[dict[str, Any]]:
+        """Hold a robot where it arrived until it has loaded; their nodes know no loading."""
+        loading = self._loading[robot]
+        loading += self._arrivals(robot)
+        is_at_rest = np.abs(tick["velocity"][robot, :2]).max() <= AT_REST
+        if not loading or not is_at_rest:
+            self._rests_since[robot] = np.inf
+            return []
+        self._rests_since[robot] = min(self._rests_since[robot], tick["time"])
+        service = self._service[loading[0]["task"]][loading[0]["kind"] == "dropped-off"]
+        if tick["time"] - self._rests_since[robot] < service:
+            return []
+        self._rests_since[robot] = tick["time"]
+        return [loading.pop(0)]
 
     def _arrivals(self, robot: int) -> list[dict[str, Any]]:
         """Give the stops that a robot says it has made since the last tick."""

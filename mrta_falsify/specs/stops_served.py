@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Sensed, StackEvent
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import ROOM_REACH
@@ -25,12 +27,14 @@ class StopsServed:
 
     def __init__(self, world: World) -> None:
         robots = len(world.robots)
-        self._rooms = np.array([room.point for room in world.rooms]).reshape(-1, 2)
+        self._rooms: Array = np.array([room.point for room in world.rooms]).reshape(-1, 2)
         self._served: IntArray = np.zeros(robots, dtype=np.int64)
-        self._goal: Array = np.full((robots, 2), np.nan)  # m
-        self._is_room: BoolArray = np.zeros(robots, dtype=np.bool_)  # the goal
-        self._place: Array = np.full((robots, 2), np.inf)  # of its last stop [m]
-        self._has_come: BoolArray = np.zeros(robots, dtype=np.bool_)  # to rest at its goal
+        self._stops = _Stops(
+            goal=np.full((robots, 2), np.nan),
+            is_room=np.zeros(robots, dtype=np.bool_),
+            place=np.full((robots, 2), np.inf),
+            has_come=np.zeros(robots, dtype=np.bool_),
+        )
 
     def update(self, sensed: Sensed, goal: Array, confirmed: Iterable[StackEvent]) -> IntArray:
         """Take in one tick; gives the stops done to date ``(N,)``, never changed later.
@@ -40,25 +44,50 @@ class StopsServed:
             goal: ``(N, 2)`` where robots are heading for [m], nan: nowhere.
             confirmed: stops of this tick that the books hold.
         """
-        moved = ~(np.hypot(*(goal - self._goal).T) <= GOAL_JITTER)
-        moved &= np.isfinite(goal[:, 0]) | np.isfinite(self._goal[:, 0])
-        done = moved & self._has_come
+        done = np.zeros(len(goal), dtype=np.bool_)
         for event in confirmed:
             done[event.robot] = True
-        if done.any():
+        if _note_stops(self._stops, sensed.pose, sensed.velocity, goal, self._rooms, done):
             self._served = self._served + done
-            self._place[done], self._has_come[done] = sensed.pose[done, :2], False
-        if moved.any():
-            self._take_goals(goal, moved)
-        position = sensed.pose[:, :2]
-        self._place[np.hypot(*(position - self._place).T) > ROOM_REACH] = np.inf
-        rests = np.hypot(*sensed.velocity[:, :2].T) <= STOPPED
-        rests &= self._is_room & np.isinf(self._place[:, 0])
-        self._has_come |= rests & (np.hypot(*(position - self._goal).T) <= ROOM_REACH)
         return self._served
 
-    def _take_goals(self, goal: Array, moved: BoolArray) -> None:
-        self._goal = np.where(moved[:, None], goal, self._goal)
-        away = np.hypot(*(self._goal[:, None] - self._rooms).transpose(2, 0, 1))
-        self._is_room = (away <= GOAL_JITTER).any(axis=1)
-        self._has_come &= ~moved
+
+class _Stops(NamedTuple):
+    """What is remembered of each robot's stop."""
+
+    goal: Array  #: (N, 2) that it heads for [m], nan: none
+    is_room: BoolArray  #: (N,) the goal is a room
+    place: Array  #: (N, 2) of its last stop [m], inf: left
+    has_come: BoolArray  #: (N,) to rest at its goal
+
+
+@njit(cache=True)
+def _note_stops(
+    stops: _Stops, pose: Array, velocity: Array, goal: Array, rooms: Array, done: BoolArray
+) -> bool:
+    """Note who comes to rest at its goal, and add to ``done`` who leaves for another one.
+
+    Returns:
+        Whether any robot has done a stop.
+    """
+    for i in range(len(goal)):
+        known = stops.goal[i]
+        moved = not np.hypot(goal[i, 0] - known[0], goal[i, 1] - known[1]) <= GOAL_JITTER
+        moved = moved and (np.isfinite(goal[i, 0]) or np.isfinite(known[0]))
+        if done[i] or (moved and stops.has_come[i]):
+            done[i], stops.has_come[i] = True, False
+            stops.place[i] = pose[i, :2]
+        if moved:
+            known[:] = goal[i]
+            stops.has_come[i] = stops.is_room[i] = False
+            for room in rooms:
+                away = np.hypot(known[0] - room[0], known[1] - room[1])
+                stops.is_room[i] = stops.is_room[i] or away <= GOAL_JITTER
+        x, y = pose[i, 0], pose[i, 1]
+        if np.hypot(x - stops.place[i, 0], y - stops.place[i, 1]) > ROOM_REACH:
+            stops.place[i] = np.inf
+        rests = np.hypot(velocity[i, 0], velocity[i, 1]) <= STOPPED
+        if rests and stops.is_room[i] and np.isinf(stops.place[i, 0]):
+            has_come = np.hypot(x - known[0], y - known[1]) <= ROOM_REACH
+            stops.has_come[i] = stops.has_come[i] or has_come
+    return done.any()

@@ -8,11 +8,13 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
+from mrta_falsify.core.world import Task
 from mrta_falsify.specs.library import build_specifications
 from scenic_worlds.layouts import load_world
 from simulator_interface.heartbeat import Post, at_post
@@ -65,6 +67,42 @@ def test_a_late_first_batch_ends_the_dispatcher():
     (verdict,) = judged(dataclasses.replace(world, tasks=late), "stack_runs").verdicts
     assert verdict.violated
     assert "plans_list" in " ".join(verdict.evidence["frames"])
+
+
+def test_a_fourth_robot_that_waits_for_a_room_ends_its_goal_setter():
+    """All stand where the room is asked for; one is let in, and the room has three spots."""
+    world = case(10.0)
+    starts = [(3.6, -25.1), (2.4, -25.1), (1.2, -25.1), (0.0, -25.1), (1.2, -23.8), (2.6, -23.8)]
+    robots = tuple(
+        dataclasses.replace(robot, pose=np.array([x, y, 0.0]))
+        for robot, (x, y) in zip(world.robots, starts, strict=True)
+    )
+    tasks = tuple(Task(arrival=0.0, start=3, end=k, deadline=900.0) for k in (2, 1, 0, 4, 5, 2))
+    crowded = dataclasses.replace(world, robots=robots, tasks=tasks)
+    (verdict,) = judged(crowded, "stack_runs").verdicts
+    assert verdict.violated
+    frames = " ".join(verdict.evidence["frames"])
+    assert "queue_callback" in frames
+    assert "IndexError" in frames
+
+
+def test_a_robot_that_has_finished_frees_the_room_in_which_it_stays():
+    """robot1 delivers to a room and stays there; robot2 is let in to fetch something."""
+    world = case(70.0)
+    robots = (
+        dataclasses.replace(world.robots[2], name="robot1"),
+        dataclasses.replace(world.robots[0], name="robot2"),
+    )
+    tasks = (
+        Task(arrival=0.0, start=2, end=3, deadline=60.0),
+        Task(arrival=0.0, start=3, end=2, deadline=120.0),
+    )
+    exclusive, honest = judged(
+        dataclasses.replace(world, robots=robots, tasks=tasks), "exclusive_use", "honest_events"
+    ).verdicts
+    assert exclusive.violated
+    assert exclusive.evidence["resource"] == "day_surgery"
+    assert not honest.violated, "robots are held until they have loaded"
 
 
 def test_two_robots_meet_beside_the_mop_cart_for_ever():
