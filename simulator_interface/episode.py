@@ -247,7 +247,7 @@ class Episode:
         answer = self._door.step(self.stack, self.state, fleet)
         self.state, command, intent, events = answer
         intent, events = self._told.of(intent, events)
-        confirmed = self.books.update(sensed, events)
+        confirmed, refused = self.books.update(sensed, events)
         served = self._served.update(sensed, intent.goal, confirmed)
         return Frame(
             sensed=sensed,
@@ -255,6 +255,8 @@ class Episode:
             intent=intent,
             events=events,
             served=served,
+            confirmed=confirmed,
+            refused=refused,
             blocked_by=self._tracker.update(seen, intent, served, self._told.tells),
             signals=self.outside.signals if self.outside else self._meter.signals,
             tells=self._told.tells,

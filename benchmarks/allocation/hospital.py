@@ -15,7 +15,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.books import Ledger
 from scenic_worlds.layouts import load_world
 from simulator_interface.simulate import simulate
 
@@ -39,11 +39,11 @@ class Deliveries:
 
     def start(self, world: World, dt: float) -> None:
         self.deadline = [task.deadline for task in world.tasks]
-        self._books = Books(world)
-        self.actual = self._books.delivered
+        self._ledger = Ledger(world)
+        self.actual = self._ledger.delivered
 
     def update(self, frame: Frame) -> None:
-        self._books.update(frame.sensed, frame.events)
+        self._ledger.enter(frame.confirmed, frame.sensed.time)
         for event in frame.events:
             if event.kind == "assigned" and event.task not in self.expected:
                 found = re.search(r"expected at ([\d.e+]+) s", event.detail)

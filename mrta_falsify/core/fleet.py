@@ -87,6 +87,18 @@ class StackEvent:
     detail: str = ""  #: in words
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """A claim of the stack that motion contradicts."""
+
+    time: float  #: when it was claimed [s]
+    kind: str  #: of the event
+    task: int  #: number, as claimed, -1: none
+    robot: str  #: name, empty: none, or there is no such robot
+    room: str  #: name of the room or resource, empty: none is concerned
+    reason: str  #: in words
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intent:
     """What the stack says of itself each tick; the oracle uses goals and paths, not claims."""
@@ -154,6 +166,8 @@ class Frame:
     intent: Intent
     events: tuple[StackEvent, ...]
     served: IntArray  #: (N,) stops done to date that motion confirms, whatever the stack says
+    confirmed: tuple[StackEvent, ...] = ()  #: stops claimed in this tick that motion confirms
+    refused: tuple[Refusal, ...] = ()  #: those that it contradicts; what is repeated, once
     blocked_by: tuple[BlockedBy, ...] = ()
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
     tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode

@@ -7,15 +7,15 @@ never carried more than it can. Claims that motion contradicts are refused, with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.fleet import Sensed, StackEvent
+from mrta_falsify.core.fleet import Refusal, Sensed, StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Task, World
 from mrta_falsify.specs.halts import STOPPED, Halts
@@ -27,18 +27,6 @@ AT_POINT = 0.3  # m; a wall this near to a room's point may cover it, and robots
 ROUNDING = 1e-6  # s that float arithmetic may add to a time, or take off
 STOP_KINDS = ("picked-up", "dropped-off")
 MOST_REFUSALS = 100  # rows in the evidence of one verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refusal:
-    """A claim that motion contradicts."""
-
-    time: float  #: when it was claimed [s]
-    kind: str  #: of the event
-    task: int  #: number, as claimed, -1: none
-    robot: str  #: name, empty: none, or there is no such robot
-    room: str  #: name of the room or resource, empty: none is concerned
-    reason: str  #: in words
 
 
 @dataclass(slots=True)
@@ -69,9 +57,10 @@ class Refusals:
         )
         self.rows.append(row)
 
-    def encoded(self) -> list[dict[str, Any]]:
-        """Give the first claims, JSON-shaped."""
-        return [asdict(row) for row in self.rows[:MOST_REFUSALS]]
+
+def encoded(rows: Sequence[Refusal]) -> list[dict[str, Any]]:
+    """Give the first refused claims, JSON-shaped."""
+    return [asdict(row) for row in rows[:MOST_REFUSALS]]
 
 
 def unknown_in(event: StackEvent, world: World, *, must_name: bool) -> str:
@@ -91,28 +80,27 @@ def unknown_in(event: StackEvent, world: World, *, must_name: bool) -> str:
 
 
 @dataclass(slots=True)
-class Books:
-    """What each robot picked up and delivered in one episode; update it once a tick."""
+class Ledger:
+    """What each robot picked up and delivered in one episode, of the stops that are confirmed."""
 
     world: World
     picked: dict[int, float] = field(default_factory=dict)  #: task -> [s]
     delivered: dict[int, float] = field(default_factory=dict)  #: task -> [s]
     by: dict[int, int] = field(default_factory=dict)  #: task -> robot that picked it up
-    given: dict[int, int] = field(default_factory=dict)  #: task -> robot, as the stack assigns
-    refused: Refusals = field(init=False)
     due: frozenset[int] = field(init=False)  #: tasks that are to be delivered
-    _halts: Halts = field(init=False)
-    _served_until: list[float] = field(init=False)  #: by robot: end of its last service [s]
-    _walls: tuple[Polygon, ...] | None = None
 
     def __post_init__(self) -> None:
         tasks, horizon = self.world.tasks, self.world.horizon
-        self.refused = Refusals(self.world)
         self.due = frozenset(i for i, task in enumerate(tasks) if task.arrival <= horizon)
-        self._halts = Halts(len(self.world.robots))
-        self._served_until = [robot.joins_at for robot in self.world.robots]
 
-    # --- what is in the books ---------------------------------------------------------------
+    def enter(self, stops: Iterable[StackEvent], time: float) -> None:
+        """Enter confirmed stops of the tick at ``time`` [s]."""
+        for stop in stops:
+            if stop.kind == "picked-up":
+                self.picked[stop.task] = time
+                self.by[stop.task] = stop.robot
+            else:
+                self.delivered[stop.task] = time
 
     @property
     def open(self) -> tuple[int, ...]:
@@ -129,6 +117,30 @@ class Books:
         held = self.picked.keys() - self.delivered.keys()
         return tuple(sorted(task for task in held if self.by[task] == robot))
 
+
+class Entries(NamedTuple):
+    """What became of the stops that were claimed in one tick."""
+
+    confirmed: tuple[StackEvent, ...]
+    refused: tuple[Refusal, ...]  #: what was refused before for the same reason is left out
+
+
+@dataclass(slots=True)
+class Books(Ledger):
+    """Says which stops count, and keeps the ledger of them; update it once a tick."""
+
+    given: dict[int, int] = field(default_factory=dict)  #: task -> robot, as the stack assigns
+    refused: Refusals = field(init=False)
+    _halts: Halts = field(init=False)
+    _served_until: list[float] = field(init=False)  #: by robot: end of its last service [s]
+    _walls: tuple[Polygon, ...] | None = None
+
+    def __post_init__(self) -> None:
+        Ledger.__post_init__(self)
+        self.refused = Refusals(self.world)
+        self._halts = Halts(len(self.world.robots))
+        self._served_until = [robot.joins_at for robot in self.world.robots]
+
     def robots_finished(self) -> int:
         """Count the robots without work: nothing aboard, and no open task is theirs.
 
@@ -141,8 +153,8 @@ class Books:
 
     # --- time passes --------------------------------------------------------------------------
 
-    def update(self, sensed: Sensed, events: Sequence[StackEvent]) -> list[StackEvent]:
-        """Take in one tick; gives the stops that count."""
+    def update(self, sensed: Sensed, events: Sequence[StackEvent]) -> Entries:
+        """Take in one tick; gives what became of the stops that are claimed."""
         speeds = sensed.velocity[:, :2]
         return self.take(sensed.time, sensed.pose, speeds, sensed.contact, events)
 
@@ -153,8 +165,8 @@ class Books:
         velocity: Array,
         contact: BoolArray,
         events: Sequence[StackEvent],
-    ) -> list[StackEvent]:
-        """Take in one tick by its parts; gives the stops that count.
+    ) -> Entries:
+        """Take in one tick by its parts; gives what became of the stops that are claimed.
 
         Args:
             time: [s].
@@ -164,7 +176,7 @@ class Books:
             events: of the tick.
         """
         self._halts.update(pose, velocity, contact, time)
-        counted = []
+        counted, known = [], len(self.refused.rows)
         for event in events:
             if event.kind == "assigned":
                 self.given[event.task] = event.robot
@@ -174,22 +186,15 @@ class Books:
             if reason:
                 self.refused.add(event, time, reason)
             else:
-                self._enter(event, time)
+                self.enter((event,), time)
+                self._served_until[event.robot] = time
                 counted.append(event)
-        return counted
+        return Entries(tuple(counted), tuple(self.refused.rows[known:]))
 
     def forget_after(self, time: float) -> None:
         """Expect no task any more that arrives after ``time`` [s]."""
         tasks = self.world.tasks
         self.due = frozenset(task for task in self.due if tasks[task].arrival <= time)
-
-    def _enter(self, event: StackEvent, time: float) -> None:
-        if event.kind == "picked-up":
-            self.picked[event.task] = time
-            self.by[event.task] = event.robot
-        else:
-            self.delivered[event.task] = time
-        self._served_until[event.robot] = time
 
     # --- what speaks against a claim ----------------------------------------------------------
 
@@ -284,6 +289,5 @@ def _confirmed_stops(trace: Trace, world: World) -> Iterator[StackEvent]:
         while event is not None and (event.time <= time + 0.5 * trace.dt):
             now.append(event)
             event = next(events, None)
-        yield from books.take(
-            time, columns["pose"][k], columns["velocity"][k, :, :2], columns["contact"][k], now
-        )
+        speeds, contact = columns["velocity"][k, :, :2], columns["contact"][k]
+        yield from books.take(time, columns["pose"][k], speeds, contact, now).confirmed

@@ -18,7 +18,7 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Costs
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.books import Ledger
 from mrta_falsify.specs.running_min import RunningMin
 
 CALLS_SIGNAL = "allocator_calls"  # in ``Frame.signals``, counted by the harness
@@ -32,7 +32,7 @@ class CostMeter:
     """Adds up what a run costs."""
 
     def __init__(self, world: World) -> None:
-        self._books = Books(world)
+        self._ledger = Ledger(world)
         self._way = np.zeros(len(world.robots))
         self._last: Array | None = None
         self._time = 0.0
@@ -46,20 +46,20 @@ class CostMeter:
         if self._last is not None:
             self._way += np.hypot(*(position - self._last).T)
         self._last = position.copy()
-        self._books.update(frame.sensed, frame.events)
+        self._ledger.enter(frame.confirmed, sensed.time)
         self._time, self.missing = sensed.time, frame.tells.lacking("deliveries")
         calls = frame.signals.get(CALLS_SIGNAL)
         self._calls = None if calls is None else int(calls)
 
     def costs(self) -> Costs:
         """Give the costs to date."""
-        books = self._books
-        last = max(books.delivered.values(), default=self._time)
+        ledger = self._ledger
+        last = max(ledger.delivered.values(), default=self._time)
         return Costs(
             way=tuple(self._way.tolist()),
-            time=last if books.closed else self._time,
+            time=last if ledger.closed else self._time,
             calls=self._calls,
-            undelivered=len(books.open),
+            undelivered=len(ledger.open),
         )
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.fleet import Frame, Refusal
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.books import Ledger, encoded
 
 
 class ByTheBooks:
@@ -23,13 +23,15 @@ class ByTheBooks:
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         self._world, self._dt, self._time = world, dt, 0.0
-        self._books, self._missing = Books(world), ""
+        self._ledger, self._missing = Ledger(world), ""
+        self._claims: list[Refusal] = []  # of stops, refused
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         self._time = frame.sensed.time
         self._missing = frame.tells.lacking("deliveries")
-        self._books.update(frame.sensed, frame.events)
+        self._ledger.enter(frame.confirmed, frame.sensed.time)
+        self._claims += frame.refused
 
 
 class AllTasksDone(ByTheBooks):
@@ -43,11 +45,11 @@ class AllTasksDone(ByTheBooks):
         """Give the verdict to date."""
         if self._missing:
             return unjudged("all_tasks_done", self._missing)
-        horizon, books = self._world.horizon, self._books
-        left, due = books.open, books.due
+        horizon, ledger = self._world.horizon, self._ledger
+        left, due = ledger.open, ledger.due
         over = self._time >= horizon - 0.6 * self._dt
         if not left:
-            robustness = max(0.0, 1.0 - max(books.delivered.values(), default=0.0) / horizon)
+            robustness = max(0.0, 1.0 - max(ledger.delivered.values(), default=0.0) / horizon)
         elif over:
             robustness = -len(left) / len(due)
         else:
@@ -62,8 +64,8 @@ class AllTasksDone(ByTheBooks):
                 "total": len(due),
                 "delivered": len(due) - len(left),
                 "open": list(left),
-                "picked_up": sorted(set(left) & set(books.picked)),
-                "claims_refused": books.refused.encoded(),
+                "picked_up": sorted(set(left) & set(ledger.picked)),
+                "claims_refused": encoded(self._claims),
             },
         )
 
@@ -78,7 +80,7 @@ class Deadlines(ByTheBooks):
         """Give the verdict to date."""
         if self._missing:
             return unjudged("deadlines", self._missing)
-        delivered = self._books.delivered
+        delivered = self._ledger.delivered
         margins = {
             i: task.deadline - delivered.get(i, self._time)
             for i, task in enumerate(self._world.tasks)
@@ -108,5 +110,5 @@ class Deadlines(ByTheBooks):
         )
 
     def _robot(self, task: int) -> str:
-        robot = self._books.by.get(task, -1)
+        robot = self._ledger.by.get(task, -1)
         return self._world.robots[robot].name if robot >= 0 else ""

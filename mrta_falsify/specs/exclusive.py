@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
@@ -46,18 +47,26 @@ class ExclusiveUse:
         crowded = [r for r in world.resources if r.capacity < len(world.robots)]
         self._resources = tuple(crowded)
         self._areas = tuple(_inner_area(world, r, self._options.rim) for r in crowded)
-        self._judged = [False] * len(crowded)
+        first = np.cumsum([0, *map(len, self._areas)])
+        self._spaces = _Spaces(
+            corners=np.concatenate([np.zeros((0, 2)), *self._areas]),
+            first=first.astype(np.int64),
+            capacity=np.array([r.capacity for r in crowded], dtype=np.int64),
+        )
+        self._judged = np.zeros(len(crowded), dtype=np.bool_)
         self._closest = RunningMin("exclusive_use", GAP_CAP)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        position = np.ascontiguousarray(frame.sensed.pose[:, :2])
+        pose = frame.sensed.pose
+        margins = _margins(self._spaces, pose)
+        self._judged |= margins >= 0.0
+        if not (self._judged & (margins < self._closest.margin)).any():
+            return
         for k, resource in enumerate(self._resources):
-            distance = signed_distances(self._areas[k], position)
-            margin = float(np.partition(distance, resource.capacity)[resource.capacity])
-            self._judged[k] = self._judged[k] or margin >= 0.0
+            margin = float(margins[k])
             if self._judged[k] and margin < self._closest.margin:
-                self._note(frame, resource, distance, margin)
+                self._note(frame, resource, signed_distances(self._areas[k], pose), margin)
 
     def _note(self, frame: Frame, resource: Resource, distance: Array, margin: float) -> None:
         order = np.argsort(distance, kind="stable")[: resource.capacity + 1]
@@ -89,9 +98,33 @@ def _inner_area(world: World, resource: Resource, rim: float) -> Array:
     return np.array(orient(largest).exterior.coords)[:-1]
 
 
+class _Spaces(NamedTuple):
+    """Spaces of resources, one after the other."""
+
+    corners: Array  #: (V, 2) [m] of all
+    first: IntArray  #: (R + 1,) corner of each
+    capacity: IntArray  #: (R,) robots
+
+
+@njit(cache=True)
+def _margins(spaces: _Spaces, pose: Array) -> Array:
+    """Measure how far the robot that is one too many is from each resource ``(R,)`` [m]."""
+    margins = np.empty(len(spaces.capacity))
+    for k in range(len(margins)):
+        area = spaces.corners[spaces.first[k] : spaces.first[k + 1]]
+        distance = signed_distances(area, pose)
+        margins[k] = np.sort(distance)[spaces.capacity[k]]
+    return margins
+
+
 @njit(cache=True)
 def signed_distances(polygon: Array, points: Array) -> Array:
-    """Measure how far ``points`` ``(N, 2)`` are from a polygon ``(V, 2)`` [m]; inside negative."""
+    """Measure how far ``points`` are from a polygon ``(V, 2)`` [m]; inside negative.
+
+    Args:
+        polygon: corners.
+        points: ``(N, 2)`` [m], or poses ``(N, 3)``.
+    """
     count = len(polygon)
     result = np.empty(len(points))
     for i in range(len(points)):

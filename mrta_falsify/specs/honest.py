@@ -12,6 +12,7 @@ from mrta_falsify.specs.books import (
     ROUNDING,
     STOP_KINDS,
     Refusals,
+    encoded,
     unknown_in,
 )
 from mrta_falsify.specs.deliveries import ByTheBooks
@@ -71,16 +72,16 @@ class HonestEvents(ByTheBooks):
             return ""
         if time <= task.deadline:
             return f"the deadline is at {task.deadline:g} s"
-        delivered = self._books.delivered.get(event.task, np.inf)
+        delivered = self._ledger.delivered.get(event.task, np.inf)
         return f"delivered in time: at {delivered:.1f} s" if delivered <= task.deadline else ""
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         if self._missing:
             return unjudged("honest_events", self._missing)
-        rows = [*self._books.refused.encoded(), *self._refused.encoded()]
+        rows = [*encoded(self._claims), *encoded(self._refused.rows)]
         rows.sort(key=lambda row: (row["time"], row["kind"], row["task"], row["robot"]))
-        count = len(self._books.refused.rows) + len(self._refused.rows)
+        count = len(self._claims) + len(self._refused.rows)
         return Verdict(
             spec="honest_events",
             robustness=float(-count) if count else 1.0,

@@ -17,7 +17,7 @@ from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.approach import LIVENESS_EVERY, ApproachMargin
-from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.books import Ledger
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD, CounterfactualTest
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.standstill import Standstill
@@ -183,14 +183,15 @@ class NoStarvation:
         self._standstill = Standstill(robots, radius=self._options.radius)
         self._waiting_since = np.zeros(robots)
         self._last_stop = np.full(robots, -np.inf)  # of each robot itself [s]
-        self._books, self._missing = Books(world), ""
+        self._ledger, self._missing = Ledger(world), ""
         self._worst = RunningMin("no_starvation", self._options.robot_patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
         self._missing = frame.tells.lacking("deliveries", "goals")
-        for stop in self._books.update(frame.sensed, frame.events):
+        self._ledger.enter(frame.confirmed, sensed.time)
+        for stop in frame.confirmed:
             self._last_stop[stop.robot] = sensed.time
         if sensed.tick % self._stride or not len(self._names):
             return
@@ -212,7 +213,7 @@ class NoStarvation:
             self._note(margin, self._names[i], since, time)
 
     def _judge_tasks(self, time: float) -> None:
-        tasks, picked = self._world.tasks, self._books.picked
+        tasks, picked = self._world.tasks, self._ledger.picked
         if not picked:
             return
         last_served = max(tasks[i].arrival for i in picked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,18 +63,15 @@ class KinematicLimits:
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        sensed = frame.sensed
-        pose = np.ascontiguousarray(sensed.pose, dtype=np.float64)
-        if self._seen:
-            _fill_twists(pose, self._pose, self._dt, self._twists[self._seen % len(self._twists)])
+        sensed, share = frame.sensed, self._share
+        pose, before = np.ascontiguousarray(sensed.pose, dtype=np.float64), self._pose
+        ring = _Ring(self._twists, self._limit, self._dt, self._seen)
+        worst = _take_in(pose, before, sensed.contact, sensed.time, ring, self._touched, share)
         self._pose = pose
         self._seen += 1
-        judged = _fill_shares(self._twists, self._seen - 1, self._dt, self._limit, self._share)
-        free = _note_touches(sensed.contact, sensed.time, self._touched, WINDOW + SHOVED_FOR)
-        if not judged or not free.any():
+        if worst < 0:
             return
-        share = np.where(free[:, None], self._share, 0.0)
-        robot, kind = divmod(int(share.argmax()), len(LIMITS))
+        robot, kind = divmod(worst, len(LIMITS))
         margin = self._tolerance - max(0.0, float(share[robot, kind]) - 1.0)
         if margin >= self._least.margin:
             return
@@ -95,6 +93,53 @@ class KinematicLimits:
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         return self._least.verdict()
+
+
+class _Ring(NamedTuple):
+    """The last twists of all robots, and what they are judged by."""
+
+    twists: Array  #: (K + 1, N, 3)
+    limit: Array  #: (N, 3) speed [m/s], acceleration [m/s^2], turn rate [rad/s]
+    dt: float  #: control period [s]
+    last: int  #: number of the twist of this tick, counted from 1
+
+
+@njit(cache=True)
+def _take_in(
+    pose: Array,
+    before: Array,
+    contact: BoolArray,
+    time: float,
+    ring: _Ring,
+    touched: Array,
+    share: Array,
+) -> int:
+    """Take in a tick: twists, touches, and what the robots use of their limits.
+
+    Args:
+        pose: ``(N, 3)``.
+        before: ``(N, 3)`` of the tick before.
+        contact: ``(N, 3)``.
+        time: [s].
+        ring: gets the twists of this tick.
+        touched: ``(N,)`` last time each was touched [s]; brought up to date.
+        share: ``(N, 3)`` receives the shares, 0 of robots that are not judged.
+
+    Returns:
+        The largest of ``share``, flat; -1: nobody is judged.
+    """
+    if ring.last:
+        _fill_twists(pose, before, ring.dt, ring.twists[ring.last % len(ring.twists)])
+    is_full = _fill_shares(ring.twists, ring.last, ring.dt, ring.limit, share)
+    is_any = False
+    for i in range(len(touched)):
+        if contact[i, 0] or contact[i, 1] or contact[i, 2]:
+            touched[i] = time
+        if time - touched[i] > WINDOW + SHOVED_FOR:
+            is_any = True
+        else:
+            share[i] = 0.0
+    return int(share.argmax()) if is_full and is_any else -1
 
 
 @njit(cache=True)
@@ -141,14 +186,3 @@ def _fill_shares(twists: Array, last: int, dt: float, limit: Array, share: Array
         share[i, 1] = np.hypot(df, dl) / (ticks * dt) / limit[i, 1]
         share[i, 2] = abs(turn) / limit[i, 2]
     return True
-
-
-@njit(cache=True)
-def _note_touches(contact: BoolArray, time: float, touched: Array, pause: float) -> BoolArray:
-    """Note who is touched; which robots ``(N,)`` have not been for ``pause`` [s]."""
-    free = np.zeros(len(touched), dtype=np.bool_)
-    for i in range(len(touched)):
-        if contact[i, 0] or contact[i, 1] or contact[i, 2]:
-            touched[i] = time
-        free[i] = time - touched[i] > pause
-    return free

@@ -90,4 +90,4 @@ def _note_stops(
         if rests and stops.is_room[i] and np.isinf(stops.place[i, 0]):
             has_come = np.hypot(x - known[0], y - known[1]) <= ROOM_REACH
             stops.has_come[i] = stops.has_come[i] or has_come
-    return done.any()
+    return bool(done.any())

@@ -22,7 +22,7 @@ from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
-from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.books import Ledger
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.worlds import find_world
@@ -168,15 +168,15 @@ class _TripClock:
 
     def start(self, world: World, dt: float) -> None:
         del dt
-        self._books = Books(world)
+        self._ledger = Ledger(world)
 
     def update(self, frame: Frame) -> None:
-        self._books.update(frame.sensed, frame.events)
+        self._ledger.enter(frame.confirmed, frame.sensed.time)
 
     @property
     def trip(self) -> float | None:
         """Time from pick-up to delivery [s]; None: there was none."""
-        picked, delivered = self._books.picked, self._books.delivered
+        picked, delivered = self._ledger.picked, self._ledger.delivered
         return delivered[0] - picked[0] if delivered else None
 
     def verdict(self) -> Verdict:

@@ -9,17 +9,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import Sensed
 from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Planner
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from simulator_interface.engines.rays import polygon_edges
 from simulator_interface.people.margins import Bystanders
 from simulator_interface.people.scripts import STANDS, Now, Script, ScriptPlayer
-from simulator_interface.people.walking import Walker, Walking
+from simulator_interface.people.walking import (
+    NO_WAY,
+    ProgressRows,
+    Walker,
+    Walking,
+    all_walk_on,
+    fresh_rows,
+)
 from simulator_interface.staging import Stage, StagedSource, without_later
 
 REDRAWN = 0.25  # m or rad; people see a piece of furniture where it was until it moved by this
@@ -37,6 +45,8 @@ class Crowd:
     player: ScriptPlayer = field(init=False)  #: carries out the directives
     _walking: Walking = field(init=False)
     _walkers: list[Walker] = field(default_factory=list)
+    _rows: ProgressRows = field(default_factory=lambda: fresh_rows(0))  #: of the walkers
+    _routes: _Routes | None = None  #: of the walkers, None: some have changed
     _at_work: dict[int, Script | None] = field(default_factory=dict)  #: people with directives
     _edges: Array = field(default_factory=lambda: np.zeros((0, 4)))
     _drawn: Array = field(init=False)  #: (F, 3) furniture poses that ``_edges`` show
@@ -75,6 +85,10 @@ class Crowd:
             self._walkers.append(walker)
             if spec.directives:
                 self._at_work[i] = Script(spec.directives)
+        self._rows = fresh_rows(len(self._walkers))
+        for i, walker in enumerate(self._walkers):
+            self._rows[i] = walker.rows[walker.row]
+            walker.rows, walker.row = self._rows, i
         self._staged = (self.player.inside, self.player.furnishings.pose)
         return positions
 
@@ -93,7 +107,7 @@ class Crowd:
         before = self._at_work.get(person)
         if before is not None and before is not script:
             before.suspend()
-        self._at_work[person] = script
+        self._at_work[person], self._routes = script, None
 
     def add_blockage(self, blockage: Blockage) -> None:
         """Add a blockage that is put down while the episode runs; it has not started yet."""
@@ -146,16 +160,13 @@ class Crowd:
             return np.zeros((0, 2))
         self._look(sensed.time)
         position, present = sensed.human_position, self.present(sensed.time)
-        target = np.empty_like(position)
-        desired = np.empty(len(position))
+        target, desired = np.empty_like(position), np.empty(len(position))
         led: dict[int, Array] = {}
         if self._at_work:
             position = position.copy()  # a script that lets a person appear writes here
+        self._fill_on_routes(target, desired, position, sensed.time)
+        if self._at_work:
             led = self._fill_scripted(target, desired, self._now(sensed, position, present))
-        for i, walker in enumerate(self._walkers):
-            if i not in self._at_work:
-                target[i] = self._walking.target(walker, position[i], sensed.time)
-                desired[i] = walker.speed if len(walker.way) else 0.0
         view = CrowdView(
             dt=self.dt,
             position=position,
@@ -174,6 +185,29 @@ class Crowd:
         for i, exactly in led.items():
             velocity[i] = exactly
         return velocity
+
+    def _fill_on_routes(self, target: Array, desired: Array, position: Array, time: float) -> None:
+        """Write targets and speeds of the people on routes; the others stand."""
+        if self._routes is None:
+            self._routes = self._list_routes()
+        ways, first, speed = self._routes
+        desired[:] = speed
+        needs_way = all_walk_on(ways, first, self._rows, position, time, target)
+        for i in np.flatnonzero(needs_way).tolist():
+            walker, self._routes = self._walkers[i], None
+            target[i] = self._walking.target(walker, position[i], time)
+            desired[i] = walker.speed if len(walker.way) else 0.0
+
+    def _list_routes(self) -> _Routes:
+        ways = [
+            NO_WAY if i in self._at_work else walker.way for i, walker in enumerate(self._walkers)
+        ]
+        speeds = [
+            walker.speed if len(way) else 0.0
+            for way, walker in zip(ways, self._walkers, strict=True)
+        ]
+        first = np.cumsum([0, *map(len, ways)]).astype(np.int64)
+        return _Routes(np.concatenate([NO_WAY, *ways]), first, np.array(speeds))
 
     def _fill_scripted(self, target: Array, desired: Array, now: Now) -> dict[int, Array]:
         """Write targets and speeds of the people with scripts.
@@ -227,6 +261,14 @@ class Crowd:
             self._resting = resting
             assert isinstance(self.source, StagedSource)
             self.source.furnish(tuple(things.outline(k) for k in resting))
+
+
+class _Routes(NamedTuple):
+    """The ways of all people on routes, one after the other."""
+
+    ways: Array  #: (P, 2) [m]
+    first: IntArray  #: (H + 1,) point of each person
+    speed: Array  #: (H,) desired [m/s], 0: stands
 
 
 def present_humans(world: World, time: float) -> BoolArray:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
 from mrta_falsify.core.protocols import CostmapSource, Planner
@@ -24,6 +25,23 @@ NO_ROBOTS = np.zeros((0, 2))
 NO_WAY = np.zeros((0, 2))
 
 
+#: how far a person is on a way
+PROGRESS_ROW = np.dtype(
+    [
+        ("passed", np.int64),  # points of the way already passed
+        ("closest", np.float64),  # least distance to the end of the way so far [m]
+        ("closest_at", np.float64),  # when that was [s]
+    ]
+)
+ProgressRows: TypeAlias = NDArray[np.void]  #: of PROGRESS_ROW
+GOES_ON, STANDS_STILL, HAS_ARRIVED, IS_LOST = range(4)
+
+
+def fresh_rows(count: int, time: float = 0.0) -> ProgressRows:
+    """Make rows of ``count`` people who set out at ``time`` [s]."""
+    return np.array([(0, np.inf, time)] * count, dtype=PROGRESS_ROW)
+
+
 @dataclass(slots=True)
 class Walker:
     """Where one person stands on a route."""
@@ -33,9 +51,13 @@ class Walker:
     speed: float  #: desired [m/s]
     next_point: int  #: index into the route
     way: Array  #: (L, 2) planned points to the next route point, empty: stands
-    passed: int = 0  #: points of the way already passed
-    closest: float = np.inf  #: least distance to the end of the way so far [m]
-    closest_at: float = 0.0  #: when that was [s]
+    rows: ProgressRows = field(default_factory=lambda: fresh_rows(1))  #: one of them is its own
+    row: int = 0  #: of ``rows``
+
+    def take_way(self, way: Array, time: float) -> None:
+        """Set out along another way at ``time`` [s]."""
+        self.way = way
+        self.rows[self.row] = fresh_rows(1, time)[0]
 
 
 @dataclass(slots=True)
@@ -101,26 +123,17 @@ class Walking:
 
     def target(self, walker: Walker, position: Array, time: float) -> Array:
         """Choose the point ``(2,)`` [m] to walk towards; ``position`` itself: stand."""
-        if not len(walker.way):
-            return position
-        last = walker.way[-1]
-        end = float(np.hypot(last[0] - position[0], last[1] - position[1]))
-        if end < walker.closest - PROGRESS:
-            walker.closest, walker.closest_at = end, time
-        ahead = look_ahead(walker.way, walker.passed, position)
-        if end < ARRIVAL or time - walker.closest_at > STUCK_AFTER:
-            self._turn_to_next_point(walker, position, time)
-        elif ahead.off_way > LOST:
-            self._find_way(walker, position, time)
-        else:
-            walker.passed = ahead.passed
-            return np.asarray(walker.way[ahead.point])
-        if not len(walker.way):
-            return position
-        ahead = look_ahead(walker.way, walker.passed, position)
-        walker.passed = ahead.passed
-        target: Array = walker.way[ahead.point]
-        return target
+        fate, point = walk_on(walker.way, walker.rows, walker.row, position, time)
+        if fate in (HAS_ARRIVED, IS_LOST):
+            if fate == HAS_ARRIVED:
+                self._turn_to_next_point(walker, position, time)
+            else:
+                self._find_way(walker, position, time)
+            if not len(walker.way):
+                return position
+            ahead = look_ahead(walker.way, walker.rows["passed"][walker.row], position)
+            walker.rows["passed"][walker.row], point = ahead.passed, ahead.point
+        return position if fate == STANDS_STILL else np.asarray(walker.way[point])
 
     def _turn_to_next_point(self, walker: Walker, position: Array, time: float) -> None:
         points = len(walker.route)
@@ -141,9 +154,8 @@ class Walking:
                 break
             walker.next_point = (walker.next_point + 1) % points
         if not len(way):  # shut in for now: keep the old way and ask again later
-            way = walker.way[walker.passed :]
-        walker.way, walker.passed = way, 0
-        walker.closest, walker.closest_at = np.inf, time
+            way = walker.way[walker.rows["passed"][walker.row] :]
+        walker.take_way(way, time)
 
 
 class Ahead(NamedTuple):
@@ -172,6 +184,68 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
         if np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) >= LOOK_AHEAD:
             return Ahead(best, closest, i)
     return Ahead(best, closest, stop - 1)
+
+
+@njit(cache=True)
+def walk_on(
+    way: Array, rows: ProgressRows, row: int, position: Array, time: float
+) -> tuple[int, int]:
+    """Note how far a person is on a way, and find the point to walk towards.
+
+    Args:
+        way: ``(L, 2)`` [m], empty: none.
+        rows: of which one is brought up to date.
+        row: that is.
+        position: ``(2,)`` [m].
+        time: [s].
+
+    Returns:
+        What becomes of the person, and the point of the way, if it goes on.
+    """
+    if not len(way):
+        return STANDS_STILL, 0
+    own = rows[row]
+    end = np.hypot(way[-1, 0] - position[0], way[-1, 1] - position[1])
+    if end < own.closest - PROGRESS:
+        own.closest, own.closest_at = end, time
+    if end < ARRIVAL or time - own.closest_at > STUCK_AFTER:
+        return HAS_ARRIVED, 0
+    ahead = look_ahead(way, own.passed, position)
+    if ahead.off_way > LOST:
+        return IS_LOST, 0
+    own.passed = ahead.passed
+    return GOES_ON, ahead.point
+
+
+@njit(cache=True)
+def all_walk_on(
+    ways: Array,
+    first: IntArray,
+    rows: ProgressRows,
+    position: Array,
+    time: float,
+    target: Array,
+) -> BoolArray:
+    """Bring all people on routes to a tick.
+
+    Args:
+        ways: ``(P, 2)`` [m], one after the other.
+        first: ``(H + 1,)`` point of each.
+        rows: ``(H,)``.
+        position: ``(H, 2)`` [m].
+        time: [s].
+        target: ``(H, 2)`` [m] receives the points to walk towards.
+
+    Returns:
+        Who ``(H,)`` needs another way first.
+    """
+    needs_way = np.zeros(len(rows), dtype=np.bool_)
+    for i in range(len(rows)):
+        way = ways[first[i] : first[i + 1]]
+        fate, point = walk_on(way, rows, i, position[i], time)
+        target[i] = way[point] if fate == GOES_ON else position[i]
+        needs_way[i] = fate in (HAS_ARRIVED, IS_LOST)
+    return needs_way
 
 
 def way_length(points: Array) -> float:

@@ -21,6 +21,7 @@ from mrta_falsify.core.world import (
     Wall,
     World,
 )
+from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 
 DT = 0.05
@@ -106,13 +107,14 @@ class Script:
 
     def frames(self, world: World | None = None) -> Iterator[Frame]:
         world = world or self.world()
-        tracker = BlockedByTracker(world, DT)
+        tracker, books = BlockedByTracker(world, DT), Books(world)
         previous = None
         for tick in range(round(self.seconds / DT) + 1):
             frame = self._frame(tick, previous)
             previous = frame.sensed.pose
             edges = tracker.update(frame.sensed, frame.intent, frame.served)
-            yield dataclasses.replace(frame, blocked_by=edges)
+            entries = books.update(frame.sensed, frame.events)
+            yield dataclasses.replace(frame, blocked_by=edges, **entries._asdict())
 
     def _frame(self, tick: int, previous: Array | None) -> Frame:
         time = tick * DT

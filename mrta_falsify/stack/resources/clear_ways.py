@@ -62,7 +62,7 @@ class ClearWays:
             free[rows, cols] = False
         if can_be_passed and all(
             self._parts_near(room, self._parts, free) == self._at_rooms[room]
-            for room in np.flatnonzero(_gaps(self._points, places) <= AT_ROOM + APART)
+            for room in np.flatnonzero(_gaps(self._points, places) <= AT_ROOM + APART).tolist()
         ):
             return True  # no part of the map falls apart, and each room has those that it had
         parts = ndimage.label(free)[0]
