@@ -45,11 +45,19 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
     metavar="SECONDS",
     help="Simulated time per fleet size.",
 )
+@click.option(
+    "--engine",
+    "engines",
+    multiple=True,
+    metavar="NAME",
+    help="Run the fleets on this engine as well. Repeatable.",
+)
 @stack_options
 @format_option
 def bench_command(
     robots: tuple[int, ...],
     seconds: float,
+    engines: tuple[str, ...],
     stack: str | None,
     settings: tuple[str, ...],
     style: str,
@@ -58,10 +66,11 @@ def bench_command(
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.bench.benchmark import bench, step_count
 
-    with output.progress("bench", step_count(robots), "steps") as on_progress:
+    with output.progress("bench", step_count(robots, engines), "steps") as on_progress:
         speeds = bench(
             robots=robots,
             seconds=seconds,
+            engines=engines,
             stack=stack,
             settings=settings,
             on_progress=on_progress,

@@ -7,7 +7,8 @@ import os
 import platform
 from collections.abc import Callable, Sequence
 
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
@@ -19,7 +20,7 @@ from mrta_falsify.verbs.bench.layer_speed import (
     time_first_tick,
     time_planner,
 )
-from mrta_falsify.verbs.bench.timing_values import Machine, Speeds
+from mrta_falsify.verbs.bench.timing_values import FleetSpeed, Machine, Speeds
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
@@ -34,15 +35,16 @@ WARM_UP = 40  # ticks that load or compile all compiled code
 MOST_ROBOTS = 200
 
 
-def step_count(robots: Sequence[int]) -> int:
+def step_count(robots: Sequence[int], engines: Sequence[str] = ()) -> int:
     """Count the steps that :func:`bench` reports on the way."""
-    return len(robots) + len(CLUSTERS) + OTHER_STEPS
+    return len(robots) * (1 + len(engines)) + len(CLUSTERS) + OTHER_STEPS
 
 
 def bench(
     *,
     robots: Sequence[int] = (2, 4, 6, 12, 24),
     seconds: float = 60.0,
+    engines: Sequence[str] = (),
     stack: Stack | None = None,
     settings: Sequence[str] = (),
     on_progress: Callable[[float], None] = lambda done: None,
@@ -52,6 +54,7 @@ def bench(
     Args:
         robots: fleet sizes to run with all layers and 8 people.
         seconds: simulated time per fleet [s], >= 10.
+        engines: on which the fleets are run beside the stack's own.
         stack: the stack, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
         on_progress: called with the number of finished steps.
@@ -63,17 +66,26 @@ def bench(
         raise ConfigError(f"robots is {robots}; it must be numbers from 1 to {MOST_ROBOTS}")
     config = load_stack(stack, settings)
     world = vary_world(load_world(WORLD), 0)
-    steps = iter(range(1, step_count(robots) + 1))
+    others = {name: dataclasses.replace(config, engine=Choice(name)) for name in engines}
+    for other in others.values():
+        registry.build("engine", other.engine)
+    steps = iter(range(1, step_count(robots, engines) + 1))
 
     def step() -> None:
         on_progress(next(steps))
 
     _warm_up(world, config)
     step()
-    fleets = {}
-    for count in robots:
-        fleets[str(count)] = time_fleet(world, config, count, seconds)
-        step()
+
+    def fleets_of(config: StackConfig) -> dict[str, FleetSpeed]:
+        found = {}
+        for count in robots:
+            found[str(count)] = time_fleet(world, config, count, seconds)
+            step()
+        return found
+
+    fleets = fleets_of(config)
+    on_others = {name: fleets_of(other) for name, other in others.items()}
     control, programs = {}, {}
     for count in CLUSTERS:
         control[str(count)], programs[str(count)] = time_controller(config, count)
@@ -87,6 +99,7 @@ def bench(
     step()
     return Speeds(
         real_time_factor=fleets,
+        engines=on_others,
         cbf_qp_ms=programs,
         control_ms=control,
         qp_init_ms=controller_init,

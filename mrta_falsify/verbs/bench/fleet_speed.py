@@ -1,42 +1,112 @@
-"""How fast a whole run with all layers is."""
+"""How fast a whole run is, with all layers and all default specifications."""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.trace import TraceRecorder
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.books import Books
+from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
+from mrta_falsify.specs.deadlock.oracle import NoDeadlock
+from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.specs.stops_served import StopsServed
+from mrta_falsify.stack.driving import Driving
+from mrta_falsify.stack.pipeline import Stack
+from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.timing_values import FleetSpeed, milliseconds
-from simulator_interface.episode import Episode
+from simulator_interface.people.crowd import Crowd
+from simulator_interface.simulate import EpisodeRun
 
 WINDOW = 10.0  # s, "minimum over any 10 s"
+COUNTED = 100  # ticks whose calls are counted, after those that are timed
+#: methods that are stages of a tick; the engine's and the specifications' are added
+STAGES: tuple[tuple[type, str, str], ...] = (
+    (Crowd, "velocities", "people"),
+    (Stack, "step", "missions and rooms"),
+    (Replanning, "step", "planning"),
+    (Driving, "views", "look-ahead"),
+    (Driving, "control", "control"),
+    (Books, "update", "books"),
+    (StopsServed, "update", "books"),
+    (BlockedByTracker, "update", "blocked-by"),
+    (TraceRecorder, "add", "trace"),
+)
 
 
 def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -> FleetSpeed:
-    """Measure the speed of a whole run: mean, worst window, worst busy window."""
-    ticks = round(seconds * config.control_rate)
-    spent, busy = np.empty(ticks), np.empty(ticks, dtype=bool)
-    frames = Episode(fleet_world(world, config, robots), config).frames()
-    next(frames)
-    for tick in range(ticks):
-        before = time.perf_counter()
-        frame = next(frames)
-        spent[tick] = time.perf_counter() - before
-        busy[tick] = _is_busy(frame)
-    frames.close()
-    dt = 1.0 / config.control_rate
-    return FleetSpeed(
-        mean=round(ticks * dt / float(spent.sum()), 2),
-        min=_worst_factor(spent, dt),
-        busy_min=_worst_factor(spent[busy], dt) if busy.sum() * dt >= 1.0 else None,
-        tick_p50_ms=milliseconds(spent, 50.0),
-        tick_p99_ms=milliseconds(spent, 99.0),
+    """Measure the speed of a whole run: mean, worst window, worst busy window.
+
+    Args:
+        world: with people, who stay.
+        config: the stack.
+        robots: of the fleet, all with tasks.
+        seconds: simulated time [s].
+    """
+    ticks, dt = round(seconds * config.control_rate), 1.0 / config.control_rate
+    wall, cpu, busy = np.empty(ticks), np.empty(ticks), np.empty(ticks, dtype=bool)
+    specifications = build_specifications()
+    run = EpisodeRun(
+        fleet_world(world, config, robots),
+        config,
+        specifications=specifications,
+        keep_trace=False,
     )
+    watch = _Stopwatch()
+    with contextlib.closing(run), contextlib.ExitStack() as watched:
+        run.advance()
+        engine = type(registry.build("engine", config.engine))
+        kinds = dict.fromkeys(type(specification) for specification in specifications)
+        own = [(kind, "update", _spec_stage(kind)) for kind in kinds]
+        for owner, method, name in ((engine, "step", "engine"), *STAGES, *own):
+            watched.enter_context(watch.watching(owner, method, name))
+        for tick in range(ticks):
+            before, cpu_before = time.perf_counter(), _cpu_seconds()
+            frame = run.advance()
+            wall[tick] = time.perf_counter() - before
+            cpu[tick] = _cpu_seconds() - cpu_before
+            busy[tick] = _is_busy(frame)
+        watched.close()
+        calls = _calls_of_a_quiet_tick(run)
+    stages = {**watch.seconds, "rest": float(wall.sum()) - sum(watch.seconds.values())}
+    return FleetSpeed(
+        mean=_mean_factor(wall, dt),
+        min=_worst_factor(wall, dt),
+        busy_min=_worst_factor(wall[busy], dt) if busy.sum() * dt >= 1.0 else None,
+        tick_p50_ms=milliseconds(wall, 50.0),
+        tick_p99_ms=milliseconds(wall, 99.0),
+        cpu_mean=_mean_factor(cpu, dt),
+        cpu_min=_worst_factor(cpu, dt),
+        calls=calls,
+        stages_ms={name: round(1000.0 * spent / ticks, 4) for name, spent in stages.items()},
+    )
+
+
+def _spec_stage(kind: type) -> str:
+    return "oracle" if kind is NoDeadlock else "specifications"
+
+
+def _cpu_seconds() -> float:
+    """CPU time of this process and of its copies that have ended [s]."""
+    spent = os.times()
+    return time.process_time() + spent.children_user + spent.children_system
+
+
+def _mean_factor(spent: Array, dt: float) -> float:
+    return round(len(spent) * dt / float(spent.sum()), 2)
 
 
 def _worst_factor(spent: Array, dt: float) -> float:
@@ -50,3 +120,58 @@ def _is_busy(frame: Frame) -> bool:
     """Whether all robots have work, and at least three form one cluster."""
     _, sizes = np.unique(frame.intent.cluster, return_counts=True)
     return bool((frame.intent.tasks_left > 0).all() and sizes.max(initial=0) >= 3)
+
+
+def _calls_of_a_quiet_tick(run: EpisodeRun) -> int:
+    """Count the Python functions called in a tick without events: median of many."""
+    counts = []
+    for _ in range(COUNTED):
+        count = 0
+
+        def note(frame: Any, event: str, arg: Any) -> None:
+            nonlocal count
+            count += event == "call"
+
+        sys.setprofile(note)
+        try:
+            frame = run.advance()
+        finally:
+            sys.setprofile(None)
+        if not frame.events:
+            counts.append(count)
+    return int(np.median(counts)) if counts else 0
+
+
+@dataclass(slots=True)
+class _Stopwatch:
+    """Adds up the time that stages take, without that of the stages they call."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    _inner: float = 0.0  #: spent in stages that the present one called [s]
+
+    @contextlib.contextmanager
+    def watching(self, owner: type, method: str, name: str) -> Iterator[None]:
+        """Time a method of a class meanwhile, as (a part of) stage ``name``."""
+        own = vars(owner).get(method)
+        setattr(owner, method, self._timed(getattr(owner, method), name))
+        self.seconds.setdefault(name, 0.0)
+        try:
+            yield
+        finally:
+            if own is None:
+                delattr(owner, method)
+            else:
+                setattr(owner, method, own)
+
+    def _timed(self, method: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def timed(*args: Any, **named: Any) -> Any:
+            outer, self._inner = self._inner, 0.0
+            before = time.perf_counter()
+            try:
+                return method(*args, **named)
+            finally:
+                spent = time.perf_counter() - before
+                self.seconds[name] += spent - self._inner
+                self._inner = outer + spent
+
+        return timed

@@ -23,6 +23,10 @@ class FleetSpeed:
     if they are less than 1 s."""
     tick_p50_ms: float
     tick_p99_ms: float
+    cpu_mean: float  #: simulated time over CPU time, copies for forecasts included
+    cpu_min: float  #: the same over any 10 s
+    calls: int  #: Python functions called in a tick without events, median
+    stages_ms: dict[str, float]  #: mean wall time of each stage of a tick, without inner ones
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +59,8 @@ class Machine:
 class Speeds:
     """What ``bench --format json`` prints; keys are numbers of robots."""
 
-    real_time_factor: dict[str, FleetSpeed]
+    real_time_factor: dict[str, FleetSpeed]  #: on the stack's engine
+    engines: dict[str, dict[str, FleetSpeed]]  #: the same on other engines, by their names
     cbf_qp_ms: dict[str, CallTimes | None]  #: assembly and solve; None for foreign controllers
     control_ms: dict[str, CallTimes]  #: the whole controller
     qp_init_ms: float  #: first call of a fresh controller
