@@ -10,8 +10,6 @@ from simulator_interface.failing_layer import SHIPPED
 #: for which no layer is right or wrong
 LAYERS = {
     "mrta_falsify/stack/": "",
-    "mrta_falsify/stack/itinerary.py": "waypoint_generator",
-    "mrta_falsify/stack/lookahead.py": "controller",
     **SHIPPED,
 }
 #: below the folders above, but not of the stack under test: people walk by them, digests are

@@ -30,10 +30,11 @@ from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
 #: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
 DISPATCHER = "dispatcher"
+QUEUES = "queue_policy"
 WHOLE = "stack"  #: of which no layer is known: it runs in a process of its own
 #: layer that decides about what blocks a robot, by cause
 LAYER_OF_CAUSE = {
-    "queue": "queue_policy",
+    "queue": QUEUES,
     "barrier": "controller",
     "cluster": "priority_rule",
     "human": "controller",
@@ -47,7 +48,7 @@ LAYER_OF_SPECIFICATION = {
     "no_robot_human_contact": "controller",
     "human_clearance": "controller",
     "kinematic_limits": "controller",
-    "exclusive_use": "queue_policy",
+    "exclusive_use": QUEUES,
     "honest_events": DISPATCHER,
     "costly_calls": DISPATCHER,
 }
@@ -67,11 +68,12 @@ TOO_NEAR = 0.2  # m between a path and a solid: less than the radius 0.22 m of t
 WAY_LEFT = 0.5  # m of path ahead; a robot with less has nowhere to drive
 PATH_STEP = 0.05  # m between points looked at on a path
 PATH_AHEAD = 1.5  # m of path that are looked at
+STAYED = 1.0  # m from where it started; a robot as near as that may have been there from the start
 
 
-def points_directly(verdict: Verdict) -> bool:
-    """Whether the violation itself names the layer that should have prevented it."""
-    return verdict.spec in LAYER_OF_SPECIFICATION or verdict.spec == "stack_runs"
+def points_directly(verdict: Verdict, guess: str) -> bool:
+    """Whether the violation itself names ``guess``, the layer that should have prevented it."""
+    return verdict.spec == "stack_runs" or LAYER_OF_SPECIFICATION.get(verdict.spec) == guess
 
 
 def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
@@ -95,7 +97,9 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     if verdict.spec == DEADLOCK:
         return _of_deadlock(verdict, trace)
     if first_claim(verdict.evidence) in CLAIMS_OF_QUEUES:
-        return "queue_policy"
+        return QUEUES
+    if verdict.spec == "exclusive_use":
+        return _of_overfull(verdict, trace)
     if verdict.spec in LAYER_OF_SPECIFICATION:
         return LAYER_OF_SPECIFICATION[verdict.spec]
     if verdict.spec == "no_robot_static_contact":
@@ -121,13 +125,13 @@ def _of_deadlock(verdict: Verdict, trace: Trace) -> str:
     reasons = [wait for wait in waits if not (wait.cause == "queue" and wait.blocked_by)]
     queued = {wait.robot for wait in waits if wait.cause == "queue"}
     if not reasons or any(wait.blocked_by in queued and _is_body(wait) for wait in reasons):
-        return "queue_policy"
+        return QUEUES
     root = next((w.robot for w in reasons if w.robot == account.root), reasons[0].robot)
     causes = {wait.cause for wait in reasons if wait.robot == root}
     spent = blocked_time(trace, _until(verdict), [root] if root in trace.robots else [])
     cause = max(sorted(causes), key=lambda name: spent.get(name, 0.0))
     if cause == "stalled" and root == account.root and _is_at_waiting_spot(verdict):
-        return "queue_policy"  # the room is free, and whoever should grant it did not
+        return QUEUES  # the room is free, and whoever should grant it did not
     if cause in ("stalled", "wall", "cluster") and _has_no_way_left(trace, root, verdict):
         return "waypoint_generator"  # whatever stands near by, it was not told where to go on to
     if cause == "wall":
@@ -186,6 +190,27 @@ def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
         return dense
     nearest = int(np.hypot(*(dense - trace.columns["pose"][tick, number, :2]).T).argmin())
     return dense[nearest : nearest + round(PATH_AHEAD / PATH_STEP)]
+
+
+def _of_overfull(verdict: Verdict, trace: Trace) -> str:
+    """Name the layer that let one robot too many into a resource.
+
+    The queues did, unless a robot is inside that was never let in and has its goal elsewhere. Its
+    path leads through the resource then.
+    """
+    resource, near = verdict.evidence.get("resource"), verdict.evidence.get("nearest", ())
+    told = [event for event in trace.events if event.resource == resource]
+    let_in = {trace.robots[event.robot] for event in told if event.kind in ("granted", "released")}
+    if not any(event.kind == "granted" for event in told) or not is_kept(trace):
+        return QUEUES
+    tick = tick_of(verdict, trace)
+    pose = trace.columns["pose"][:, :, :2]
+    for robot in (trace.robots.index(name) for name in near if name not in let_in):
+        goal = trace.columns["goal"][tick, robot]
+        came = np.hypot(*(pose[tick, robot] - pose[0, robot])) > STAYED
+        if came and np.hypot(*(goal - pose[tick, robot])) > PATH_AHEAD:
+            return "planner"
+    return QUEUES
 
 
 # --- lost time ---------------------------------------------------------------------

@@ -13,19 +13,31 @@ from mrta_falsify.core.verdict import Verdict
 ROBOTS = ("robot1", "robot2", "robot3")
 
 
-def trace_of(*, edges=(), path=((0.0, 0.0), (5.0, 0.0)), solids=(), events=()):
+def trace_of(
+    *,
+    edges=(),
+    path=((0.0, 0.0), (5.0, 0.0)),
+    solids=(),
+    events=(),
+    came=(0.0, 0.0),
+    goal=(5.0, 0.0),
+):
     """A run of 40 s in which the robots stand at (0, 0), robot1 with a path ahead.
 
     Args:
         edges: causes and seconds for which robot1 was blocked.
         path: of robot1.
         solids: points that its rays hit.
-        events: kind, robot, task and detail.
+        events: kind, robot, task and detail; those of queues are about the store.
+        came: how far robot2 has come from where it started.
+        goal: of robot2.
     """
     ticks = 401
     points = np.full((ticks, len(ROBOTS), 4, 2), np.inf)
     for k, point in enumerate(solids):
         points[:, 0, k] = point
+    pose, goals = np.zeros((ticks, len(ROBOTS), 3)), np.zeros((ticks, len(ROBOTS), 2))
+    pose[1:, 1, :2], goals[:, 1] = came, goal
     return Trace(
         world_digest="",
         dt=0.1,
@@ -33,12 +45,20 @@ def trace_of(*, edges=(), path=((0.0, 0.0), (5.0, 0.0)), solids=(), events=()):
         humans=("walker",),
         columns={
             "time": np.arange(ticks) * 0.1,
-            "pose": np.zeros((ticks, len(ROBOTS), 3)),
+            "pose": pose,
+            "goal": goals,
             "obstacle_points": points,
         },
         paths=(PathChange(tick=0, robot=0, points=np.array(path).reshape(-1, 2)),),
         events=tuple(
-            StackEvent(time=1.0, kind=kind, robot=robot, task=task, detail=detail)
+            StackEvent(
+                time=1.0,
+                kind=kind,
+                robot=robot,
+                task=task,
+                detail=detail,
+                resource="store" if kind == "granted" else "",
+            )
             for kind, robot, task, detail in events
         ),
         edges=tuple(
@@ -160,10 +180,21 @@ def test_the_violation_itself_may_name_the_layer(verdict, expected):
 
 
 def test_only_what_no_other_layer_can_cause_names_it_directly():
-    assert points_directly(violated("exclusive_use", "robot1"))
-    assert points_directly(violated("stack_runs", layer="planner"))
-    assert not points_directly(violated("no_deadlock", "robot1"))
-    assert not points_directly(violated("no_robot_static_contact", "robot1"))
+    assert points_directly(violated("exclusive_use", "robot1"), "queue_policy")
+    assert not points_directly(violated("exclusive_use", "robot1"), "planner")
+    assert points_directly(violated("stack_runs", layer="planner"), "planner")
+    assert not points_directly(violated("no_deadlock", "robot1"), "controller")
+    assert not points_directly(violated("no_robot_static_contact", "robot1"), "controller")
+
+
+def test_who_drives_through_a_room_that_it_was_not_let_into_was_led_there():
+    overfull = violated("exclusive_use", resource="store", nearest=["robot1", "robot2"])
+    first = ("granted", 0, -1, "")
+    assert layer(overfull, events=[first], came=(9.0, 0.0), goal=(20.0, 0.0)) == "planner"
+    assert layer(overfull, events=[first], came=(9.0, 0.0), goal=(9.0, 0.5)) == "queue_policy"
+    assert layer(overfull, events=[first], goal=(20.0, 0.0)) == "queue_policy", "there all along"
+    both = [first, ("granted", 1, -1, "")]
+    assert layer(overfull, events=both, came=(9.0, 0.0), goal=(20.0, 0.0)) == "queue_policy"
 
 
 def test_a_robot_that_touches_what_its_path_keeps_clear_of_left_the_path():

@@ -132,7 +132,7 @@ def explain_job(
     absences, schedules = _changed_runs(job, verdict, trace, count, journals.whole)
     jittered = _jittered(job, count, journals.copies)
     layer, reason = suspicion_from(
-        found, guess, direct=points_directly(verdict), knife_edge=jittered.is_knife_edge
+        found, guess, direct=points_directly(verdict, guess), knife_edge=jittered.is_knife_edge
     )
     return Explanation(
         layer=layer,
