@@ -39,7 +39,7 @@ def _summary(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
     rows = [
         f"{len(mutants)} mutants, {len(hunted)} of them run: {counts['killable']} killable",
         f" ({told})" if told else "",
-        f", {counts['survived']} survived, {counts['unreached']} never reached, ",
+        f", {counts['survived']} survived,\n{counts['unreached']} never reached, ",
         f"{counts['stale']} stale.",
     ]
     return "## Mutants\n\n" + "".join(rows)
@@ -110,14 +110,13 @@ def _found(row: Searched | None) -> str:
 
 
 def _survivors(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
-    lines = []
+    rows = ["| Mutant | Where | Change | Why it lives |", "|---|---|---|---|"]
     for mutant in mutants:
         row = hunted.get(mutant.id)
         if row is not None and row.status != "killable":
-            lines.append(
-                f"- {mutant.id} {place_of(mutant)} `{_short(mutant.what)}`: {explained(row)}"
-            )
-    return "## Survivors\n\n" + "\n".join(lines) if lines else ""
+            cells = (mutant.id, place_of(mutant), f"`{_short(mutant.what)}`", explained(row))
+            rows.append(f"| {' | '.join(cells)} |")
+    return "## Survivors\n\n" + "\n".join(rows) if len(rows) > 2 else ""
 
 
 def explained(row: Hunted) -> str:
