@@ -75,14 +75,18 @@ def _install() -> None:
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or _State.is_listening:
         return
-    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        return  # it is ignored, as in the background of a script, or someone else's
+    ctrl_c = signal.getsignal(signal.SIGINT)
+    if ctrl_c not in (signal.default_int_handler, signal.SIG_IGN):
+        return  # it is someone else's
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(reader,), daemon=True).start()
     for number in STOP_SIGNALS:
-        signal.signal(number, _stop)
+        if (
+            signal.getsignal(number) is not signal.SIG_IGN
+        ):  # as Ctrl-C in the background of a script
+            signal.signal(number, _stop)
     _State.is_listening = True
 
 

@@ -48,6 +48,22 @@ def test_the_first_signal_is_a_keyboard_interrupt(number):
     assert (ended.returncode, ended.stdout) == (0, "ready\ncaught\n")
 
 
+def test_sigterm_is_heard_where_ctrl_c_is_ignored():
+    """A script that puts a command in its background has Ctrl-C ignored there."""
+    program = (
+        f"import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n{LISTEN}\n"
+        "try:\n"
+        f"    {READY}\n"
+        "    time.sleep(0.3)\n"
+        "    print('still here', flush=True)\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('caught')\n"
+    )
+    ended = _stopped(program, signal.SIGINT, signal.SIGTERM)
+    assert (ended.returncode, ended.stdout) == (0, "ready\nstill here\ncaught\n")
+
+
 def test_a_second_signal_does_not_disturb_the_clean_up():
     program = (
         f"import time\n{LISTEN}\n"
