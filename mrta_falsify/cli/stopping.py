@@ -82,10 +82,8 @@ def _install() -> None:
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=_watch, args=(reader,), daemon=True).start()
-    for number in STOP_SIGNALS:
-        if (
-            signal.getsignal(number) is not signal.SIG_IGN
-        ):  # as Ctrl-C in the background of a script
+    for number in STOP_SIGNALS:  # Ctrl-C is ignored in the background of a script
+        if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
     _State.is_listening = True
 
