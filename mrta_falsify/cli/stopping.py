@@ -1,8 +1,9 @@
 """Ctrl-C and SIGTERM: the first one stops a command, and further ones do not disturb its clean-up.
 
-The first signal becomes KeyboardInterrupt. A thread watches that the process ends soon after: it
-may be in compiled code, which no exception reaches, or in code that swallows the exception. It is
-then ended at once, as by kill -9: what is finished is on disc by then, whatever the command.
+The first signal becomes KeyboardInterrupt. Where Python itself swallows it, in a finalizer or a
+callback of a weak reference, it is raised again. A thread watches that the process ends soon after:
+it may be in compiled code, which no exception reaches, or in code that swallows the exception. It
+is then ended at once, as by kill -9: what is finished is on disc by then, whatever the command.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from mrta_falsify.core.interruption import STOP_SIGNALS
 
 EXIT_CODE = 130  # of every interrupted command
 PATIENCE = 1.5  # s from the signal to the end of the process
+AGAIN = 0.01  # s until a swallowed signal is raised again; what swallowed it has returned by then
 SHOW_CURSOR = "\x1b[?25h"  # a bar of progress has hidden it
 
 
@@ -85,6 +87,7 @@ def _install() -> None:
     for number in STOP_SIGNALS:  # Ctrl-C is ignored in the background of a script
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
+    sys.unraisablehook = _on_unraisable
     _State.is_listening = True
 
 
@@ -96,6 +99,18 @@ def _stop(number: int, frame: FrameType | None) -> None:
     if not _State.is_stopping:
         _State.is_stopping = True
         raise KeyboardInterrupt
+
+
+def _on_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Let an interruption that Python has swallowed come again; print any other exception."""
+    if not isinstance(unraisable.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
+        return
+    _State.is_stopping = False
+    main = threading.main_thread().ident
+    again = threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGTERM))
+    again.daemon = True
+    again.start()
 
 
 def _watch(reader: int) -> None:

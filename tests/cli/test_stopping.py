@@ -64,6 +64,23 @@ def test_sigterm_is_heard_where_ctrl_c_is_ignored():
     assert (ended.returncode, ended.stdout) == (0, "ready\nstill here\ncaught\n")
 
 
+def test_an_interruption_that_a_finalizer_swallows_comes_again():
+    program = (
+        f"import time\n{LISTEN}\n"
+        "class Slow:\n"
+        "    def __del__(self):\n"
+        f"        {READY}\n"
+        "        time.sleep(60)\n"
+        "try:\n"
+        "    Slow()\n"
+        "    time.sleep(60)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('caught')\n"
+    )
+    ended = _stopped(program, signal.SIGINT)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "ready\ncaught\n", "")
+
+
 def test_a_second_signal_does_not_disturb_the_clean_up():
     program = (
         f"import time\n{LISTEN}\n"
