@@ -103,7 +103,7 @@ def _new_bar() -> Any:
 def _count_text(counts: Progress) -> str:
     failures = ", ".join(f"{n} {name}" for name, n in sorted(counts.by_specification.items()))
     best = f"best score {counts.best:+.3f}" if math.isfinite(counts.best) else "no score yet"
-    parts = [f"{counts.failed} failed" + (f" ({failures})" if failures else ""), best]
+    parts = [f"{counts.failed} failed" + (f" (violated: {failures})" if failures else ""), best]
     if counts.rejected:
         parts.append(f"{counts.rejected} rejected")
     if counts.impossible:
