@@ -433,7 +433,7 @@ def foretold(script: Script, fate) -> NoDeadlock:
     return judged
 
 
-def shown(stuck=None, freed=None, *, edges=()) -> dict:
+def shown(stuck=None, freed=None, *, edges=(), soon=None) -> dict:
     """The answer of a continuation: last progress of the stuck, first progress of the others."""
     return {
         "stuck": {str(i): at for i, at in (stuck or {}).items()},
@@ -442,7 +442,22 @@ def shown(stuck=None, freed=None, *, edges=()) -> dict:
             {"robot": robot, "cause": cause, "other": other, "resource": ""}
             for robot, cause, other in edges
         ],
+        "soon": {str(i): at for i, at in (soon or {}).items()},
     }
+
+
+def test_who_makes_progress_in_the_continuation_of_another_robot_is_not_asked_about():
+    def asked_at(soon):
+        asked = []
+
+        def fate(watch, without, nudge):
+            asked.append(watch)
+            return shown(freed={0: 28.0}, soon=soon)
+
+        foretold(head_on(), fate)
+        return len(asked)
+
+    assert asked_at({0: 28.0, 1: 28.0}) < asked_at({0: 28.0})
 
 
 def test_a_set_that_a_forecast_shows_to_go_on_is_no_deadlock_however_long_it_lasts():
@@ -502,8 +517,7 @@ def test_who_waits_for_one_that_still_makes_progress_is_asked_about_after_that()
     asked = []
 
     def fate(watch, without, nudge):
-        if not nudge:
-            asked.append(without)
+        asked.append(without if not nudge else f"copy {nudge}")
         if without < 0:
             return shown({0: 3.0, 1: 12.0}, edges=[(0, "barrier", 1), (1, "barrier", 0)])
         return {"freed": [1 - without]}
@@ -511,7 +525,8 @@ def test_who_waits_for_one_that_still_makes_progress_is_asked_about_after_that()
     verdict = foretold(head_on(), fate).verdict()
     assert verdict.who == ("robot1", "robot2")
     assert 12.0 <= verdict.violated_at < 14.0
-    assert asked == [-1, 0, 1, -1, 0, 1]
+    # Before, one question is enough: without the robot that gets stuck later, the other goes on.
+    assert asked == [-1, 1, -1, "copy 1", "copy 2", 0, 1]
 
 
 def test_a_forecast_is_forgotten_once_something_comes_from_outside():

@@ -21,6 +21,7 @@ from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 from mrta_falsify.specs.deadlock.watches import (
+    A_MINUTE,
     ContinuationAnswer,
     ContinuationWatch,
     CounterfactualAnswer,
@@ -30,7 +31,6 @@ from mrta_falsify.specs.deadlock.watches import (
 COPIES = 5  # of the run that vote at most, all but the first with poses moved by millimetres
 #: s between two questions about a robot; doubled, to a minute, while it makes no progress
 ASK_SOONEST = 1.0
-A_MINUTE = 60.0  # s; copies vote on who goes free no sooner
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
@@ -58,6 +58,46 @@ class _Span(NamedTuple):
 
     settled: float  #: before, rest means nothing [s]
     until: float  #: [s]
+
+
+class _Removals:
+    """Asks who goes free without a robot; each question once.
+
+    Args:
+        world: of the episode.
+        forecast: from the moment in question.
+        span: that is looked at.
+    """
+
+    def __init__(self, world: World, forecast: Forecast, span: _Span) -> None:
+        self.span = span
+        self._world = world
+        self._forecast = forecast
+        self._answers: dict[int, set[int] | None] = {}
+
+    def freed_without(self, i: int, stuck: set[int]) -> set[int] | None:
+        """Find who of the others in ``stuck`` goes free; None: that cannot be tried."""
+        if i not in self._answers:
+            watch = CounterfactualWatch(
+                self._world, stuck - {i}, settled=self.span.settled, until=self.span.until
+            )
+            answer = self._forecast(watch, without=(i,))
+            self._answers[i] = (
+                None
+                if answer is None
+                else set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
+            )
+        return self._answers[i]
+
+    def freed_by(self, stuck: set[int]) -> dict[int, set[int]]:
+        """Find who goes free without each of ``stuck``; all others, if that cannot be tried."""
+        freed = {i: stuck - {i} for i in stuck}
+        for i in sorted(stuck) if len(stuck) > 1 else ():
+            answer = self.freed_without(i, stuck)
+            if answer is None:
+                break
+            freed[i] = answer
+        return freed
 
 
 class CounterfactualTest:
@@ -100,10 +140,15 @@ class CounterfactualTest:
             asked: robots that may be part of a deadlock.
             time: [s].
         """
-        last, _, edges = self.prospect(forecast, asked, time)
+        span = self._span(time)
+        removals = _Removals(self._world, forecast, span)
+        seen = self._first(forecast, asked, time, span)
+        if self._is_incomplete(seen, asked, removals, time):
+            return []
+        last, _, edges = self._voted(forecast, seen, asked, time, span)
         if not any(last[i] <= time for i in asked & set(last)):
             return []
-        freed_by = self._freed_by(forecast, set(last), self._span(time))
+        freed_by = removals.freed_by(set(last))
         return self._standing(last, freed_by, edges, time)
 
     def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
@@ -115,15 +160,60 @@ class CounterfactualTest:
             time: [s].
         """
         span = self._span(time)
-        settled = span.settled
+        seen = self._first(forecast, asked, time, span)
+        return self._voted(forecast, seen, asked, time, span)
+
+    def _first(
+        self, forecast: Forecast, asked: set[int], time: float, span: _Span
+    ) -> ContinuationAnswer:
+        """Continue the run as it is, and note who makes progress soon."""
         self._lengthen_pauses(asked, time)
         seen = self._continue(forecast, asked, span) or NOTHING_SEEN
+        for i, progress in seen.soon.items():
+            self.free_until[int(i)] = max(self.free_until[int(i)], progress)
+        return seen
+
+    def _is_incomplete(
+        self, seen: ContinuationAnswer, asked: set[int], removals: _Removals, time: float
+    ) -> bool:
+        """Say whether all of ``asked`` are free or held by robots that get stuck only later.
+
+        No copies vote then; those held are asked about again once the first such robot is stuck.
+        """
+        last = {int(i): progress for i, progress in seen.stuck.items()}
+        later = sorted((progress, i) for i, progress in last.items() if progress > time)
+        here = {i for i in asked & set(last) if last[i] <= time}
+        if not here or not later or _late_ones(seen, asked, removals.span):
+            return False
+        until: dict[int, float] = {}
+        for progress, i in later:
+            freed_without = removals.freed_without(i, set(last)) or set()
+            until.update(dict.fromkeys(here & freed_without - set(until), progress))
+            if set(until) == here:
+                break
+        else:
+            return False
+        freed = {int(i): at for i, at in seen.freed.items()}
+        self._note_free(asked - here, {i: at for at, i in later if i in asked}, freed, time)
+        for i, progress in until.items():
+            self.free_until[i] = max(progress, time + self._pause[i])
+        return True
+
+    def _voted(
+        self,
+        forecast: Forecast,
+        seen: ContinuationAnswer,
+        asked: set[int],
+        time: float,
+        span: _Span,
+    ) -> Prospect:
+        """Let copies with small differences vote on what ``seen`` shows."""
         last = {int(i): progress for i, progress in seen.stuck.items()}
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
         # Robots that stay, or get going late, may do so only because nothing pushes them off a
         # balance; only copies with small differences tell.
-        doubtful = {i for i in asked if freed.get(i, 0.0) > settled + A_MINUTE} | set(last)
+        doubtful = _late_ones(seen, asked, span) | set(last)
         for i, is_stuck in self._vote(forecast, doubtful, set(last), span).items():
             if is_stuck:
                 last.setdefault(i, float(self._progress.on_the_way()[i]))
@@ -200,25 +290,18 @@ class CounterfactualTest:
             standing.append(FoundDeadlock(group=group, edges=edges, last=known))
         return standing
 
-    def _freed_by(self, forecast: Forecast, stuck: set[int], span: _Span) -> dict[int, set[int]]:
-        """Find who goes free without each of ``stuck``; all others, if that cannot be tried."""
-        freed: dict[int, set[int]] = {i: stuck - {i} for i in stuck}
-        for i in sorted(stuck) if len(stuck) > 1 else ():
-            watch = CounterfactualWatch(
-                self._world, stuck - {i}, settled=span.settled, until=span.until
-            )
-            answer = forecast(watch, without=(i,))
-            if answer is None:
-                break
-            freed[i] = set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
-        return freed
-
     def _span(self, time: float) -> _Span:
         """Find the time to look at, once blockages, outages and people who leave have gone."""
         ends = [event.end for event in self._world.events if event.start <= time]
         ends += [human.leaves_at for human in self._world.humans]
         settled = max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])
         return _Span(settled, settled + self._look_ahead)
+
+
+def _late_ones(seen: ContinuationAnswer, asked: set[int], span: _Span) -> set[int]:
+    """Find the robots in question that went free so late that it may be chance."""
+    late = {int(i) for i, at in seen.freed.items() if at > span.settled + A_MINUTE}
+    return asked & late
 
 
 def _begin_times(world: World) -> Array:

@@ -21,6 +21,8 @@ from mrta_falsify.specs.deadlock.progress_clock import ProgressClock, has_stop_t
 from mrta_falsify.specs.deadlock.rest import ALL_REST_FOR, LastingRest
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 
+A_MINUTE = 60.0  # s; progress that comes later in a continuation may be chance
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuationAnswer:
@@ -30,6 +32,8 @@ class ContinuationAnswer:
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
     driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
+    #: last progress in the first minute of each robot that does not stay for good [s]
+    soon: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +93,8 @@ class ContinuationWatch:
         self._progress = progress
         self._asked = sorted(asked)
         self._before = progress.last.copy()
+        self._soon = self._before  # (N,) last progress in the first minute [s]
+        self._minute_ends = settled + A_MINUTE
         self._freed: dict[int, float] = {}
         self._kept: set[int] = set()
         self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
@@ -106,6 +112,8 @@ class ContinuationWatch:
                 self._freed[i] = looks.time
         for i in np.flatnonzero(last >= looks.time).tolist():
             looks.edges.pop(i, None)
+        if looks.time <= self._minute_ends:
+            self._soon = last.copy()
         self._kept = {i for i in self._asked if looks.rest.keeps(i)}
         are_known = all(i in self._freed or i in self._kept for i in self._asked)
         return are_known or looks.rest.is_complete() or looks.are_over
@@ -116,11 +124,13 @@ class ContinuationWatch:
         way = self._progress.on_the_way()
         stuck = set(np.flatnonzero(self._waits & (looks.time - last >= ALL_REST_FOR)).tolist())
         stuck |= {i for i in self._asked if i not in self._freed}
+        soon = set(np.flatnonzero(self._soon > self._before).tolist()) - stuck
         seen = ContinuationAnswer(
             stuck={str(i): float(way[i]) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
             edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
             driven={str(i): float(looks.driven[i]) for i in self._asked},
+            soon={str(i): float(self._soon[i]) for i in sorted(soon)},
         )
         encoded: dict[str, Any] = codec.encode(seen)
         return encoded
