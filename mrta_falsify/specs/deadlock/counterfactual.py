@@ -262,7 +262,8 @@ class CounterfactualTest:
     ) -> None:
         """Note until when robots need not be asked about."""
         for i in asked - set(last):
-            self.free_until[i] = max(freed.get(i, time), time + self._pause[i])
+            known = max(freed.get(i, time), time + self._pause[i])
+            self.free_until[i] = max(self.free_until[i], known)
         for i, progress in last.items():
             self.free_until[i] = max(self.free_until[i], progress)
 
