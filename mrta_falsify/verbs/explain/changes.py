@@ -109,8 +109,8 @@ def suspicion_from(
        costmap removes the failure, else the costmap.
     4. The failure stands on a knife edge: the guess, since any change may remove it.
     5. Layers all of whose other implementations remove the failure, else those with one that
-       does: the guess if it is among them, else the first in the pipeline, since later layers
-       act on what it gives them.
+       does: of several the guess, since a failure that changes in different places remove proves
+       little about any of them; the first in the pipeline if there is no guess.
     6. No change removes the failure: the guess. What all implementations of a layer share is
        not exchanged with it.
 
@@ -140,6 +140,8 @@ def suspicion_from(
     if guess and knife_edge:
         reason = "a knife edge, which many changes remove; named by what the trace shows"
         return Suspicion(guess, reason)
+    if guess and len(cures) > 1:
+        return Suspicion(guess, f"{_any_of(cures)}; the trace points to this one")
     return _chosen(cures, guess, "changing it, and nothing else, removes the failure")
 
 
@@ -167,7 +169,10 @@ def _chosen(layers: Sequence[str], guess: str, alone: str) -> Suspicion:
     """Choose one of ``layers``; ``alone`` is the reason if it is the only one."""
     if len(layers) == 1:
         return Suspicion(layers[0], alone)
-    named = f"changing any of {', '.join(map(spaced, layers))} removes the failure"
     if guess in layers:
-        return Suspicion(guess, f"{named}; the trace points to this one")
-    return Suspicion(layers[0], f"{named}; this one acts first")
+        return Suspicion(guess, f"{_any_of(layers)}; the trace points to this one")
+    return Suspicion(layers[0], f"{_any_of(layers)}; this one acts first")
+
+
+def _any_of(layers: Sequence[str]) -> str:
+    return f"changing any of {', '.join(map(spaced, layers))} removes the failure"
