@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 ROOT = "EpisodeRun.advance"
@@ -75,7 +76,7 @@ def draw(root: Call, output: Path) -> None:
     figure.savefig(output, dpi=110)
 
 
-def _draw_frame(axes: plt.Axes, frame: str, left: float, share: float, depth: int) -> None:
+def _draw_frame(axes: Axes, frame: str, left: float, share: float, depth: int) -> None:
     colour = next((c for part, c in COLOURS.items() if f"({part}" in frame), "#d9d9d9")
     axes.add_patch(Rectangle((left, depth), share, 0.94, facecolor=colour, edgecolor="white"))
     if share >= NAMED:
