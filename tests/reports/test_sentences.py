@@ -8,6 +8,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitsFor, wait_account
 from reports.sentences import (
     account_sentences,
+    blocked_text,
     consequence_sentence,
     violation_sentence,
     wait_sentence,
@@ -130,3 +131,20 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
 )  # fmt: skip
 def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected):
     assert violation_sentence(verdict) == expected
+
+
+@pytest.mark.parametrize(
+    ("spent", "expected"),
+    [
+        ({}, "had not been blocked by anything"),
+        ({"stalled": 0.05}, "had not been blocked by anything"),
+        ({"stalled": 2.5}, "had stood for 2.5 s with nothing in the way"),
+        (
+            {"barrier": 1.0, "queue": 3.0, "stalled": 2.0, "wall": 0.01},
+            "had been blocked for 3.0 s by queue, 1.0 s by barrier and had stood for 2.0 s with "
+            "nothing in the way",
+        ),
+    ],
+)
+def test_what_held_robots_up_is_said_by_cause(spent, expected):
+    assert blocked_text(spent) == expected

@@ -24,7 +24,7 @@ from mrta_falsify.verbs.report.commands import commands_of, family_commands, min
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, FailureFamily
-from reports.sentences import listed
+from reports.sentences import blocked_text, listed
 from reports.stack_sentences import coupling_facts
 
 if TYPE_CHECKING:
@@ -134,12 +134,7 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     robots = robots_concerned(verdict, trace) or list(trace.robots)
     spent = blocked_time(trace, until, robots)
     who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
-    if spent:
-        causes = sorted(spent.items(), key=lambda item: (-item[1], item[0]))
-        times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in causes)
-        seen = f"until {until:.1f} s, {who} had been blocked for {times}"
-    else:
-        seen = f"until {until:.1f} s, nothing had blocked {who}"
+    seen = f"until {until:.1f} s, {who} {blocked_text(spent)}"
     return (
         f"A guess by rules from the trace: {seen}. The command explain tests it by runs with one "
         "layer changed."
