@@ -30,7 +30,8 @@ from mrta_falsify.core.seeding import candidate_seed
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
-Ended = Literal["budget", "stop-after"]
+MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
+Ended = Literal["budget", "stop-after", "errors"]
 
 
 class Executor(Protocol):
@@ -210,6 +211,8 @@ class _Loop:
         self._asked = 0
         self._submitted = 0
         self._retried: set[int] = set()
+        self._new: set[int] = set()  # trials run by this call
+        self._own = Progress(limits)  # counts over them
         # The first and the last stored proposals are asked for again and compared.
         between = sorted(store.finished)[COMPARED:-COMPARED]
         skips = isinstance(self._sampler, SkippingSampler)
@@ -230,6 +233,8 @@ class _Loop:
             self._tell(record)
             if progress.has_enough:
                 return "stop-after"
+            if self._own.ran == self._own.errors >= MOST_ERRORS:
+                return "errors"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 none = "scene" if record.status == "rejected" else "world that can be done"
                 raise InputError(
@@ -282,6 +287,7 @@ class _Loop:
         else:
             record = self._error_record(finished)
         self._store.add(record)
+        self._new.add(number)
         self._on_record(record, True)
 
     def _error_record(self, finished: Finished) -> TrialRecord:
@@ -298,4 +304,6 @@ class _Loop:
         self._sampler.tell(feedback_of(record))
         self._proposals.pop(record.number, None)
         self.progress.take(record)
+        if record.number in self._new:
+            self._own.take(record)
         self._on_told(record, self.progress)

@@ -139,6 +139,12 @@ def print_campaign(result: CampaignResult) -> None:
         f"{data.errors} errors; "
         f"ended: {data.ended}"
     )
+    if data.ended == "errors":
+        place = shlex.quote(data.directory)
+        out.print(
+            "stopped: the first trials of this call all ended in errors; mend what they name, then "
+            f"go on with: mrta-falsify campaign --resume {place}"
+        )
     if data.screening is not None:
         out.print(
             f"screening: physics confirmed {data.screening.confirmed} of "

@@ -106,6 +106,14 @@ def test_a_crash_costs_one_trial_and_is_an_error_not_a_failure(tmp_path, fault):
     assert progress.ran == 12
 
 
+def test_a_call_whose_first_trials_are_all_errors_stops_and_a_later_one_goes_on(tmp_path):
+    with Store.create(tmp_path, settings(**{"raise": list(range(8))})) as store:
+        progress, ended = _run(store, workers=2, budget=30)
+        assert (ended, progress.ran, progress.errors) == ("errors", 5, 5)
+        progress, ended = _run(store, workers=2, budget=30)
+    assert (ended, progress.ran, progress.errors) == ("budget", 30, 8)
+
+
 def test_a_hang_is_killed_and_costs_one_trial(tmp_path):
     with Store.create(tmp_path, settings(hang=[1], time_limit=1.0)) as store:
         _run(store, workers=2, budget=5)
