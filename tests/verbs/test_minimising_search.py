@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, without
 from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
+from mrta_falsify.verbs.minimize.search import SmallestSearch
 
 
 def _violated(spec: str = "no_deadlock", at: float = 8.0, **evidence: object) -> Verdict:
@@ -73,6 +75,16 @@ def test_the_guess_for_a_late_task_keeps_the_robot_that_had_it(hall, hall_trace)
 def test_a_guess_without_anything_to_do_is_none(hall, hall_trace):
     verdict = _violated(cycle=[_waiting("robot2", "robot2")])
     assert concerned(hall, verdict, hall_trace) is None
+
+
+def test_a_failure_before_any_task_keeps_one_since_a_world_without_any_is_none(hall, hall_trace):
+    tasks = tuple(dataclasses.replace(task, arrival=50.0) for task in hall.tasks)
+    world, tried = dataclasses.replace(hall, tasks=tasks), []
+    reruns = SimpleNamespace(first_failing=tried.extend)
+    verdict = _violated()
+    SmallestSearch(world, course_of(verdict, hall_trace, world), reruns).begin(verdict, hall_trace)
+    assert tried[-1].world.tasks == tasks[:1]
+    assert all(smaller.world.tasks for smaller in tried)
 
 
 def test_furniture_that_someone_pushes_cannot_go_before_them(hall):

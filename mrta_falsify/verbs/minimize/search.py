@@ -51,9 +51,10 @@ class SmallestSearch:
         until = end_of_interest(verdict)
         if until == float("inf"):
             return
+        known = tuple(task for task in self.world.tasks if task.arrival <= until)
         shorter = dataclasses.replace(
             self.world,
-            tasks=tuple(task for task in self.world.tasks if task.arrival <= until),
+            tasks=known or self.world.tasks[:1],  # a world has a task
             horizon=min(self.world.horizon, until + HORIZON_MARGIN),
         )
         yield Smaller(shorter, "what comes after the violation")
