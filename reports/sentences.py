@@ -22,6 +22,7 @@ from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
 SHOWN_FROM = 0.1  # s of blocked time below which a cause is not worth a word
+STALLED = "stalled"  # the cause where nothing is known to be in the way
 MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {
@@ -230,16 +231,22 @@ def evidence_text(evidence: dict[str, Any]) -> str:
     return text if len(text) <= MOST_EVIDENCE else text[:MOST_EVIDENCE] + "\n..."
 
 
-def blocked_text(spent: Mapping[str, float]) -> str:
+def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
     """Say what had held robots up.
 
     Args:
+        who: the robots.
+        until: end of the time in question [s].
         spent: seconds by cause, as ``attribution.blocked_time`` gives them.
     """
     lasting = {cause: time for cause, time in spent.items() if time >= SHOWN_FROM}
-    idle = lasting.pop("stalled", 0.0)
-    causes = sorted(lasting.items(), key=lambda item: (-item[1], item[0]))
-    times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in causes)
+    if spent and not lasting:
+        causes = listed([cause for cause in spent if cause != STALLED])
+        what = f"was held up by {causes}" if causes else "stood with nothing in the way"
+        return f"at {until:.1f} s, {who} {what}"
+    idle = lasting.pop(STALLED, 0.0)
+    ordered = sorted(lasting.items(), key=lambda item: (-item[1], item[0]))
+    times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in ordered)
     said = [f"had been blocked for {times}"] if times else []
     said += [f"had stood for {idle:.1f} s with nothing in the way"] if idle else []
-    return " and ".join(said) or "had not been blocked by anything"
+    return f"until {until:.1f} s, {who} {' and '.join(said) or 'had not been blocked'}"

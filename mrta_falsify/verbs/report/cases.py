@@ -134,7 +134,7 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     robots = robots_concerned(verdict, trace) or list(trace.robots)
     spent = blocked_time(trace, until, robots)
     who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
-    seen = f"until {until:.1f} s, {who} {blocked_text(spent)}"
+    seen = blocked_text(who, until, spent)
     return (
         f"A guess by rules from the trace: {seen}. The command explain tests it by runs with one "
         "layer changed."
