@@ -1,11 +1,12 @@
 """Is a run the same through the door: in process, in Python, in C++, copied by fork and by replay?
 
-    python -m benchmarks.door.same_run FILE --worlds 50 --seconds 30
+    python -m benchmarks.door.same_run FILE --worlds 50 --seconds 30 --oracle 1
 
 Each world is run on both engines, and judged as a campaign judges it. The shipped stack runs in
 this process and through the socket; its copies are made by fork and by replay in turn. A stack of
-one lane runs in Python and in C++, copied both ways, in worlds with and without deadlocks. All of
-a row must agree in trace digest and verdicts, members and times included.
+one lane runs in Python and in C++, copied both ways, in worlds with and without deadlocks. Cases
+of the oracle's benchmark run in process and copied by replay. All of a row must agree in trace
+digest and verdicts, members and times included.
 
 Rows are kept in FILE, one line of JSON each; a second call goes on.
 """
@@ -23,6 +24,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.oracle.worlds import case_named, cases
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame
@@ -41,6 +43,9 @@ FIRST_DRAW = 10  # number of the candidate; the recorded worlds have the first
 WAYS = ("fork", "replay")
 #: of a lane: offset of the start [m], whether somebody comes the other way, robots behind
 LANES = ((0.0, True, 0), (0.3, True, 1), (0.7, True, 2), (0.1, False, 0), (0.5, True, 1))
+LABELS = ("one lane", "shipped stack", "oracle's benchmark")
+LANE, ORACLE = "lane ", "oracle "  # what names of rows begin with
+FIRST_CASE = 20000  # seed of the oracle's cases
 
 
 class Row(NamedTuple):
@@ -54,9 +59,13 @@ class Row(NamedTuple):
 Runs = dict[str, Callable[[], list]]
 
 
-def judged(world: World, config: StackConfig) -> list:
-    """Run a world until a deadlock is claimed, or to the end."""
-    names = campaign_specifications()
+def judged(world: World, config: StackConfig, names: tuple[str, ...] = ()) -> list:
+    """Run a world until a deadlock is claimed, or to the end.
+
+    Args:
+        names: of specifications; empty: those of a campaign.
+    """
+    names = names or campaign_specifications()
     judges = build_specifications(names)
     deadlock = judges[names.index("no_deadlock")]
 
@@ -101,7 +110,7 @@ def lanes(folder: Path) -> Iterator[tuple[str, str, Runs]]:
     for offset, head_on, followers in LANES:
         world = lane_world(offset, head_on=head_on, followers=followers)
         for engine in ENGINES:
-            name = f"lane {offset:g} {'head-on' if head_on else 'one way'} {followers}"
+            name = f"{LANE}{offset:g} {'head-on' if head_on else 'one way'} {followers}"
             yield name, engine, {
                 f"{language}, {way}": partial(judged, world, lane_config(stack, way, engine))
                 for language, stack in stacks.items()
@@ -109,14 +118,27 @@ def lanes(folder: Path) -> Iterator[tuple[str, str, Runs]]:
             }  # fmt: skip
 
 
-def run_all(file: Path, worlds: int, seconds: float) -> list[Row]:
+def oracle_cases(rounds: int, folder: Path) -> Iterator[tuple[str, str, Runs]]:
+    """List the cases of the oracle's benchmark."""
+    for name in cases(rounds, first=FIRST_CASE):
+        case = case_named(name)
+        through = outside(case.world, case.config, folder, "replay")
+        yield f"{ORACLE}{name}", case.config.engine.name, {
+            "in process": partial(judged, case.world, case.config, ("no_deadlock",)),
+            "Python, replay": partial(judged, case.world, through, ("no_deadlock",)),
+        }  # fmt: skip
+
+
+def run_all(file: Path, worlds: int, seconds: float, rounds: int) -> list[Row]:
     """Run what is not in ``file`` yet."""
     lines = file.read_text().splitlines() if file.exists() else ()
     rows = [Row(*json.loads(line)) for line in lines]
     known, began, fresh = {(row.name, row.engine) for row in rows}, time.monotonic(), 0
-    total = len(ENGINES) * (worlds + len(LANES))
+    total = len(ENGINES) * (worlds + len(LANES)) + len([*cases(rounds)])
     with tempfile.TemporaryDirectory() as name:
-        for source in (shipped(worlds, seconds, Path(name)), lanes(Path(name))):
+        folder = Path(name)
+        sources = shipped(worlds, seconds, folder), lanes(folder), oracle_cases(rounds, folder)
+        for source in sources:
             for case, engine, runs in source:
                 if (case, engine) in known:
                     continue
@@ -148,23 +170,26 @@ def main() -> None:
     parser.add_argument("file", type=Path)
     parser.add_argument("--worlds", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=30.0, help="longest run [s]")
+    parser.add_argument("--oracle", type=int, default=0, help="rounds of the oracle's benchmark")
     arguments = parser.parse_args()
-    rows = run_all(arguments.file, arguments.worlds, arguments.seconds)
+    rows = run_all(arguments.file, arguments.worlds, arguments.seconds, arguments.oracle)
     print("| | Engine | Runs | Same | Deadlocks |\n|---|---|---|---|---|")
-    for kind in ("lane", ""):
+    for label in LABELS:
         for engine in ENGINES:
-            some = [
-                row for row in rows
-                if row.engine == engine and row.name.startswith("lane ") == bool(kind)
-            ]  # fmt: skip
+            some = [row for row in rows if row.engine == engine and _label(row) == label]
+            if not some:
+                continue
             runs = sum(len(row.runs) for row in some)
             same = sum(map(is_same, some))
             found = sum(_has_deadlock(row) for row in some)
-            label = "one lane" if kind else "shipped stack"
             print(f"| {label} | {engine} | {runs} | {same} of {len(some)} worlds | {found} |")
     others = [f"{row.name} ({row.engine})" for row in rows if not is_same(row)]
     print(*(f"differs: {name}" for name in others), sep="\n")
     sys.exit(bool(others))
+
+
+def _label(row: Row) -> str:
+    return LABELS[0 if row.name.startswith(LANE) else 1 + row.name.startswith(ORACLE)]
 
 
 def _has_deadlock(row: Row) -> bool:

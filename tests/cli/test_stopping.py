@@ -34,64 +34,43 @@ def _stopped(program: str, *signals: signal.Signals) -> subprocess.CompletedProc
     return subprocess.CompletedProcess([], process.returncode, heard + stdout, stderr)
 
 
+def _interrupted(
+    *work: str, before: str = "", after: tuple[str, ...] = ("print('caught')",)
+) -> str:
+    """Write a program that does its work until it is interrupted."""
+    lines = ["try:", *(f"    {line}" for line in work), "    time.sleep(60)"]
+    lines += ["except KeyboardInterrupt:", *(f"    {line}" for line in after)]
+    return "\n".join(["import signal, time", before, LISTEN, *lines])
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_is_a_keyboard_interrupt(number):
-    program = (
-        f"import time\n{LISTEN}\n"
-        "try:\n"
-        f"    {READY}\n"
-        "    time.sleep(60)\n"
-        "except KeyboardInterrupt:\n"
-        "    print('caught')\n"
-    )
-    ended = _stopped(program, number)
+    ended = _stopped(_interrupted(READY), number)
     assert (ended.returncode, ended.stdout) == (0, "ready\ncaught\n")
 
 
 def test_sigterm_is_heard_where_ctrl_c_is_ignored():
     """A script that puts a command in its background has Ctrl-C ignored there."""
-    program = (
-        f"import signal, time\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n{LISTEN}\n"
-        "try:\n"
-        f"    {READY}\n"
-        "    time.sleep(0.3)\n"
-        "    print('still here', flush=True)\n"
-        "    time.sleep(60)\n"
-        "except KeyboardInterrupt:\n"
-        "    print('caught')\n"
+    program = _interrupted(
+        READY,
+        "time.sleep(0.3)",
+        "print('still here', flush=True)",
+        before="signal.signal(signal.SIGINT, signal.SIG_IGN)",
     )
     ended = _stopped(program, signal.SIGINT, signal.SIGTERM)
     assert (ended.returncode, ended.stdout) == (0, "ready\nstill here\ncaught\n")
 
 
 def test_an_interruption_that_a_finalizer_swallows_comes_again():
-    program = (
-        f"import time\n{LISTEN}\n"
-        "class Slow:\n"
-        "    def __del__(self):\n"
-        f"        {READY}\n"
-        "        time.sleep(60)\n"
-        "try:\n"
-        "    Slow()\n"
-        "    time.sleep(60)\n"
-        "except KeyboardInterrupt:\n"
-        "    print('caught')\n"
-    )
+    slow = f"class Slow:\n    def __del__(self):\n        {READY}\n        time.sleep(60)"
+    program = _interrupted("Slow()", before=slow)
     ended = _stopped(program, signal.SIGINT)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "ready\ncaught\n", "")
 
 
 def test_a_second_signal_does_not_disturb_the_clean_up():
-    program = (
-        f"import time\n{LISTEN}\n"
-        "try:\n"
-        f"    {READY}\n"
-        "    time.sleep(60)\n"
-        "except KeyboardInterrupt:\n"
-        "    print('cleaning', flush=True)\n"
-        "    time.sleep(0.3)\n"
-        "    print('done')\n"
-    )
+    clean_up = "print('cleaning', flush=True)", "time.sleep(0.3)", "print('done')"
+    program = _interrupted(READY, after=clean_up)
     ended = _stopped(program, signal.SIGINT, signal.SIGINT)
     assert (ended.returncode, ended.stdout) == (0, "ready\ncleaning\ndone\n")
 
