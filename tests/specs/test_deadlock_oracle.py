@@ -460,6 +460,21 @@ def test_who_makes_progress_in_the_continuation_of_another_robot_is_not_asked_ab
     assert asked_at({0: 28.0, 1: 28.0}) < asked_at({0: 28.0})
 
 
+def test_no_copies_vote_on_a_stuck_robot_that_nobody_asked_about():
+    nudges = []
+
+    def fate(watch, without, nudge):
+        nudges.append(nudge)
+        return shown({2: 0.0}, freed={0: 28.0, 1: 28.0})
+
+    script = head_on()
+    script.robots = [*script.robots, Robot((-5.0, 0.0))]
+    verdict = foretold(script, fate).verdict()
+    assert not verdict.violated
+    assert nudges
+    assert not any(nudges)
+
+
 def test_a_set_that_a_forecast_shows_to_go_on_is_no_deadlock_however_long_it_lasts():
     asked = []
 

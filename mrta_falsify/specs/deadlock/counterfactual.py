@@ -7,7 +7,7 @@ off copies of the run. Copies with small differences vote on robots that stay, o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -214,7 +214,7 @@ class CounterfactualTest:
         # Robots that stay, or get going late, may do so only because nothing pushes them off a
         # balance; only copies with small differences tell.
         doubtful = _late_ones(seen, asked, span) | set(last)
-        for i, is_stuck in self._vote(forecast, doubtful, set(last), span).items():
+        for i, is_stuck in self._vote(forecast, asked, doubtful, set(last), span).items():
             if is_stuck:
                 last.setdefault(i, float(self._progress.on_the_way()[i]))
             else:
@@ -223,28 +223,44 @@ class CounterfactualTest:
         return Prospect(last, {int(i): way for i, way in seen.driven.items()}, edges)
 
     def _continue(
-        self, forecast: Forecast, asked: set[int], span: _Span, nudge: int = 0
+        self,
+        forecast: Forecast,
+        asked: set[int],
+        span: _Span,
+        *,
+        others: Iterable[int] = (),
+        nudge: int = 0,
     ) -> ContinuationAnswer | None:
         """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
-        watch = ContinuationWatch(self._progress, asked, settled=span.settled, until=span.until)
+        watch = ContinuationWatch(
+            self._progress, asked, others, settled=span.settled, until=span.until
+        )
         answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
         if answer is None:
             return None
         return codec.decode(ContinuationAnswer, answer, where="forecast")
 
     def _vote(
-        self, forecast: Forecast, doubtful: set[int], stuck: set[int], span: _Span
+        self,
+        forecast: Forecast,
+        asked: set[int],
+        doubtful: set[int],
+        stuck: set[int],
+        span: _Span,
     ) -> dict[int, bool]:
         """Decide which of ``doubtful`` are stuck in most copies; no more are made than it takes.
 
-        Where a copy cannot be made, the first continuation alone decides.
+        None are made once all of ``asked`` are free: the others do not matter then. Where a copy
+        cannot be made, the first continuation alone decides.
         """
         votes = {i: int(i in stuck) for i in doubtful}
         for nudge in range(1, COPIES):
-            open_ = {i for i in doubtful if 2 * max(votes[i], nudge - votes[i]) < COPIES}
-            if not open_:
+            free = {i for i in doubtful if 2 * (nudge - votes[i]) > COPIES}
+            open_ = {i for i in doubtful - free if 2 * votes[i] < COPIES}
+            if not open_ or not asked & doubtful - free:
                 break
-            seen = self._continue(forecast, open_, span, nudge)
+            first = asked & open_ or open_
+            seen = self._continue(forecast, first, span, others=open_ - first, nudge=nudge)
             if seen is None:
                 return {i: i in stuck for i in doubtful}
             for i in open_ & {int(i) for i in seen.stuck}:

@@ -83,20 +83,27 @@ class ContinuationWatch:
         progress: of the run so far; the watch advances it, so it belongs into a copy.
         asked: robots in question; the watch ends once all of them have made progress, or nothing
             that they wait for will move again.
+        others: they are in question if one of ``asked`` makes no progress.
         settled: rest counts from this time on [s].
         until: [s].
     """
 
     def __init__(
-        self, progress: ProgressClock, asked: Iterable[int], *, settled: float, until: float
+        self,
+        progress: ProgressClock,
+        asked: Iterable[int],
+        others: Iterable[int] = (),
+        *,
+        settled: float,
+        until: float,
     ) -> None:
         self._progress = progress
-        self._asked = sorted(asked)
+        self._first = frozenset(asked)
+        self._asked = sorted({*self._first, *others})
         self._before = progress.last.copy()
         self._soon = self._before  # (N,) last progress in the first minute [s]
         self._minute_ends = settled + A_MINUTE
         self._freed: dict[int, float] = {}
-        self._kept: set[int] = set()
         self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
         self._looks = _Looks(progress.world, settled, until)
 
@@ -114,8 +121,9 @@ class ContinuationWatch:
             looks.edges.pop(i, None)
         if looks.time <= self._minute_ends:
             self._soon = last.copy()
-        self._kept = {i for i in self._asked if looks.rest.keeps(i)}
-        are_known = all(i in self._freed or i in self._kept for i in self._asked)
+        are_known = self._first <= self._freed.keys() or all(
+            i in self._freed or looks.rest.keeps(i) for i in self._asked
+        )
         return are_known or looks.rest.is_complete() or looks.are_over
 
     def answer(self) -> dict[str, Any]:
