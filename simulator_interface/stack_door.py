@@ -169,8 +169,8 @@ class StackDoor:
         if len(intent.path) != self._robots or len(intent.waits_for) != self._robots:
             raise self._refuse("path", f"paths or waits are not of {self._robots} robots")
         for name, path in zip(self._names, intent.path, strict=True):
-            if np.ndim(path) != 2 or np.shape(path)[1] != 2:
-                shape = np.shape(path)
+            shape = path.shape if isinstance(path, np.ndarray) else np.shape(path)
+            if len(shape) != 2 or shape[1] != 2:
                 raise self._refuse("path", f"the path of {name} has shape {shape}, not (L, 2)")
 
     def _check_shape(self, part: str, value: np.ndarray, shape: tuple[int, ...]) -> None:

@@ -143,6 +143,8 @@ class Tells(NamedTuple):
 
     def lacking(self, *needed: str) -> str:
         """Say which of the fields ``needed`` the stack does not tell, empty: it tells all."""
+        if all(self):
+            return ""
         missing = [name for name in needed if not getattr(self, name)]
         return f"the stack does not tell its {' and '.join(missing)}" if missing else ""
 

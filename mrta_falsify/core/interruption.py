@@ -37,15 +37,23 @@ def is_interruption(error: BaseException) -> bool:
     return found is not None
 
 
-@contextlib.contextmanager
-def heard() -> Iterator[None]:
-    """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
-    try:
-        yield
-    except SystemError as error:
-        if is_interruption(error):
+class _Heard:
+    """See :func:`heard`; a class, since it is entered several times a tick."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, SystemError) and is_interruption(error):
             raise KeyboardInterrupt from error
-        raise
+
+
+_HEARD = _Heard()
+
+
+def heard() -> _Heard:
+    """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
+    return _HEARD
 
 
 @contextlib.contextmanager

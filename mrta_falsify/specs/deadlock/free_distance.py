@@ -13,6 +13,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.plane import distance_of
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
 
@@ -25,17 +26,20 @@ class FreeDistance:
 
     world: World
     _free: BoolArray = field(init=False)
+    _west: float = field(init=False)  #: [m]
+    _south: float = field(init=False)  #: [m]
     _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._free = SolidGrid(self.world).lasting_free()
+        self._west, self._south = self.world.bounds[:2].tolist()
 
     def between(self, position: Array, goal: Array) -> float:
         """Measure the way from ``position`` to ``goal``, both ``(2,)`` [m].
 
         Without a way, or nearby, it is the straight distance.
         """
-        straight = float(np.hypot(*(position - goal)))
+        straight = distance_of(position, goal)
         row, col = self._cell(position)
         way = float(self._map_to(goal)[row, col])
         return way if np.isfinite(way) and way > DETOUR_FROM else straight
@@ -58,8 +62,10 @@ class FreeDistance:
 
     def _cell(self, point: Array) -> tuple[int, int]:
         rows, cols = self._free.shape
-        col, row = np.floor((point - self.world.bounds[:2]) / GRID_CELL).astype(int)
-        return int(np.clip(row, 0, rows - 1)), int(np.clip(col, 0, cols - 1))
+        x, y = point.tolist()
+        row = math.floor((y - self._south) / GRID_CELL)
+        col = math.floor((x - self._west) / GRID_CELL)
+        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
 
 @njit(cache=True)

@@ -103,8 +103,9 @@ class Queue:
 
     def place_of(self, state: QueueState, robot: int) -> int | None:
         """Place of a robot in the queue, 0 = head; None if it does not wait."""
-        ordered = self.order(state)
-        return ordered.index(robot) if robot in ordered else None
+        if all(waiter.robot != robot for waiter in state.waiters):
+            return None
+        return self.order(state).index(robot)
 
     def has_place(self, state: QueueState) -> bool:
         """Whether one more robot may hold the resource."""
