@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Callable, Generator
@@ -100,6 +101,7 @@ class Episode:
         self.books = Books(world)  #: deliveries that motion confirms, the last frame included
         self._served = StopsServed(world)
         self.repeats: Callable[[int], bool] = lambda tick: False  #: ticks that are asked again
+        self.at_end = contextlib.ExitStack()  #: what is closed with the episode
         self._meter = AllocatorMeter()
         self._door = StackDoor(world, config) if config.stack is None else OpenDoor()
         self._answers = told
@@ -141,7 +143,8 @@ class Episode:
             self.outside.branch()
 
     def close(self) -> None:
-        """End the stack's process; may be called twice."""
+        """End the stack's process, and what else is to end; may be called twice."""
+        self.at_end.close()
         if self.outside is not None:
             self.outside.close()
 

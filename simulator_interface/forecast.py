@@ -8,30 +8,77 @@ continuation differs a little: robots stand a few millimetres away, and noise fa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+import functools
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Forecast, Foreseeing, Watch
+from mrta_falsify.core.protocols import Forecast, Foreseeing, ResumedWatch, Watch
 from mrta_falsify.core.stack_failure import StackFailed
+from mrta_falsify.core.world import World
 from simulator_interface import forking
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.conversation import ToldTalk
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
+from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
+
+
+class _Run(NamedTuple):
+    """What a copy continues."""
+
+    world: World
+    config: StackConfig
+    series: object | None
+    process: int
+
+    def is_same(self, other: _Run) -> bool:
+        """Whether a copy of one run is one of the other: nothing has been changed in between."""
+        return self.process == other.process and all(
+            mine is its for mine, its in zip(self[:3], other[:3], strict=True)
+        )
+
+
+class _Standing(NamedTuple):
+    run: _Run
+    copy: CallableCopy
+
+
+class _Held(NamedTuple):
+    frames: Iterator[Frame]
+    watch: ResumedWatch
+
+
+_held: list[_Held] = []  # in a standing copy: what the next question goes on with, last
+
+
+def _go_on(question: Any) -> dict[str, Any] | None:
+    """Answer another question; called in the standing copy."""
+    frames, watch = _held[-1]
+    if not watch.resume(question):
+        for frame in frames:
+            if watch.update(frame):
+                break
+    return watch.answer()
 
 
 class EpisodeForecast:
     """Forecasts of one episode from its last frame (see ``core.protocols.Forecast``).
 
+    Questions of one series go to one copy, the standing one, which goes on from where the last
+    question left it. It is thrown away once the run has become another.
+
     Args:
-        episode: in progress.
+        episode: in progress; it closes the forecasts.
         frames: its frames; a forecast begins at the last one.
     """
 
     def __init__(self, episode: Episode, frames: Iterator[Frame]) -> None:
         self._episode = episode
         self._frames = frames
+        self._standing: _Standing | None = None
+        episode.at_end.callback(self.close)
 
     def __call__(
         self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
@@ -53,30 +100,68 @@ class EpisodeForecast:
         """
         if not self._can(without, nudge):
             return None
-
-        def run() -> dict[str, Any] | None:
-            try:
-                self._episode.become_copy()
-            except CannotBranch:
-                return None
-            self._episode.forget_events()
-            for robot in without:
-                self._episode.remove(robot)
-            if nudge:
-                self._episode.nudge(nudge)
-            for frame in self._frames:
-                if watch.update(frame):
-                    break
-            return watch.answer()
-
         answer: dict[str, Any] | None
         try:
-            answer = run_in_watched_copy(run)
+            if isinstance(watch, ResumedWatch) and watch.series is not None:
+                answer = self._ask_standing(watch)
+            else:
+                answer = run_in_watched_copy(
+                    functools.partial(self._continue, watch, tuple(without), nudge)
+                )
         except (StackFailed, CopyFailed):
             answer = None
         if self._episode.outside is not None:
             self._episode.outside.talk.note_forecast(answer)
         return answer
+
+    def close(self) -> None:
+        """End the standing copy; may be called twice."""
+        if self._standing is not None:
+            self._standing.copy.close()
+            self._standing = None
+
+    def _ask_standing(self, watch: ResumedWatch) -> dict[str, Any] | None:
+        """Put a question to the standing copy; make one if there is none, or of another run."""
+        known, self._standing = self._standing, None
+        run = _Run(self._episode.world, self._episode.config, watch.series, os.getpid())
+        answer: dict[str, Any] | None = None
+        if known is not None and known.run.is_same(run) and known.copy.is_alive():
+            call: Callable[[], Any] = functools.partial(_go_on, watch.question)
+        else:
+            if known is not None:
+                known.copy.close()
+            known, call = _Standing(run, CallableCopy()), functools.partial(self._stand, watch)
+        try:
+            answer = known.copy.call(call)
+        finally:
+            if answer is None:
+                known.copy.close()
+            else:
+                self._standing = known
+        return answer
+
+    def _stand(self, watch: ResumedWatch) -> dict[str, Any] | None:
+        """Answer the first question; called in the standing copy."""
+        _held.append(_Held(self._frames, watch))
+        return self._continue(watch)
+
+    def _continue(
+        self, watch: Watch, without: Sequence[int] = (), nudge: int = 0
+    ) -> dict[str, Any] | None:
+        """Go on with the run; called in a copy of the process."""
+        try:
+            self._episode.become_copy()
+        except CannotBranch:
+            return None
+        self._episode.forget_events()
+        for robot in without:
+            self._episode.remove(robot)
+        if nudge:
+            self._episode.nudge(nudge)
+        for frame in self._frames:
+            if watch.update(frame):
+                break
+        return watch.answer()
 
     def _can(self, without: Sequence[int], nudge: int) -> bool:
         """Whether the engine can make such a copy."""

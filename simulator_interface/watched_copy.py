@@ -145,7 +145,8 @@ class WatchedCopy:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self._process, signal.SIGKILL)
             self._has_ended(wait=True)
-        self._ours.close()
+        with contextlib.suppress(OSError):  # garbage collection may have closed it before
+            self._ours.close()
         self._theirs.close()
         os.close(self._dump)
 
@@ -159,6 +160,10 @@ class WatchedCopy:
         self._theirs.close()
 
     # --- ends -----------------------------------------------------------------------------
+
+    def is_alive(self) -> bool:
+        """Whether there is a process, and it has not ended."""
+        return bool(self._process) and not self._has_ended()
 
     def _has_ended(self, *, wait: bool = False) -> bool:
         if self._status is None:
@@ -320,24 +325,53 @@ def _open(outcome: tuple[str, Any]) -> Any:
     raise content.rebuilt() from RemoteTraceback(f"\n{content.traceback}")
 
 
+class CallableCopy:
+    """A copy of this process, under the limits of this one, in which things are run.
+
+    It is made with the first call, which may be anything; later ones must be such as can be sent.
+    """
+
+    def __init__(self) -> None:
+        self._copy = WatchedCopy(post().limits)
+
+    def call(self, call: Callable[[], Any]) -> Any:
+        """Run something in the copy.
+
+        Raises:
+            CopyFailed: the stack hung, took too much memory, or ended the process.
+            StackFailed: the stack failed otherwise.
+            InputError: as ``call``.
+            HarnessError: the process ended outside the stack, or ``call`` failed.
+        """
+        try:
+            if not self._copy.ask(Request(call, post().ending)):
+                raise HarnessError("a copy of the run has ended")
+            return self._copy.answer()
+        except (CopyFailed, StackFailed, MrtaFalsifyError):
+            raise
+        except Exception as error:
+            text = f"a copy of the run failed: {type(error).__name__}: {error}"
+            raise HarnessError(text) from error
+
+    def is_alive(self) -> bool:
+        """Whether the copy can be called again."""
+        return self._copy.is_alive()
+
+    def close(self) -> None:
+        """End the copy; may be called twice."""
+        self._copy.close()
+
+
 def run_in_watched_copy(call: Callable[[], Any]) -> Any:
     """Run something once in a copy of this process, under the limits of this one.
 
     Raises:
-        CopyFailed: the stack hung, took too much memory, or ended the process.
-        StackFailed: the stack failed otherwise.
-        InputError: as ``call``.
-        HarnessError: the process ended outside the stack, or ``call`` failed.
+        MrtaFalsifyError: as :meth:`CallableCopy.call`.
+        CopyFailed: as there.
+        StackFailed: as there.
     """
-    here = post()
-    copy = WatchedCopy(here.limits)
+    copy = CallableCopy()
     try:
-        copy.ask(Request(call, here.ending))
-        return copy.answer()
-    except (CopyFailed, StackFailed, MrtaFalsifyError):
-        raise
-    except Exception as error:
-        text = f"a copy of the run failed: {type(error).__name__}: {error}"
-        raise HarnessError(text) from error
+        return copy.call(call)
     finally:
         copy.close()

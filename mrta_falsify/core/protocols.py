@@ -310,6 +310,17 @@ class Watch(Protocol):
         """Give what was seen, JSON-shaped."""
 
 
+@runtime_checkable
+class ResumedWatch(Watch, Protocol):
+    """A watch that answers several questions about one continuation, which need not begin anew."""
+
+    series: object | None  #: the same for all questions of one continuation; None: only one
+    question: Any  #: that is asked; it can be sent to another process
+
+    def resume(self, question: Any) -> bool:
+        """Take up a later question of the series; True: what was seen answers it."""
+
+
 class Forecast(Protocol):
     """Runs a continuation: a copy of the run without further outside events."""
 

@@ -61,7 +61,7 @@ class NoLivelock(ApproachMargin):
         super().start(world, dt)
         self._world = world
         self._progress = ProgressClock(world)
-        self._test = CounterfactualTest(world, self._progress, self._look_ahead)
+        self._test = CounterfactualTest(world, dt, self._progress, self._look_ahead)
         self._forecast: Forecast | None = None
         self._confirmed: dict[int, float] = {}  # since when each robot drives in vain [s]
         self._suspected: Verdict | None = None

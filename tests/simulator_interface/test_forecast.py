@@ -1,6 +1,8 @@
 """Forecasts: what a copy of a run shows, and that the run does not notice."""
 
 import dataclasses
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from mrta_falsify.specs.library import build_specifications
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import EpisodeForecast
 from simulator_interface.simulate import simulate
+from simulator_interface.watched_copy import run_in_watched_copy
 
 ENGINES = ("bullet", "kinematic")
 DRIVE = Task(arrival=0.0, start=0, end=1, deadline=900.0)
@@ -181,3 +184,84 @@ def test_a_creeping_pair_is_claimed_at_once_with_both_members_and_a_closed_cycle
         ("robot1", "barrier", "robot2"),
         ("robot2", "barrier", "robot1"),
     ]
+
+
+# --- one copy for many questions -----------------------------------------------------------------
+
+
+class Stretch:
+    """Poses over a stretch of time, for several stretches of one future."""
+
+    def __init__(self, series, begin: float, end: float) -> None:
+        self.series = series
+        self.question = (begin, end)
+        self.process = 0
+        self.poses: dict = {}
+
+    def resume(self, question) -> bool:
+        self.question = question
+        return max(self.poses, default=0.0) >= question[1]
+
+    def update(self, frame) -> bool:
+        self.poses[round(frame.sensed.time, 3)] = frame.sensed.pose.tolist()
+        self.process = os.getpid()
+        return self.resume(self.question)
+
+    def answer(self) -> dict:
+        begin, end = self.question
+        poses = [pose for time, pose in self.poses.items() if begin < time <= end]
+        return {"seen": poses, "process": self.process}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_questions_about_one_future_go_to_one_copy(engine):
+    _, frames, forecast = begun(rooms(), on(engine), 1.0)
+    series = object()
+    first = forecast(Stretch(series, 1.0, 2.0))
+    further = forecast(Stretch(series, 2.0, 3.0))
+    again = forecast(Stretch(series, 1.5, 2.5))
+    assert first["process"] == further["process"] == again["process"] != os.getpid()
+    happened = [next(frames).sensed.pose.tolist() for _ in first["seen"] + further["seen"]]
+    assert first["seen"] + further["seen"] == happened
+    assert again["seen"] == happened[5:15]
+
+
+def test_another_future_gets_another_copy():
+    episode, _, forecast = begun(rooms(), stack(), 1.0)
+    series = object()
+    first = forecast(Stretch(series, 1.0, 2.0))
+    other = forecast(Stretch(object(), 1.0, 2.0))
+    assert other["process"] != first["process"]
+    episode.add_blockage("cart", rectangle(0.5, 1.0, (0.0, 0.0)), height=1.0, end=1e6)
+    blocked = forecast(Stretch(series, 1.0, 20.0))
+    assert blocked["process"] != first["process"]
+    assert blocked["seen"][-1][0][0] < 0.0
+
+
+def test_a_copy_that_was_killed_is_replaced():
+    _, _, forecast = begun(rooms(), stack(), 1.0)
+    series = object()
+    first = forecast(Stretch(series, 1.0, 2.0))
+    os.kill(first["process"], signal.SIGKILL)
+    os.waitid(os.P_PID, first["process"], os.WEXITED | os.WNOWAIT)
+    again = forecast(Stretch(series, 1.0, 2.0))
+    assert again["process"] != first["process"]
+    assert again["seen"] == first["seen"]
+
+
+def test_a_copy_of_the_run_asks_a_copy_of_its_own():
+    _, _, forecast = begun(rooms(), stack(), 1.0)
+    series = object()
+    first = forecast(Stretch(series, 1.0, 2.0))
+    inside = run_in_watched_copy(lambda: forecast(Stretch(series, 1.0, 2.0)))
+    assert inside["seen"] == first["seen"]
+    assert inside["process"] != first["process"]
+    assert forecast(Stretch(series, 1.0, 3.0))["process"] == first["process"]
+
+
+def test_the_copy_ends_with_the_episode():
+    _, frames, forecast = begun(rooms(), stack(), 1.0)
+    process = forecast(Stretch(object(), 1.0, 2.0))["process"]
+    frames.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)

@@ -15,7 +15,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
-from mrta_falsify.specs.deadlock.watches import ContinuationWatch
+from mrta_falsify.specs.deadlock.watches import ContinuationWatch, Question
 
 
 def oracle(**options):
@@ -651,7 +651,8 @@ def watched(robots, *, person_speed=None, asked=(0,), seconds=71.0, **more) -> t
     people = [] if person_speed is None else [Human((4.0, 4.0))]
     script = Script(robots=robots, humans=people, seconds=seconds, **more)
     world = script.world()
-    watch = ContinuationWatch(ProgressClock(world), asked, settled=0.0, until=seconds - 1.0)
+    question = Question(frozenset(asked), frozenset(), 0.0, settled=0.0, until=seconds - 1.0)
+    watch = ContinuationWatch(ProgressClock(world), question, stride=5)
     for frame in script.frames(world):
         speed = 0.0 if person_speed is None else person_speed(frame.sensed.time)
         velocity = np.tile([speed, 0.0], (len(people), 1))
@@ -724,3 +725,38 @@ def test_the_edges_of_a_forecast_are_those_at_its_end():
     robots = [Robot((-0.2, 0), goal=(5, 0)), Robot(comes, goal=(-5, 0))]
     _, answer = watched(robots, walls=corridor(1.0, 16.0), bounds=(-8.0, -0.7, 8.0, 0.7))
     assert [(edge["robot"], edge["other"]) for edge in answer["edges"]] == [(0, 1), (1, 0)]
+
+
+def test_a_later_question_is_answered_as_by_a_copy_of_its_own():
+    """One watch goes on from question to question; others begin where they are asked."""
+    robots = [
+        Robot(stop_at(drive((-3, 0), (5, 0), 0.9), 3.0), goal=(5, 0)),
+        Robot(drive((3, 2), (-5, 2), 0.2), goal=(-5, 2)),
+        Robot(lambda time: (0.0, 4.0 + 0.1 * max(0.0, time - 20.0), 0.0), goal=(0, 9)),
+    ]
+    script = Script(robots=robots, seconds=60.0)
+    world = script.world()
+    frames = list(script.frames(world))
+
+    def at(time: float) -> ProgressClock:
+        progress = ProgressClock(world)
+        for frame in frames[: round(time / DT) + 1]:
+            if frame.sensed.tick % 5 == 0:
+                progress.update(frame)
+        return progress
+
+    standing = None
+    for asked, time in (({1}, 2.0), ({0, 2}, 5.0), ({1}, 6.0), ({2}, 10.0), ({2, 1}, 40.0)):
+        question = Question(frozenset(asked), frozenset(), time, settled=time, until=55.0)
+        alone = ContinuationWatch(at(time), question, stride=5)
+        later = frames[round(time / DT) + 1 :]
+        assert any(alone.update(frame) for frame in later)
+        if standing is None:
+            standing = ContinuationWatch(at(time), question, stride=5, series="one")
+            rest, known = iter(later), False
+        else:
+            known = standing.resume(question)
+        assert known or any(standing.update(frame) for frame in rest)
+        told, expected = standing.answer(), alone.answer()
+        for part in ("freed", "stuck"):
+            assert told[part] == pytest.approx(expected[part]), (time, part)

@@ -22,12 +22,12 @@ def keeps(edge: BlockedBy, *, drives_for: float) -> bool:
     ]
     script = Script(robots=robots, seconds=140.0)
     world = script.world()
-    rest = LastingRest(world, settled=0.0)
+    rest = LastingRest(world)
     edges = {0: [edge], 1: [BlockedBy(1, "barrier", 0)], 2: [BlockedBy(2, "task")]}
     for frame in script.frames(world):
         if frame.sensed.tick % 5 == 0:
             rest.update(frame, edges)
-    return rest.keeps(0)
+    return rest.keeps(0, settled=0.0)
 
 
 @pytest.mark.parametrize("edge", [BlockedBy(0, "wall"), BlockedBy(0, "stalled")])

@@ -17,6 +17,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
@@ -26,12 +27,14 @@ from mrta_falsify.specs.deadlock.watches import (
     ContinuationWatch,
     CounterfactualAnswer,
     CounterfactualWatch,
+    Question,
 )
 
 COPIES = 5  # of the run that vote at most, all but the first with poses moved by millimetres
 #: s between two questions about a robot; doubled, to a minute, while it makes no progress
 ASK_SOONEST = 1.0
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
+HALF_A_MINUTE = 30.0  # s of rest from which it may be chance that something moves again
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
 
@@ -56,6 +59,7 @@ class Prospect(NamedTuple):
 class _Span(NamedTuple):
     """The time that a copy of the run is looked at."""
 
+    time: float  #: it is made [s]
     settled: float  #: before, rest means nothing [s]
     until: float  #: [s]
 
@@ -67,20 +71,21 @@ class _Removals:
         world: of the episode.
         forecast: from the moment in question.
         span: that is looked at.
+        stride: ticks from one look to the next.
     """
 
-    def __init__(self, world: World, forecast: Forecast, span: _Span) -> None:
+    def __init__(self, world: World, forecast: Forecast, span: _Span, stride: int) -> None:
         self.span = span
         self._world = world
         self._forecast = forecast
+        self._stride = stride
         self._answers: dict[int, set[int] | None] = {}
 
     def freed_without(self, i: int, stuck: set[int]) -> set[int] | None:
         """Find who of the others in ``stuck`` goes free; None: that cannot be tried."""
         if i not in self._answers:
-            watch = CounterfactualWatch(
-                self._world, stuck - {i}, settled=self.span.settled, until=self.span.until
-            )
+            question = Question(frozenset(stuck - {i}), frozenset(), *self.span)
+            watch = CounterfactualWatch(self._world, question, stride=self._stride)
             answer = self._forecast(watch, without=(i,))
             self._answers[i] = (
                 None
@@ -105,13 +110,16 @@ class CounterfactualTest:
 
     Args:
         world: of the episode.
+        dt: control period [s].
         progress: of the run so far; kept up to date by its owner.
         look_ahead: how long the robots may stand once no event is awaited [s].
     """
 
-    def __init__(self, world: World, progress: ProgressClock, look_ahead: float) -> None:
+    def __init__(self, world: World, dt: float, progress: ProgressClock, look_ahead: float) -> None:
         robots = len(world.robots)
         self._world = world
+        self._stride = max(1, round(EDGES_EVERY / dt))
+        self._future: object | None = None  # one as long as nothing comes from outside
         self._look_ahead = look_ahead
         self._progress = progress
         self._events = _begin_times(world)
@@ -124,8 +132,8 @@ class CounterfactualTest:
     def note_time(self, time: float) -> None:
         """Forget the forecasts that an event overtakes which has begun by ``time`` [s]."""
         begun = int(np.searchsorted(self._events, time, side="right"))
-        if begun != self._begun:
-            self._begun = begun
+        if begun != self._begun or self._future is None:
+            self._begun, self._future = begun, object()
             self.free_until[:] = -np.inf
 
     def deadlocks(self, forecast: Forecast, asked: set[int], time: float) -> list[FoundDeadlock]:
@@ -141,7 +149,7 @@ class CounterfactualTest:
             time: [s].
         """
         span = self._span(time)
-        removals = _Removals(self._world, forecast, span)
+        removals = _Removals(self._world, forecast, span, self._stride)
         seen = self._first(forecast, asked, time, span)
         if self._is_incomplete(seen, asked, removals, time):
             return []
@@ -233,7 +241,10 @@ class CounterfactualTest:
     ) -> ContinuationAnswer | None:
         """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
         watch = ContinuationWatch(
-            self._progress, asked, others, settled=span.settled, until=span.until
+            self._progress,
+            Question(frozenset(asked), frozenset(others), *span),
+            stride=self._stride,
+            series=None if nudge else self._future,
         )
         answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
         if answer is None:
@@ -312,13 +323,13 @@ class CounterfactualTest:
         ends = [event.end for event in self._world.events if event.start <= time]
         ends += [human.leaves_at for human in self._world.humans]
         settled = max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])
-        return _Span(settled, settled + self._look_ahead)
+        return _Span(time, settled, settled + self._look_ahead)
 
 
 def _late_ones(seen: ContinuationAnswer, asked: set[int], span: _Span) -> set[int]:
-    """Find the robots in question that went free so late that it may be chance."""
-    late = {int(i) for i, at in seen.freed.items() if at > span.settled + A_MINUTE}
-    return asked & late
+    """Find the robots in question that went free so late, from rest, that it may be chance."""
+    late = {i for i, at in seen.freed.items() if at > span.settled + A_MINUTE}
+    return asked & {int(i) for i in late if seen.rested.get(i, np.inf) >= HALF_A_MINUTE}
 
 
 def _begin_times(world: World) -> Array:

@@ -74,7 +74,7 @@ class NoDeadlock:
         self._stride = max(1, round(EDGES_EVERY / dt))
         self._progress = ProgressClock(world)
         self._suspects = SuspectClock(world, self._progress)
-        self._test = CounterfactualTest(world, self._progress, self._options.look_ahead)
+        self._test = CounterfactualTest(world, dt, self._progress, self._options.look_ahead)
         self._dt = dt
         self._untold: UntoldGoals | None = None  # made where it is needed
         self._forecast: Forecast | None = None

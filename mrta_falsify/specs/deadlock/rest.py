@@ -38,12 +38,10 @@ class LastingRest:
 
     Args:
         world: of the episode.
-        settled: rest counts from this time on, when awaited events have had their effect [s].
     """
 
-    def __init__(self, world: World, settled: float) -> None:
+    def __init__(self, world: World) -> None:
         robots = len(world.robots)
-        self._settled = settled
         speed = np.array([robot.max_speed for robot in world.robots])
         self._pause = longest_pause(world)
         self._creep = PACE * speed * PARTY_RESTS_FOR  # (N,) m
@@ -85,20 +83,32 @@ class LastingRest:
             since[:] = time
         self._people.walked = self._people.squeezed = time
 
-    def is_complete(self) -> bool:
-        """Whether nothing at all has moved for long, and nothing drifts off a balance."""
+    def is_complete(self, settled: float) -> bool:
+        """Whether nothing at all has moved for long, and nothing drifts off a balance.
+
+        Args:
+            settled: rest counts from this time on, when awaited events have had their effect [s].
+        """
         last = max(self._moved.max(initial=0.0), self._served.max(initial=0.0))
-        last = max(last, self._people.walked, self._settled)
+        last = max(last, self._people.walked, settled)
         return bool(self._time - last >= ALL_REST_FOR + self._pause) and not self._drifting()
 
-    def keeps(self, i: int) -> bool:
-        """Whether nothing that robot ``i`` waits for has done more than creep for long."""
+    def keeps(self, i: int, settled: float) -> bool:
+        """Whether nothing that robot ``i`` waits for has done more than creep for long.
+
+        Args:
+            i: the robot.
+            settled: as of :meth:`is_complete`.
+        """
+        rest = self._time - max(self.party_moved(i), settled)
+        return rest >= PARTY_RESTS_FOR + self._pause
+
+    def party_moved(self, i: int) -> float:
+        """Tell when something that robot ``i`` waits for did more than creep last [s]."""
         party, people = self._party(i)
         chosen = sorted(party)
-        last = max(self._strayed[chosen].max(), self._served[chosen].max(), self._settled)
-        if people:
-            last = max(last, self._people.squeezed)
-        return bool(self._time - last >= PARTY_RESTS_FOR + self._pause)
+        last = max(self._strayed[chosen].max(), self._served[chosen].max())
+        return float(max(last, self._people.squeezed) if people else last)
 
     def _party(self, i: int) -> tuple[set[int], bool]:
         """Find the robots that ``i`` waits for, itself among them, and whether people count.

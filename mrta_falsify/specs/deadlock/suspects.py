@@ -17,7 +17,7 @@ from mrta_falsify.specs.deadlock.standstill import SPOT_RADIUS, Standstill
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by
 
 #: of its largest speed; a robot that is slower than this may be held up by more than a crowd. At
-#: 0.75 m/s it has 1.9 s to leave its spot of 0.1 m, and 4.8 s to come nearer by 0.25 m
+#: 1.5 m/s it has 1 s to leave its spot of 0.1 m, and 2.4 s to come nearer by 0.25 m
 CROWD_SHARE = 0.07
 
 

@@ -6,21 +6,21 @@ a continuation without one of the robots.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import bisect
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.arrays import BoolArray, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock, has_stop_to_reach
 from mrta_falsify.specs.deadlock.rest import ALL_REST_FOR, LastingRest
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
 
+SAME_TIME = 1e-6  # s
 A_MINUTE = 60.0  # s; progress that comes later in a continuation may be chance
 
 
@@ -31,6 +31,8 @@ class ContinuationAnswer:
     stuck: dict[str, float]  #: since when each robot that stays for good stands or creeps [s]
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
+    #: for how long all rested that each robot in question waited for, at most [s]
+    rested: dict[str, float] = field(default_factory=dict)
     driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
     #: last progress in the first minute of each robot that does not stay for good [s]
     soon: dict[str, float] = field(default_factory=dict)
@@ -43,13 +45,29 @@ class CounterfactualAnswer:
     freed: tuple[int, ...]  #: robots that reached their next stop
 
 
-class _Looks:
-    """Looks at the frames of a copy every quarter of a second."""
+class Question(NamedTuple):
+    """What a continuation is asked."""
 
-    def __init__(self, world: World, settled: float, until: float) -> None:
-        self._next = -np.inf
-        self._until = until
-        self.rest = LastingRest(world, settled)
+    #: robots in question: it goes on until all of them have made progress, or nothing that they
+    #: wait for will move again
+    asked: frozenset[int]
+    others: frozenset[int]  #: they are in question if one of ``asked`` makes no progress
+    time: float  #: of the question [s]
+    settled: float  #: rest counts from this time on [s]
+    until: float  #: it goes on no longer than this [s]
+
+
+class _Looks:
+    """Looks at the frames of a copy.
+
+    Args:
+        world: of the episode.
+        stride: ticks from one look to the next.
+    """
+
+    def __init__(self, world: World, stride: int) -> None:
+        self._stride = stride
+        self.rest = LastingRest(world)
         self.edges: EdgesByRobot = {}  # of each robot, as it last had any
         self.time = 0.0
         self.driven = np.zeros(len(world.robots))  # (N,) since the first look [m]
@@ -57,11 +75,9 @@ class _Looks:
 
     def are_due(self, frame: Frame) -> bool:
         """Take in a frame; whether it is looked at."""
-        time = frame.sensed.time
-        if time < self._next:
+        if frame.sensed.tick % self._stride:
             return False
-        self._next = time + EDGES_EVERY - 1e-6
-        self.time = time
+        self.time = frame.sensed.time
         edges = edges_by_robot(frame.blocked_by)
         self.edges.update(edges)
         self.rest.update(frame, edges)
@@ -70,42 +86,46 @@ class _Looks:
         self._places = places
         return True
 
-    @property
-    def are_over(self) -> bool:
-        """Whether the copy has gone on for long enough."""
-        return self.time >= self._until
+
+class _Seen(NamedTuple):
+    """What a look showed; what is told of it is kept, since later questions may go back."""
+
+    time: float  #: [s]
+    last: Array  #: (N,) last progress [s]
+    way: Array  #: (N,) until when each robot was on its way [s]
+    waits: BoolArray  #: (N,) who has a stop to reach
+    moved: Array  #: (N,) when something that each robot waits for moved last [s]
+    driven: Array  #: (N,) since the first look [m]
+    edges: EdgesByRobot  #: of each robot, as it last had any since its last progress
 
 
 class ContinuationWatch:
-    """Watches which robots still make progress before ``until``, and which never again.
+    """Watches which robots still make progress, and which never again.
+
+    One copy may answer several questions of a series, since its frames are the future of them all:
+    what it has seen already is told without going on.
 
     Args:
         progress: of the run so far; the watch advances it, so it belongs into a copy.
-        asked: robots in question; the watch ends once all of them have made progress, or nothing
-            that they wait for will move again.
-        others: they are in question if one of ``asked`` makes no progress.
-        settled: rest counts from this time on [s].
-        until: [s].
+        question: the first one.
+        stride: ticks from one look to the next, as of ``progress``.
+        series: the same for all questions that one copy may answer; None: only this one.
     """
 
     def __init__(
         self,
         progress: ProgressClock,
-        asked: Iterable[int],
-        others: Iterable[int] = (),
+        question: Question,
         *,
-        settled: float,
-        until: float,
+        stride: int,
+        series: object | None = None,
     ) -> None:
+        self.series = series
+        self.question = question
         self._progress = progress
-        self._first = frozenset(asked)
-        self._asked = sorted({*self._first, *others})
-        self._before = progress.last.copy()
-        self._soon = self._before  # (N,) last progress in the first minute [s]
-        self._minute_ends = settled + A_MINUTE
-        self._freed: dict[int, float] = {}
-        self._waits: BoolArray = np.zeros(len(self._before), dtype=np.bool_)
-        self._looks = _Looks(progress.world, settled, until)
+        self._looks = _Looks(progress.world, stride)
+        self._seen = [self._look(np.zeros(len(progress.last), dtype=np.bool_))]
+        self._begin(question)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
@@ -113,35 +133,91 @@ class ContinuationWatch:
         if not looks.are_due(frame):
             return False
         last = self._progress.update(frame)
-        self._waits = has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        for i in self._asked:
-            if i not in self._freed and (last[i] > self._before[i] or not self._waits[i]):
-                self._freed[i] = looks.time
         for i in np.flatnonzero(last >= looks.time).tolist():
             looks.edges.pop(i, None)
-        if looks.time <= self._minute_ends:
-            self._soon = last.copy()
-        are_known = self._first <= self._freed.keys() or all(
-            i in self._freed or looks.rest.keeps(i) for i in self._asked
-        )
-        return are_known or looks.rest.is_complete() or looks.are_over
+        self._seen.append(self._look(has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])))
+        if looks.time <= self.question.time + SAME_TIME:  # a copy that has fallen behind
+            self._begin(self.question)
+            return False
+        return self._note(self._seen[-1]) or self._is_over()
+
+    def resume(self, question: Question) -> bool:
+        """See :class:`mrta_falsify.core.protocols.ResumedWatch`."""
+        self._begin(question)
+        return any(self._note(seen) for seen in self._seen[1:]) or self._is_over()
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
-        looks, last = self._looks, self._progress.last
-        way = self._progress.on_the_way()
-        stuck = set(np.flatnonzero(self._waits & (looks.time - last >= ALL_REST_FOR)).tolist())
-        stuck |= {i for i in self._asked if i not in self._freed}
-        soon = set(np.flatnonzero(self._soon > self._before).tolist()) - stuck
-        seen = ContinuationAnswer(
-            stuck={str(i): float(way[i]) for i in sorted(stuck)},
+        question, first, end = self.question, self._seen[0], self._end
+        in_question = sorted(question.asked | question.others)
+        stuck = set(np.flatnonzero(end.waits & (end.time - end.last >= ALL_REST_FOR)).tolist())
+        stuck |= {i for i in in_question if i not in self._freed}
+        soon = set(np.flatnonzero(self._soon > first.last).tolist()) - stuck
+        answer = ContinuationAnswer(
+            stuck={str(i): float(end.way[i]) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
-            edges=tuple(edge for i in sorted(looks.edges) for edge in looks.edges[i]),
-            driven={str(i): float(looks.driven[i]) for i in self._asked},
+            rested={str(i): time for i, time in self._rested.items()},
+            edges=tuple(edge for i in sorted(end.edges) for edge in end.edges[i]),
+            driven={str(i): float(end.driven[i] - first.driven[i]) for i in in_question},
             soon={str(i): float(self._soon[i]) for i in sorted(soon)},
         )
-        encoded: dict[str, Any] = codec.encode(seen)
+        encoded: dict[str, Any] = codec.encode(answer)
         return encoded
+
+    def _begin(self, question: Question) -> None:
+        """Take up a question: forget what lies before it."""
+        self.question = question
+        before = bisect.bisect_right(
+            self._seen, question.time + SAME_TIME, key=lambda seen: seen.time
+        )
+        self._seen = self._seen[max(0, before - 1) :]
+        self._freed: dict[int, float] = {}
+        self._rested = dict.fromkeys(question.asked | question.others, 0.0)
+        self._end = self._seen[0]
+        self._soon = self._end.last  # (N,) last progress in the first minute [s]
+
+    def _look(self, waits: BoolArray) -> _Seen:
+        progress, looks = self._progress, self._looks
+        moved = np.zeros(len(waits))
+        for i in np.flatnonzero(waits).tolist():
+            moved[i] = looks.rest.party_moved(i)
+        return _Seen(
+            looks.time,
+            progress.last.copy(),
+            progress.on_the_way(),
+            waits,
+            moved,
+            looks.driven.copy(),
+            dict(looks.edges),
+        )
+
+    def _note(self, seen: _Seen) -> bool:
+        """Take in what was seen; whether all robots asked about have made progress by now."""
+        question, before = self.question, self._seen[0].last
+        self._end = seen
+        for i in sorted(question.asked | question.others):
+            if i in self._freed:
+                continue
+            if seen.last[i] > before[i] or not seen.waits[i]:
+                self._freed[i] = seen.time
+                continue
+            rested = seen.time - max(float(seen.moved[i]), question.settled)
+            self._rested[i] = max(self._rested[i], rested)
+        if seen.time <= question.settled + A_MINUTE:
+            self._soon = seen.last
+        return question.asked <= self._freed.keys()
+
+    def _is_over(self) -> bool:
+        """Whether nothing that the robots wait for will move again, or it takes too long."""
+        question, rest = self.question, self._looks.rest
+        return (
+            self._looks.time >= question.until
+            or rest.is_complete(question.settled)
+            or all(
+                i in self._freed or rest.keeps(i, question.settled)
+                for i in question.asked | question.others
+            )
+        )
 
 
 class CounterfactualWatch:
@@ -149,18 +225,15 @@ class CounterfactualWatch:
 
     Args:
         world: of the episode.
-        others: robots in question; the watch ends once all of them have reached it.
-        settled: rest counts from this time on [s].
-        until: [s].
+        question: the watch ends once all robots asked about have reached it.
+        stride: ticks from one look to the next.
     """
 
-    def __init__(
-        self, world: World, others: Iterable[int], *, settled: float, until: float
-    ) -> None:
-        self._others = frozenset(others)
+    def __init__(self, world: World, question: Question, *, stride: int) -> None:
+        self._question = question
         self._served: IntArray | None = None
         self.freed: set[int] = set()  #: who has reached it
-        self._looks = _Looks(world, settled, until)
+        self._looks = _Looks(world, stride)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
@@ -171,10 +244,12 @@ class CounterfactualWatch:
             self._served = frame.served
         reached = frame.served > self._served
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        self.freed |= self._others & set(np.flatnonzero(reached).tolist())
-        left = self._others - self.freed
-        is_at_rest = looks.rest.is_complete() or all(looks.rest.keeps(i) for i in left)
-        return not left or is_at_rest or looks.are_over
+        self.freed |= self._question.asked & set(np.flatnonzero(reached).tolist())
+        left, settled = self._question.asked - self.freed, self._question.settled
+        is_at_rest = looks.rest.is_complete(settled) or all(
+            looks.rest.keeps(i, settled) for i in left
+        )
+        return not left or is_at_rest or looks.time >= self._question.until
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`CounterfactualAnswer`, encoded."""
