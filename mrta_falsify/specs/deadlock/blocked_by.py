@@ -43,6 +43,11 @@ CLUSTER_RANGE = 4.0  # m, neighbour distance of MRTA-Sim's clusters
 OWN_CAUSES = ("barrier", "queue", "wall", "no-path", "human")  #: causes a robot has by itself
 
 
+def look_stride(dt: float) -> int:
+    """Find how many ticks of ``dt`` [s] lie between two looks at the geometry."""
+    return max(1, round(EDGES_EVERY / dt))
+
+
 @dataclass(slots=True)
 class BlockedByTracker:
     """Derives the blocked-by edges of every tick; one object per episode."""
@@ -66,7 +71,7 @@ class BlockedByTracker:
         self._service = ServiceClock(world, GoalMap(world))
         self._obstruction = Obstruction(world, self._space)
         self._no_path = NoPathReasons(world, self._space)
-        self._stride = max(1, round(EDGES_EVERY / self.dt))
+        self._stride = look_stride(self.dt)
         self._joins = np.array([robot.joins_at for robot in world.robots])
 
     def update(

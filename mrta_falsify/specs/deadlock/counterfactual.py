@@ -17,7 +17,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
+from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
@@ -118,7 +118,7 @@ class CounterfactualTest:
     def __init__(self, world: World, dt: float, progress: ProgressClock, look_ahead: float) -> None:
         robots = len(world.robots)
         self._world = world
-        self._stride = max(1, round(EDGES_EVERY / dt))
+        self._stride = look_stride(dt)
         self._future: object | None = None  # one as long as nothing comes from outside
         self._look_ahead = look_ahead
         self._progress = progress

@@ -24,7 +24,7 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY
+from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY, look_stride
 from mrta_falsify.specs.deadlock.counterfactual import (
     LOOK_AHEAD,
     CounterfactualTest,
@@ -71,7 +71,7 @@ class NoDeadlock:
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         self._world = world
-        self._stride = max(1, round(EDGES_EVERY / dt))
+        self._stride = look_stride(dt)
         self._progress = ProgressClock(world)
         self._suspects = SuspectClock(world, self._progress)
         self._test = CounterfactualTest(world, dt, self._progress, self._options.look_ahead)

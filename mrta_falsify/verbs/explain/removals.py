@@ -15,8 +15,9 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
-from mrta_falsify.specs.deadlock.watches import CounterfactualWatch
+from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
 from mrta_falsify.trial import Job, judges_of
 from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
@@ -70,7 +71,8 @@ def _removal(
 ) -> Removal:
     """Take a robot away, and look who of the others goes on."""
     time = running.last.sensed.time
-    watch = CounterfactualWatch(world, others.values(), settled=time, until=time + LOOK_AHEAD)
+    question = Question(frozenset(others.values()), frozenset(), time, time, time + LOOK_AHEAD)
+    watch = CounterfactualWatch(world, question, stride=look_stride(running.episode.dt))
     watch.update(running.last)
     running.episode.forget_events()
     running.episode.remove(robot)
