@@ -23,6 +23,16 @@ MEAN_SPEED = 0.69  # m/s, loaded travel times of MRTA-Sim over its road lengths
 NO_PATH_DELAY = 120.0  # s that a robot without a path is expected to be late
 
 
+def who_is_at_rest(velocity: Array) -> list[bool]:
+    """Tell which robots are slow enough to load and unload.
+
+    Args:
+        velocity: ``(N, 3)`` [m/s, rad/s].
+    """
+    at_rest: list[bool] = (np.abs(velocity[:, :2]).max(axis=1, initial=0.0) <= AT_REST).tolist()
+    return at_rest
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ItineraryFollower:
     """The rule by which robots work on their next stop; has no memory of its own."""
@@ -58,12 +68,26 @@ class ItineraryFollower:
         return time + drive + service
 
     def pursue(
-        self, robot: int, mission: Mission, state: StackState, fleet: FleetState
+        self,
+        robot: int,
+        mission: Mission,
+        state: StackState,
+        fleet: FleetState,
+        *,
+        is_at_rest: bool,
     ) -> tuple[Mission, list[StackEvent]]:
-        """Work on the next stop: serve it, ask for its room, or find the way there."""
+        """Work on the next stop: serve it, ask for its room, or find the way there.
+
+        Args:
+            robot: its number.
+            mission: of the robot.
+            state: memory of the stack.
+            fleet: what the robots' sensors say.
+            is_at_rest: slow enough to load and unload, as :func:`who_is_at_rest` says.
+        """
         if isinstance(mission.activity, Off):
             return mission, []
-        mission, events = self._serve(robot, mission, state, fleet)
+        mission, events = self._serve(robot, mission, state, fleet, is_at_rest=is_at_rest)
         activity = mission.activity
         if not mission.itinerary:
             is_parking = isinstance(activity, Parking)
@@ -75,14 +99,20 @@ class ItineraryFollower:
         return mission, events + asked
 
     def _serve(
-        self, robot: int, mission: Mission, state: StackState, fleet: FleetState
+        self,
+        robot: int,
+        mission: Mission,
+        state: StackState,
+        fleet: FleetState,
+        *,
+        is_at_rest: bool,
     ) -> tuple[Mission, list[StackEvent]]:
         """Load and unload everything that is due where the robot stands."""
         events: list[StackEvent] = []
         while mission.itinerary:
             stop = mission.itinerary[0]
             if not isinstance(mission.activity, Serving):
-                if not self._has_arrived(robot, mission, state, fleet):
+                if not (is_at_rest and self._has_arrived(robot, mission, state, fleet)):
                     break
                 visit = self.rooms.enter(state.queues, robot, stop.room, fleet.time)
                 until = fleet.time + self._service_time(stop) + visit
@@ -119,16 +149,14 @@ class ItineraryFollower:
     def _has_arrived(
         self, robot: int, mission: Mission, state: StackState, fleet: FleetState
     ) -> bool:
-        """Whether the robot is at rest where its first stop is, and may be served there."""
+        """Whether a robot at rest is where its first stop is, and may be served there."""
         stop = mission.itinerary[0]
         if isinstance(mission.activity, Stalled):
             return False
         position = fleet.pose[robot, :2]
         if not mission.way.has_reached(self._point(stop), position, ROOM_REACHED):
             return False
-        if not self.rooms.may_serve(state.queues, robot, stop.room):
-            return False
-        return bool(np.abs(fleet.velocity[robot, :2]).max() <= AT_REST)
+        return self.rooms.may_serve(state.queues, robot, stop.room)
 
     def _point(self, stop: Stop) -> Array:
         return np.asarray(self.world.rooms[stop.room].point)

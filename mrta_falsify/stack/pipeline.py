@@ -29,7 +29,7 @@ from mrta_falsify.stack.comms import Links, LinkTimetable
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
 from mrta_falsify.stack.driving import Driving
 from mrta_falsify.stack.intent import Declaration
-from mrta_falsify.stack.itinerary import ItineraryFollower
+from mrta_falsify.stack.itinerary import ItineraryFollower, who_is_at_rest
 from mrta_falsify.stack.lookahead import Views
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.planning_service import ServiceState
@@ -190,8 +190,11 @@ class Stack:
     ) -> tuple[list[Mission], list[StackEvent]]:
         """Let each robot work on its next stop."""
         pursued, events = [], []
+        at_rest = who_is_at_rest(fleet.velocity)
         for robot, mission in enumerate(missions):
-            now, happened = self._follower.pursue(robot, mission, state, fleet)
+            now, happened = self._follower.pursue(
+                robot, mission, state, fleet, is_at_rest=at_rest[robot]
+            )
             pursued.append(now)
             events += happened
         return pursued, events
