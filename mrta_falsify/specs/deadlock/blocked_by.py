@@ -26,7 +26,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.fleet import BlockedBy, Intent, Sensed, Tells
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.free_distance import FreeDistance
+from mrta_falsify.specs.deadlock.free_distance import FreeDistance, free_distance
 from mrta_falsify.specs.deadlock.goals import GoalMap
 from mrta_falsify.specs.deadlock.no_path import NoPathReasons
 from mrta_falsify.specs.deadlock.obstruction import HUMAN_REACH, Obstruction
@@ -120,7 +120,7 @@ class BlockedByTracker:
     def _shortest_ways(self, sensed: Sensed, intent: Intent) -> tuple[Array, ...]:
         """Find the way past walls and furniture that each robot with a goal should take."""
         if self._free is None:
-            self._free = FreeDistance(self.world)
+            self._free = free_distance(self.world)
         return tuple(
             self._free.way(position, goal, HUMAN_REACH)
             if np.isfinite(goal).all()

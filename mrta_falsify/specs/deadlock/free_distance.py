@@ -6,6 +6,7 @@ does not depend on who is in it.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 
@@ -17,12 +18,13 @@ from mrta_falsify.core.plane import distance_of
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
 
+MOST_MAPS = 64  # that are kept, or two for each robot if that is more; 1 MB each of a hospital
 DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
 
 
 @dataclass(slots=True)
 class FreeDistance:
-    """Distances along free space to goals of one world; keeps a map per goal."""
+    """Distances along free space to goals of one world; keeps the maps of the last goals."""
 
     world: World
     _free: BoolArray = field(init=False)
@@ -56,9 +58,13 @@ class FreeDistance:
 
     def _map_to(self, goal: Array) -> Array:
         cell = self._cell(goal)
-        if cell not in self._maps:
-            self._maps[cell] = _distances(self._free, *cell, GRID_CELL)
-        return self._maps[cell]
+        found = self._maps.pop(cell, None)
+        if found is None:
+            found = _distances(self._free, *cell, GRID_CELL)
+            if len(self._maps) >= max(MOST_MAPS, 2 * len(self.world.robots)):
+                del self._maps[next(iter(self._maps))]
+        self._maps[cell] = found  # the last one used is the last one
+        return found
 
     def _cell(self, point: Array) -> tuple[int, int]:
         rows, cols = self._free.shape
@@ -66,6 +72,12 @@ class FreeDistance:
         row = math.floor((y - self._south) / GRID_CELL)
         col = math.floor((x - self._west) / GRID_CELL)
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+
+
+@functools.lru_cache(maxsize=1)
+def free_distance(world: World) -> FreeDistance:
+    """Give the distances of a world; all who ask share their maps."""
+    return FreeDistance(world)
 
 
 @njit(cache=True)

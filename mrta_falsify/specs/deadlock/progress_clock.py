@@ -15,7 +15,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame, Intent
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.free_distance import FreeDistance
+from mrta_falsify.specs.deadlock.free_distance import FreeDistance, free_distance
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 
 PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's radius: progress ...
@@ -58,7 +58,7 @@ class ProgressClock:
         self._least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
         self._served = [-1] * robots
         self._approaches = [[] for _ in range(robots)]
-        self._space = FreeDistance(self.world)
+        self._space = free_distance(self.world)
 
     def update(self, frame: Frame) -> Array:
         """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
