@@ -221,7 +221,7 @@ class ContinuationWatch:
 
 
 class CounterfactualWatch:
-    """Watches which of ``others`` reach their next stop now that a robot is gone.
+    """Watches which of the robots asked about reach their next stop now that another is gone.
 
     Args:
         world: of the episode.
