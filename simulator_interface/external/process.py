@@ -37,6 +37,7 @@ LONGEST_LINE = 300  # characters
 EXCEPTION = re.compile(
     r"(?:^(?=[\w.]*(?:Error|Exception|Died|Exit|Interrupt)\b)|throwing an instance of ')([\w.:]+\w)"
 )
+ENDS_WITHIN = 5.0  # s from closing its connection until a program with many threads has ended
 WEIGHED_EVERY = 20  # answers between two looks at the memory of a stack that is quick
 
 
@@ -147,7 +148,7 @@ class StackProcess:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
         if self._keeper is None:
             return None, ()
-        until = time.monotonic() + 1.0
+        until = time.monotonic() + ENDS_WITHIN
         state = self._keeper.state()
         while state and state.get("exit") is None and time.monotonic() < until:
             time.sleep(0.01)

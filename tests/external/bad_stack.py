@@ -1,6 +1,7 @@
 """A stack that fails in a given way at a given tick: ``python bad_stack.py HOW TICK``."""
 
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -73,6 +74,11 @@ class Bad:
             case "closes":
                 os.close(int(os.environ["MRTA_STACK_FD"]))
                 time.sleep(1e6)
+            case "ends slowly":
+                connection = socket.socket(fileno=os.dup(int(os.environ["MRTA_STACK_FD"])))
+                connection.shutdown(socket.SHUT_RDWR)
+                time.sleep(1.5)
+                raise RuntimeError("a bug of the stack's")
             case "floods":
                 sys.stdout.write("x" * (64 << 20))
                 os._exit(4)

@@ -68,6 +68,7 @@ def failure_of(hall: World, how: str, **more) -> dict:
         ("exit", "crash", "the stack ended by exit code 3", "about to exit"),
         ("abort", "crash", "the stack ended by SIGABRT", "about to abort"),
         ("signal", "crash", "the stack ended by signal 40", "about to signal"),
+        ("ends slowly", "crash", "the stack ended by exit code 1", "RuntimeError: a bug of the"),
         ("closes", "crash", "the stack closed the connection", "about to closes"),
         ("nan", "answer", "twist of robot2 is (nan, 0, 0); it must be finite", "about to nan"),
         ("shape", "answer", "twist has 32 bytes; (2, 3) float64 are 48", "about to shape"),
