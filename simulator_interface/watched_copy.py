@@ -249,7 +249,7 @@ class _Clock:
         if not pulse.in_stack or pulse.compiling:
             self._entry = -1
             return None
-        cpu, is_asleep, resident = _usage(self._process)
+        cpu, is_asleep, resident = usage(self._process)
         if pulse.entries != self._entry:
             self._entry, self._cpu, self._asleep = pulse.entries, cpu, 0.0
             return None
@@ -265,7 +265,7 @@ class _Clock:
         return "hang" if cpu - pulse.entered_at + self._asleep > limits.tick else None
 
 
-def _usage(process: int) -> tuple[float, bool, float]:
+def usage(process: int) -> tuple[float, bool, float]:
     """Read the CPU time [s] of a process, whether it sleeps, and its resident memory [bytes]."""
     try:
         with open(f"/proc/{process}/stat", encoding="ascii", errors="replace") as file:

@@ -12,7 +12,7 @@ from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
 
-MOST_ROBOTS = 200
+MOST_ROBOTS = 1000  # in a fleet
 MOST_WIDE = 22  # columns of the names of figures
 
 

@@ -32,7 +32,7 @@ ENGINE_FLEET = 6  # robots that drive circles to time the engine alone
 ENGINE_SECONDS = 30.0  # s of it at most
 OTHER_STEPS = 4  # beside fleets and clusters: warm-up, planner, costmap, engine
 WARM_UP = 40  # ticks that load or compile all compiled code
-MOST_ROBOTS = 200
+MOST_ROBOTS = 1000  # in a fleet
 
 
 def step_count(robots: Sequence[int], engines: Sequence[str] = ()) -> int:

@@ -30,8 +30,12 @@ from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.timing_values import FleetSpeed, milliseconds
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import EpisodeRun
+from simulator_interface.watched_copy import usage
 
+CHILDREN = "/proc/thread-self/children"  # processes that this thread has started, on Linux
 WINDOW = 10.0  # s, "minimum over any 10 s"
+#: robots; larger fleets run without copies, each of which may take minutes where they jam
+COPIED_UP_TO = 24
 COUNTED = 100  # ticks whose calls are counted, after those that are timed
 #: methods that are stages of a tick; the engine's and the specifications' are added
 STAGES: tuple[tuple[type, str, str], ...] = (
@@ -50,6 +54,8 @@ STAGES: tuple[tuple[type, str, str], ...] = (
 def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -> FleetSpeed:
     """Measure the speed of a whole run: mean, worst window, worst busy window.
 
+    Fleets of more than ``COPIED_UP_TO`` robots run without copies.
+
     Args:
         world: with people, who stay.
         config: the stack.
@@ -64,6 +70,7 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         config,
         specifications=specifications,
         keep_trace=False,
+        copies=robots <= COPIED_UP_TO,
     )
     watch = _Stopwatch()
     with contextlib.closing(run), contextlib.ExitStack() as watched:
@@ -74,10 +81,12 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         for owner, method, name in ((engine, "step", "engine"), *STAGES, *own):
             watched.enter_context(watch.watching(owner, method, name))
         for tick in range(ticks):
-            before, cpu_before = time.perf_counter(), _cpu_seconds()
+            copies_before, own_before = _copies_seconds(), time.process_time()
+            before = time.perf_counter()
             frame = run.advance()
             wall[tick] = time.perf_counter() - before
-            cpu[tick] = _cpu_seconds() - cpu_before
+            cpu[tick] = time.process_time() - own_before
+            cpu[tick] += _copies_seconds() - copies_before
             busy[tick] = _is_busy(frame)
         watched.close()
         calls = _calls_of_a_quiet_tick(run)
@@ -88,6 +97,7 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         busy_min=_worst_factor(wall[busy], dt) if busy.sum() * dt >= 1.0 else None,
         tick_p50_ms=milliseconds(wall, 50.0),
         tick_p99_ms=milliseconds(wall, 99.0),
+        copies=robots <= COPIED_UP_TO,
         cpu_mean=_mean_factor(cpu, dt),
         cpu_min=_worst_factor(cpu, dt),
         calls=calls,
@@ -99,10 +109,14 @@ def _spec_stage(kind: type) -> str:
     return "oracle" if kind is NoDeadlock else "specifications"
 
 
-def _cpu_seconds() -> float:
-    """CPU time of this process and of its copies that have ended [s]."""
-    spent = os.times()
-    return time.process_time() + spent.children_user + spent.children_system
+def _copies_seconds() -> float:
+    """CPU time of the copies of this process, ended or not [s]."""
+    ended = os.times()
+    spent = ended.children_user + ended.children_system
+    if not os.path.exists(CHILDREN):  # not on Linux: there are no copies
+        return spent
+    with open(CHILDREN, encoding="ascii") as file:
+        return spent + sum(usage(int(process))[0] for process in file.read().split())
 
 
 def _mean_factor(spent: Array, dt: float) -> float:

@@ -23,7 +23,8 @@ class FleetSpeed:
     if they are less than 1 s."""
     tick_p50_ms: float
     tick_p99_ms: float
-    cpu_mean: float  #: simulated time over CPU time, copies for forecasts included
+    copies: bool  #: whether the oracle and `repeatable` had copies of the run to ask
+    cpu_mean: float  #: simulated time over CPU time, copies included
     cpu_min: float  #: the same over any 10 s
     calls: int  #: Python functions called in a tick without events, median
     stages_ms: dict[str, float]  #: mean wall time of each stage of a tick, without inner ones
