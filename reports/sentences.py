@@ -215,7 +215,16 @@ def _what_cuts_off(wait: WaitsFor, resource: str, solids: Sequence[str]) -> str:
 
 def account_sentences(account: WaitAccount) -> tuple[str, ...]:
     """Tell who waits for whom, a sentence for each wait, the root's first."""
-    return tuple(dict.fromkeys(wait_sentence(wait, account.objects) for wait in account.waits))
+    return tuple(dict.fromkeys(_sentence_of(wait, account) for wait in account.waits))
+
+
+def _sentence_of(wait: WaitsFor, account: WaitAccount) -> str:
+    """Tell of one wait; of a victim with nothing in its way, what copies without members say."""
+    if wait.cause != STALLED or wait.robot not in account.victims:
+        return wait_sentence(wait, account.objects)
+    holders = listed(account.members)
+    gone = f"once {holders} is gone" if len(account.members) == 1 else f"without one of {holders}"
+    return f"{wait.robot} has nothing in its way, but goes on only {gone}."
 
 
 def robustness_text(value: float) -> str:

@@ -149,3 +149,16 @@ def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected
 )
 def test_what_held_robots_up_is_said_by_cause(spent, expected):
     assert blocked_text("robot1", 9.0, spent) == expected
+
+
+def test_a_victim_with_nothing_in_its_way_is_told_by_whom_it_is_held():
+    victim = {"chain": [row("robot3", "stalled")], "victims": ["robot3"]}
+    alone = stuck(row("robot4", "stalled"), members=["robot4"], **victim)
+    assert account_sentences(wait_account(alone)) == (
+        "robot4 has a goal and a free path but does not drive.",
+        "robot3 has nothing in its way, but goes on only once robot4 is gone.",
+    )
+    pair = stuck(*PAIR, members=["robot1", "robot2"], **victim)
+    assert account_sentences(wait_account(pair))[-1] == (
+        "robot3 has nothing in its way, but goes on only without one of robot1 and robot2."
+    )
