@@ -207,7 +207,7 @@ def test_a_robot_file_that_puts_a_robot_into_a_wall_is_refused(cli, tmp_path):
         (["run", "aws_hospital_day", "--format", "xml"], "'xml' is not one of 'text', 'json'"),
         (["run", "aws_hospital_day", "--gif"], "--gif and --mp4 need -o DIR"),
         (["rnu"], "No such command 'rnu'"),
-        (["bench", "--robots", "2,x"], "--robots is '2,x'; it must be numbers from 1 to 200"),
+        (["bench", "--robots", "2,x"], "--robots is '2,x'; it must be numbers from 1 to 1000"),
         (["export", "aws_hospital_day", "--format", "nav3", "-o", "m"], "'nav3' is not"),
         (["travel-times", "aws_hospital_day", "-o", "t.txt"], "must end in .csv or .json"),
         (["bench", "--seconds", "nan"], "nan is not a finite number"),
