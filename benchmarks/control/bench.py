@@ -3,7 +3,7 @@
 Robots meet in the middle of a walled square among eight people; every tick of the run is
 measured. Columns [ms], p50 and p99:
 
-* joint program: assembling all rows and solving one program for all robots with OSQP, even
+* joint program: assembling all rows and solving one program for all robots, even
   where the reference obeys every row (no fast path, no splitting into components);
 * as used: the same with both;
 * control(): the whole call with perception, clusters, manoeuvres and commands.

@@ -14,7 +14,7 @@ class CbfOptions:
 
     dynamics: str = "unicycle"  #: registered name of the robots' dynamics
     dynamics_options: dict[str, float] = field(default_factory=dict)
-    solver: Literal["osqp", "daqp"] = "osqp"
+    solver: Literal["daqp", "osqp"] = "daqp"
     slack_weight: float = quantity(above=0.0, default=50.0)
     min_gap_robot: float = quantity(above=0.0, unit="m", default=0.6)  #: centre to centre
     min_gap_human: float = quantity(above=0.0, unit="m", default=0.6)  #: to a 0.25 m wide person

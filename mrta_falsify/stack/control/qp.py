@@ -4,12 +4,11 @@ minimise   1/2 sum w (u - u_ref)^2 + 1/2 q s^2
 such that  rows @ u + coupling s >= bound,   low <= u <= high,   s >= 0
 
 Inputs u have hard limits, the one slack s softens the barriers. Programs go through the door
-of :mod:`~mrta_falsify.stack.control.solvers`; what OSQP does not solve, DAQP does.
+of :mod:`~mrta_falsify.stack.control.solvers`; what DAQP does not solve, OSQP does.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,12 +23,10 @@ from mrta_falsify.stack.control.solvers import (
     UNBOUNDED,
     QuadraticProgram,
     Solution,
-    pattern_of,
     solve_by_daqp,
     solve_by_osqp,
 )
 
-OWN_SIZES = (4, 8, 16, 32, 64, 128)  #: rows per robot; a problem takes the next larger size
 NO_SLACK = 1e-4  # m/s^2, less slack than that is the solvers' tolerance
 
 
@@ -58,7 +55,7 @@ def solve_fleet(
     brake: Callable[[], Array],
     *,
     slack_weight: float,
-    solver: str = "osqp",
+    solver: str = "daqp",
     always: bool = False,
 ) -> FleetInputs:
     """Find the inputs nearest to the reference that obey the rows, program by program.
@@ -70,7 +67,7 @@ def solve_fleet(
         demand: what is wanted, within which limits.
         brake: gives the inputs ``(N, 2)`` used when a program has no usable answer.
         slack_weight: price of the slack, > 0.
-        solver: ``osqp``, which leaves what it does not solve to DAQP, or ``daqp``.
+        solver: ``daqp``, which leaves what it does not solve to OSQP, or ``osqp``.
         always: call the solver even where the reference obeys all rows (for measuring).
     """
     reference = demand.reference
@@ -101,103 +98,71 @@ def solve_fleet(
 def _solve_component(
     rows: Rows, demand: Demand, members: IntArray, scale: float, solver: str
 ) -> Solution:
-    wanted = max(rows.own_count[members].tolist())
-    m = next((size for size in OWN_SIZES if size >= wanted), wanted)
-    program = component_program(rows, demand, members, scale, m)
-    if solver == "osqp":
-        solution = solve_by_osqp(program, len(members), m)
+    program = component_program(rows, demand, members, scale)
+    if solver == "daqp":
+        solution = solve_by_daqp(program)
         if solution.solved:
             return solution
-    return solve_by_daqp(program)
+    return solve_by_osqp(program)
 
 
 def component_program(
-    rows: Rows, demand: Demand, members: IntArray, scale: float, m: int
+    rows: Rows, demand: Demand, members: IntArray, scale: float
 ) -> QuadraticProgram:
-    """Write the program of one component, with room for ``m`` own rows a robot.
+    """Write the program of one component.
 
-    Rows have unit length; the last variable is the slack divided by ``scale``. The arrays are
-    valid until the next call.
+    Rows have unit length; the last variable is the slack divided by ``scale``.
     """
-    program = _blank(len(members), m)
-    _fill_program(rows, demand, members, scale, m, program)
-    return program
-
-
-@functools.lru_cache(maxsize=64)
-def _blank(n: int, m: int) -> QuadraticProgram:
-    """Allocate the arrays of a program; they are kept only to save time."""
-    height, columns = pattern_of(n, m).shape
-    return QuadraticProgram(
-        hessian=np.ones(columns),
-        linear=np.zeros(columns),
-        matrix=np.zeros((height, columns)),
-        lower=np.full(height + columns, -UNBOUNDED),
-        upper=np.full(height + columns, UNBOUNDED),
-        start=np.zeros(columns),
-    )
+    return QuadraticProgram(*_filled_program(rows, demand, members, scale))
 
 
 @njit(cache=True)
-def _fill_program(
-    rows: Rows,
-    demand: Demand,
-    members: IntArray,
-    scale: float,
-    m: int,
-    program: QuadraticProgram,
-) -> None:
-    """Fill ``program`` as :func:`component_program` says."""
+def _filled_program(
+    rows: Rows, demand: Demand, members: IntArray, scale: float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Fill the arrays of a :class:`QuadraticProgram`."""
     n = members.shape[0]
-    last, first_limit = 2 * n, program.matrix.shape[0]
-    program.matrix[:] = 0.0
-    program.lower[:] = -UNBOUNDED
+    columns, last = 2 * n + 1, 2 * n
+    place = np.full(rows.own_count.shape[0], -1)  # of each robot among the members
+    for k in range(n):
+        place[members[k]] = k
+    height = 0
+    for k in range(n):
+        height += rows.own_count[members[k]]
+    for p in range(rows.pair.shape[0]):
+        height += place[rows.pair[p, 0]] >= 0 and place[rows.pair[p, 1]] >= 0
+    hessian = np.eye(columns)
+    linear = np.zeros(columns)
+    matrix = np.zeros((height, columns))
+    lower = np.zeros(columns + height)
+    upper = np.full(columns + height, UNBOUNDED)
+    row = 0
     for k in range(n):
         i = members[k]
-        for c in range(rows.own_count[i]):
-            row = k * m + c
-            first, second = rows.own[i, c]
-            soft = rows.own_coupling[i, c] * scale
-            size = np.sqrt(first**2 + second**2 + soft * soft)
-            program.matrix[row, 2 * k] = first / size
-            program.matrix[row, 2 * k + 1] = second / size
-            program.matrix[row, last] = soft / size
-            program.lower[row] = rows.own_bound[i, c] / size
         for c in range(2):
-            program.hessian[2 * k + c] = demand.weight[i]
-            program.linear[2 * k + c] = -demand.weight[i] * demand.reference[i, c]
-            program.start[2 * k + c] = demand.reference[i, c]
-            program.lower[first_limit + 2 * k + c] = demand.low[i, c]
-            program.upper[first_limit + 2 * k + c] = demand.high[i, c]
-    _fill_pair_rows(rows, members, scale, n * m, program)
-    program.lower[first_limit + last] = 0.0
-
-
-@njit(cache=True)
-def _fill_pair_rows(
-    rows: Rows, members: IntArray, scale: float, first_row: int, program: QuadraticProgram
-) -> None:
-    """Fill in the rows of pairs of members; pair (a, b) has one place, in use or not."""
-    n = members.shape[0]
+            hessian[2 * k + c, 2 * k + c] = demand.weight[i]
+            linear[2 * k + c] = -demand.weight[i] * demand.reference[i, c]
+            lower[2 * k + c] = demand.low[i, c]
+            upper[2 * k + c] = demand.high[i, c]
+        for c in range(rows.own_count[i]):
+            matrix[row, 2 * k : 2 * k + 2] = rows.own[i, c]
+            matrix[row, last] = rows.own_coupling[i, c] * scale
+            lower[columns + row] = rows.own_bound[i, c]
+            row += 1
     for p in range(rows.pair.shape[0]):
-        a = b = -1
-        for k in range(n):
-            if members[k] == rows.pair[p, 0]:
-                a = k
-            elif members[k] == rows.pair[p, 1]:
-                b = k
+        a, b = place[rows.pair[p, 0]], place[rows.pair[p, 1]]
         if a < 0 or b < 0:
             continue
-        row = first_row + a * (2 * n - a - 1) // 2 + b - a - 1
-        size = scale * scale
-        for c in range(4):
-            size += rows.pair_row[p, c] ** 2
-        size = np.sqrt(size)
-        for c in range(2):
-            program.matrix[row, 2 * a + c] = rows.pair_row[p, c] / size
-            program.matrix[row, 2 * b + c] = rows.pair_row[p, 2 + c] / size
-        program.matrix[row, 2 * n] = scale / size
-        program.lower[row] = rows.pair_bound[p] / size
+        matrix[row, 2 * a : 2 * a + 2] = rows.pair_row[p, :2]
+        matrix[row, 2 * b : 2 * b + 2] = rows.pair_row[p, 2:]
+        matrix[row, last] = scale
+        lower[columns + row] = rows.pair_bound[p]
+        row += 1
+    for row in range(height):
+        size = np.sqrt(np.sum(matrix[row] ** 2))
+        matrix[row] /= size
+        lower[columns + row] /= size
+    return hessian, linear, matrix, lower, upper
 
 
 @njit(cache=True)
