@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Forecast, Foreseeing, ResumedWatch, Watch
+from mrta_falsify.core.protocols import Foreseeing, ResumedWatch, SpeculativeWatch, Watch
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
 from simulator_interface import forking
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.conversation import ToldTalk
+from simulator_interface.speculation import Speculation
 from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
 
 
@@ -72,12 +73,18 @@ class EpisodeForecast:
     Args:
         episode: in progress; it closes the forecasts.
         frames: its frames; a forecast begins at the last one.
+        speculates: whether the run may go on before it knows an answer, and be taken back.
     """
 
-    def __init__(self, episode: Episode, frames: Iterator[Frame]) -> None:
+    def __init__(
+        self, episode: Episode, frames: Iterator[Frame], *, speculates: bool = False
+    ) -> None:
         self._episode = episode
         self._frames = frames
         self._standing: _Standing | None = None
+        self.speculation: Speculation | None = None  #: None: the run waits for each answer
+        if speculates and episode.outside is None:
+            self.speculation = Speculation(episode, self._continue_all)
         episode.at_end.callback(self.close)
 
     def __call__(
@@ -101,6 +108,9 @@ class EpisodeForecast:
         if not self._can(without, nudge):
             return None
         answer: dict[str, Any] | None
+        ahead = self.speculation
+        if ahead is not None and isinstance(watch, SpeculativeWatch) and ahead.takes(watch):
+            return ahead.ask(watch)
         try:
             if isinstance(watch, ResumedWatch) and watch.series is not None:
                 answer = self._ask_standing(watch)
@@ -115,7 +125,9 @@ class EpisodeForecast:
         return answer
 
     def close(self) -> None:
-        """End the standing copy; may be called twice."""
+        """End all copies; may be called twice."""
+        if self.speculation is not None:
+            self.speculation.drop()
         if self._standing is not None:
             self._standing.copy.close()
             self._standing = None
@@ -144,6 +156,16 @@ class EpisodeForecast:
         """Answer the first question; called in the standing copy."""
         _held.append(_Held(self._frames, watch))
         return self._continue(watch)
+
+    def _continue_all(self, watches: Sequence[Watch]) -> list[dict[str, Any]]:
+        """Go on with the run for watches that have begun; called in a copy of the process."""
+        self._episode.forget_events()
+        left = list(watches)
+        for frame in self._frames:
+            left = [watch for watch in left if not watch.update(frame)]
+            if not left:
+                break
+        return [watch.answer() for watch in watches]
 
     def _continue(
         self, watch: Watch, without: Sequence[int] = (), nudge: int = 0
@@ -188,26 +210,42 @@ class ToldForecast:
 
 
 def offer_forecasts(
-    specifications: Iterable[object], episode: Episode, frames: Iterator[Frame]
-) -> None:
+    specifications: Iterable[object],
+    episode: Episode,
+    frames: Iterator[Frame],
+    *,
+    speculates: bool = False,
+) -> Speculation | None:
     """Offer forecasts of an episode to the specifications that use them.
 
     None are offered where processes cannot be forked safely, with a window open, or if the stack
     runs elsewhere and cannot be copied.
+
+    Args:
+        specifications: of the run.
+        episode: in progress.
+        frames: of the episode.
+        speculates: whether the run may go on before it knows an answer, and be taken back.
+
+    Returns:
+        What is to be shown every frame then; None: the run waits for each answer.
     """
-    forecast = _forecast_of(episode, frames)
+    forecast = _forecast_of(episode, frames, speculates=speculates)
     if forecast is None:
-        return
+        return None
     for specification in specifications:
         if isinstance(specification, Foreseeing):
             specification.foresee(forecast)
+    return forecast.speculation if isinstance(forecast, EpisodeForecast) else None
 
 
-def _forecast_of(episode: Episode, frames: Iterator[Frame]) -> Forecast | None:
+def _forecast_of(
+    episode: Episode, frames: Iterator[Frame], *, speculates: bool
+) -> EpisodeForecast | ToldForecast | None:
     outside = episode.outside
     if outside is not None and isinstance(outside.talk, ToldTalk):
         return ToldForecast(outside.talk.told().forecasts)
     has_window = episode.config.engine.options.get("gui", False)
     if has_window or not episode.can_copy or not forking.can_fork():
         return None
-    return EpisodeForecast(episode, frames)
+    return EpisodeForecast(episode, frames, speculates=speculates)

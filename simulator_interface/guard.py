@@ -70,7 +70,7 @@ class Guard:
         while len(seen) < MOST_RUNS:
             began = wall_clock.monotonic()
             try:
-                answer: T = self._ask(Request(call, ending), limits, on_time)
+                answer: T = self._ask(Request(call, ending, True), limits, on_time)
             except CopyFailed as failed:
                 self._on_lost(wall_clock.monotonic() - began)
                 seen.append(failed)

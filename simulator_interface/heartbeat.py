@@ -20,8 +20,8 @@ from mrta_falsify.core.compiled import on_compiling
 from mrta_falsify.core.stack_failure import GIB, StackFailed, StackFailure, StackLimits
 
 #: in the stack, compiling, entries into the stack, tick, simulated time [s], CPU time of the entry
-#: [s], resident memory at the entry [bytes], bytes that earlier calls of the stack took up
-LAYOUT = struct.Struct("=qqqqdddd")
+#: [s], resident memory at the entry [bytes], bytes that earlier calls of the stack took up, process
+LAYOUT = struct.Struct("=qqqqddddq")
 PAGE = mmap.PAGESIZE
 
 
@@ -36,6 +36,7 @@ class Pulse(NamedTuple):
     entered_at: float  #: CPU time of the process at the last entry [s]
     resident: float  #: memory at the last entry [bytes]
     taken: float  #: memory that the calls before took up [bytes]
+    process: int  #: that runs the episode, 0: it has not begun
 
 
 class Heartbeat:
@@ -43,9 +44,10 @@ class Heartbeat:
 
     def __init__(self) -> None:
         self._memory = mmap.mmap(-1, PAGE)
-        self._pulse = Pulse(False, False, 0, 0, 0.0, 0.0, 0.0, 0.0)
+        self._pulse = Pulse(False, False, 0, 0, 0.0, 0.0, 0.0, 0.0, 0)
         self._compiling = (0.0, 0.0)  # CPU time [s] and memory [bytes] as it began
         self._statm = -1  # file descriptor of this process's own memory figures
+        self._process = 0  # this one, once it has entered the stack
 
     def read(self) -> Pulse:
         """Read what the process shows."""
@@ -67,6 +69,7 @@ class Heartbeat:
                 time.process_time(),
                 self._resident(),
                 before.taken,
+                self._process or self._identified(),
             )
         )
 
@@ -93,6 +96,16 @@ class Heartbeat:
             )
         )
 
+    def move_here(self) -> None:
+        """Show this process from now on: it goes on with the run of the one it is a copy of."""
+        if self._statm >= 0:
+            os.close(self._statm)
+        self._statm, self._process = -1, 0
+
+    def _identified(self) -> int:
+        self._process = os.getpid()
+        return self._process
+
     def _show(self, pulse: Pulse) -> None:
         self._pulse = pulse
         LAYOUT.pack_into(self._memory, 0, *pulse)
@@ -110,6 +123,7 @@ class Post:
         heartbeat: that is read from outside; None: nobody watches.
         limits: of the stack.
         ending: how the stack is known to fail in this episode; it is not asked that tick again.
+        may_roll_back: whether a copy of this process may take its place (see :mod:`.checkpoint`).
     """
 
     def __init__(
@@ -117,8 +131,11 @@ class Post:
         heartbeat: Heartbeat | None = None,
         limits: StackLimits | None = None,
         ending: StackFailure | None = None,
+        *,
+        may_roll_back: bool = False,
     ) -> None:
         self.heartbeat = heartbeat
+        self.may_roll_back = may_roll_back
         self.limits = limits or StackLimits()
         self.ending = ending
 

@@ -28,6 +28,7 @@ from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.external.told import Told
 from simulator_interface.forecast import offer_forecasts
+from simulator_interface.speculation import Speculation
 
 #: why an episode ended, by how the stack failed
 ENDED_BY: dict[FailureKind, str] = {
@@ -132,7 +133,13 @@ def simulate(
     """
     _check_unscripted(world)
     running = EpisodeRun(
-        world, config, specifications=specifications, keep_trace=keep_trace, stop=stop, told=told
+        world,
+        config,
+        specifications=specifications,
+        keep_trace=keep_trace,
+        stop=stop,
+        told=told,
+        speculates=True,
     )
     per_second = config.control_rate
     try:
@@ -159,6 +166,8 @@ class EpisodeRun:
         stop: ends the episode at the first frame for which it returns a reason.
         told: what a stack in a process of its own has said; it is not asked again.
         copies: False where nobody would command the robots in a copy of the run: no forecasts.
+        speculates: whether a copy of this process may take its place (see :mod:`.speculation`);
+            only if nobody changes the building, or the stack, from outside.
 
     Raises:
         InputError: as in :func:`frames_of`.
@@ -174,6 +183,7 @@ class EpisodeRun:
         stop: Callable[[Frame], str] | None = None,
         told: Told | None = None,
         copies: bool = True,
+        speculates: bool = False,
     ) -> None:
         self._began = wall_clock.perf_counter()
         self.episode = Episode(world, config, told)
@@ -197,9 +207,12 @@ class EpisodeRun:
             specification.start(world, self.episode.dt)
         self._stop = stop
         self._frames = self.episode.frames()
+        self._speculation: Speculation | None = None
         if copies:
             self.episode.repeats = repeats_of(self._asked_for, config)
-            offer_forecasts(self._specifications, self.episode, self._frames)
+            self._speculation = offer_forecasts(
+                self._specifications, self.episode, self._frames, speculates=speculates
+            )
 
     def advance(self) -> Frame:
         """Run the next tick, recorded and judged; the run must not have ended.
@@ -232,6 +245,8 @@ class EpisodeRun:
             self._contacts.update(frame)
             for specification in self._specifications:
                 specification.update(frame)
+            if self._speculation is not None:
+                self._speculation.note(frame)
         self.frame = frame
         self.end(_end_of(self.episode, frame) or (self._stop(frame) if self._stop else ""))
 
@@ -249,6 +264,8 @@ class EpisodeRun:
             return
         self.ended = reason
         with heard():
+            if self._speculation is not None:
+                self._speculation.settle()
             self._ask_at_end()
 
     def _ask_at_end(self) -> None:

@@ -30,6 +30,7 @@ from mrta_falsify.core.stack_failure import (
     StackLimits,
 )
 from simulator_interface import stack_door
+from simulator_interface.checkpoint import RolledBack, is_resumed
 from simulator_interface.failing_layer import Place, dumped_places
 from simulator_interface.forking import become_copy, ending_of
 from simulator_interface.heartbeat import (
@@ -77,6 +78,7 @@ class Request(NamedTuple):
 
     call: Callable[[], Any]
     ending: StackFailure | None = None  #: how the stack is known to fail
+    may_roll_back: bool = False  #: whether a checkpoint of the copy may take its place
 
 
 class WatchedCopy:
@@ -119,7 +121,7 @@ class WatchedCopy:
             HarnessError: the process ended outside the stack.
             Exception: what the request raised.
         """
-        clock = _Clock(self._process)
+        clock = _Clock()
         shown = -1.0
         while not self._ours.poll(LOOK_EVERY):
             pulse = self._heartbeat.read()
@@ -183,7 +185,8 @@ class WatchedCopy:
         return CopyFailed("crash", pulse, how, f"the stack ended its process by {how}", places)
 
     def _kill(self, kind: FailureKind, pulse: Pulse) -> CopyFailed:
-        os.kill(self._process, SHOW_PLACE)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pulse.process, SHOW_PLACE)
         until = time.monotonic() + DUMP_WITHIN
         while os.fstat(self._dump).st_size == 0 and time.monotonic() < until:
             time.sleep(LOOK_EVERY / 5)
@@ -214,17 +217,29 @@ class WatchedCopy:
             listen_to_compiler()
             gc.freeze()  # what was made before stays; a copy of the copy shares more memory
             while True:
-                with at_post(Post(self._heartbeat, self._limits, request.ending)):
-                    outcome = _outcome(request.call)
-                sys.stdout.flush()
-                _send(pipe, outcome)
+                self._answer_one(pipe, request)
+                if is_resumed():  # the process that it was copied from takes the next request
+                    break
                 request = pipe.recv()
+            code = 0
         except (EOFError, BrokenPipeError, ConnectionResetError):
             code = 0
         except BaseException:
             traceback.print_exc()
         finally:
             os._exit(code)
+
+    def _answer_one(self, pipe: Connection, request: Request) -> None:
+        ending, may_roll_back = request.ending, request.may_roll_back
+        here = Post(self._heartbeat, self._limits, ending, may_roll_back=may_roll_back)
+        try:
+            with at_post(here):
+                outcome = _outcome(request.call)
+        except RolledBack as rolled_back:
+            rolled_back.wait()  # its process has sent the answer
+            return
+        sys.stdout.flush()
+        _send(pipe, outcome)
 
 
 class _Clock:
@@ -234,8 +249,7 @@ class _Clock:
     never comes hangs, too. Time in which it waits for a processor does not.
     """
 
-    def __init__(self, process: int) -> None:
-        self._process = process
+    def __init__(self) -> None:
         self._entry = -1
         self._cpu = 0.0
         self._asleep = 0.0
@@ -249,7 +263,7 @@ class _Clock:
         if not pulse.in_stack or pulse.compiling:
             self._entry = -1
             return None
-        cpu, is_asleep, resident = usage(self._process)
+        cpu, is_asleep, resident = usage(pulse.process)
         if pulse.entries != self._entry:
             self._entry, self._cpu, self._asleep = pulse.entries, cpu, 0.0
             return None

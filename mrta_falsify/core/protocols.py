@@ -321,6 +321,16 @@ class ResumedWatch(Watch, Protocol):
         """Take up a later question of the series; True: what was seen answers it."""
 
 
+@runtime_checkable
+class SpeculativeWatch(ResumedWatch, Protocol):
+    """A watch with an expected answer, so that the run itself may go on before it is known."""
+
+    expected: dict[str, Any] | None  #: None: the answer is to be waited for
+
+    def is_as_expected(self) -> bool:
+        """Whether the answer is the expected one; asked once it is complete."""
+
+
 class Forecast(Protocol):
     """Runs a continuation: a copy of the run without further outside events."""
 
@@ -328,6 +338,9 @@ class Forecast(Protocol):
         self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
     ) -> dict[str, Any] | None:
         """Answer by ``watch``; None: the engine cannot, or the stack fails in the continuation.
+
+        An expected answer may be given before it is known. Where it proves wrong, the run is taken
+        back to here, with the right one.
 
         Args:
             watch: sees the frames.

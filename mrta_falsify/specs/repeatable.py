@@ -17,14 +17,16 @@ class Repeatable:
     """Asked again with the same memory and input, the stack answers the same.
 
     Robustness: 1, or -1 after an answer that differed. A stack that never was asked again (an
-    episode shorter than ``every`` ticks, a system or a stack that cannot be copied) is not judged.
+    episode shorter than a quarter of ``every``, a system or a stack that cannot be copied) is not
+    judged.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
         """How often to ask."""
 
-        every: int = quantity(low=1, default=200)  #: ticks; each copy takes CPU time
+        #: ticks; each copy takes CPU time. The first is made after a quarter of it
+        every: int = quantity(low=1, default=800)
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -38,8 +40,10 @@ class Repeatable:
         self._last = (0, 0.0)  # tick, and its time [s]
 
     def asks_again(self, tick: int) -> bool:
-        """Whether ``tick`` is asked again: each ``every``-th, until an answer differed."""
-        return tick > 0 and tick % self._options.every == 0 and self._violated is None
+        """Whether ``tick`` is asked again, until an answer differed."""
+        every = self._options.every
+        is_due = tick == max(1, every // 4) or tick % every == 0
+        return tick > 0 and is_due and self._violated is None
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
@@ -34,7 +34,6 @@ COPIES = 5  # of the run that vote at most, all but the first with poses moved b
 #: s between two questions about a robot; doubled, to a minute, while it makes no progress
 ASK_SOONEST = 1.0
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
-HALF_A_MINUTE = 30.0  # s of rest from which it may be chance that something moves again
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
 
@@ -122,26 +121,38 @@ class CounterfactualTest:
         self._future: object | None = None  # one as long as nothing comes from outside
         self._look_ahead = look_ahead
         self._progress = progress
-        self._events = _begin_times(world)
+        self._events = begin_times(world)
         self._begun = 0  # of the events
         #: (N,) until then a robot is known to be no part of a deadlock [s]
         self.free_until = np.full(robots, -np.inf)
         self._pause = np.full(robots, ASK_SOONEST)  # (N,) until the next question [s]
         self._asked_at = np.full(robots, -np.inf)  # (N,) [s]
+        #: (N,) last progress of robots that will make more, as a forecast says; -inf: unknown [s]
+        self._before = np.full(robots, -np.inf)
 
-    def note_time(self, time: float) -> None:
-        """Forget the forecasts that an event overtakes which has begun by ``time`` [s]."""
+    def is_open(self, i: int, time: float) -> bool:
+        """Whether it is worth asking about robot ``i`` at ``time`` [s]."""
+        will_progress = self._before[i] >= self._progress.last[i]
+        return bool(self.free_until[i] <= time and not will_progress)
+
+    def note(self, time: float, waits: BoolArray) -> None:
+        """Forget the forecasts that no longer hold.
+
+        Args:
+            time: [s]; an event that has begun by then overtakes them.
+            waits: ``(N,)`` who has a stop to reach; what was foretold of others is over.
+        """
+        self._before[~waits] = -np.inf
         begun = int(np.searchsorted(self._events, time, side="right"))
         if begun != self._begun or self._future is None:
             self._begun, self._future = begun, object()
-            self.free_until[:] = -np.inf
+            self.free_until[:] = self._before[:] = -np.inf
 
     def deadlocks(self, forecast: Forecast, asked: set[int], time: float) -> list[FoundDeadlock]:
         """Find the deadlocks that stand at ``time`` [s].
 
-        Robots in ``asked`` that are part of none are not to be asked about before
-        ``free_until``: they make progress then, or the deadlock that they will be part of is
-        complete then.
+        Robots in ``asked`` that are part of none are not :meth:`open <is_open>` before they make
+        progress, or the deadlock that they will be part of is complete.
 
         Args:
             forecast: from this moment on.
@@ -150,7 +161,12 @@ class CounterfactualTest:
         """
         span = self._span(time)
         removals = _Removals(self._world, forecast, span, self._stride)
-        seen = self._first(forecast, asked, time, span)
+        seen = self._first(forecast, asked, time, span, speculates=True)
+        if seen.as_expected:
+            for i in asked:
+                self._before[i] = self._progress.last[i]
+                self.free_until[i] = max(self.free_until[i], time + self._pause[i])
+            return []
         if self._is_incomplete(seen, asked, removals, time):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
@@ -172,11 +188,17 @@ class CounterfactualTest:
         return self._voted(forecast, seen, asked, time, span)
 
     def _first(
-        self, forecast: Forecast, asked: set[int], time: float, span: _Span
+        self,
+        forecast: Forecast,
+        asked: set[int],
+        time: float,
+        span: _Span,
+        *,
+        speculates: bool = False,
     ) -> ContinuationAnswer:
         """Continue the run as it is, and note who makes progress soon."""
         self._lengthen_pauses(asked, time)
-        seen = self._continue(forecast, asked, span) or NOTHING_SEEN
+        seen = self._continue(forecast, asked, span, speculates=speculates) or NOTHING_SEEN
         for i, progress in seen.soon.items():
             self.free_until[int(i)] = max(self.free_until[int(i)], progress)
         return seen
@@ -238,6 +260,7 @@ class CounterfactualTest:
         *,
         others: Iterable[int] = (),
         nudge: int = 0,
+        speculates: bool = False,
     ) -> ContinuationAnswer | None:
         """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
         watch = ContinuationWatch(
@@ -245,6 +268,7 @@ class CounterfactualTest:
             Question(frozenset(asked), frozenset(others), *span),
             stride=self._stride,
             series=None if nudge else self._future,
+            speculates=speculates,
         )
         answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
         if answer is None:
@@ -327,12 +351,11 @@ class CounterfactualTest:
 
 
 def _late_ones(seen: ContinuationAnswer, asked: set[int], span: _Span) -> set[int]:
-    """Find the robots in question that went free so late, from rest, that it may be chance."""
-    late = {i for i, at in seen.freed.items() if at > span.settled + A_MINUTE}
-    return asked & {int(i) for i in late if seen.rested.get(i, np.inf) >= HALF_A_MINUTE}
+    """Find the robots in question that may have gone free by chance."""
+    return {i for i in asked if seen.came_late(i, span.settled)}
 
 
-def _begin_times(world: World) -> Array:
+def begin_times(world: World) -> Array:
     """List when something comes from outside, sorted [s]."""
     times = [event.start for event in world.events]
     times += [task.arrival for task in world.tasks]

@@ -140,13 +140,13 @@ class NoDeadlock:
     def _ask(self, forecast: Forecast, edges: EdgesByRobot, frame: Frame) -> None:
         """Ask for a forecast if a robot may be stuck about which nothing is known yet."""
         time = frame.sensed.time
-        self._test.note_time(time)
+        self._test.note(time, self._suspects.waits)
         known = {i for deadlock in self._found for i in deadlock.robots}
         is_last = time > self._world.horizon - EDGES_EVERY
         asked = {
             i
             for i in self._suspects.suspects(is_last=is_last) - known
-            if self._test.free_until[i] <= time
+            if self._test.is_open(i, time)
             and not awaited_by(i, range(len(self._world.robots)), edges) & known
         }
         if not asked:

@@ -50,6 +50,7 @@ class ProgressClock:
     _served: list[int] = field(init=False)  #: stops done
     _approaches: list[list[_Approach]] = field(init=False)  #: since then
     _space: FreeDistance = field(init=False)
+    _looked: float = field(init=False, default=-1.0)  #: when the robots were looked at last [s]
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
@@ -61,7 +62,10 @@ class ProgressClock:
         self._space = free_distance(self.world)
 
     def update(self, frame: Frame) -> Array:
-        """Take in a tick; time ``(N,)`` [s] of each robot's last progress, not a copy."""
+        """Take in a tick, once; time ``(N,)`` [s] of each robot's last progress, not a copy."""
+        if frame.sensed.time == self._looked:
+            return self.last
+        self._looked = frame.sensed.time
         intent, pose = frame.intent, frame.sensed.pose
         for i in range(len(self.last)):
             self.advance(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(frame.served[i]))

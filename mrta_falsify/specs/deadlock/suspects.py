@@ -45,7 +45,7 @@ class SuspectClock:
         self._people_stand = np.zeros(robots)  # (N,) since when those do that it waits for [s]
         self._edges: EdgesByRobot = {}
         self._time = 0.0
-        self._waits: BoolArray = np.zeros(robots, dtype=np.bool_)
+        self.waits: BoolArray = np.zeros(robots, dtype=np.bool_)  #: (N,) who has a stop to reach
 
     def watch(self, frame: Frame) -> None:
         """Take in a tick's motion."""
@@ -58,9 +58,9 @@ class SuspectClock:
     def look(self, frame: Frame, edges: EdgesByRobot) -> None:
         """Take in the wait-for graph of a tick."""
         self._time, self._edges = frame.sensed.time, edges
-        self._waits = has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        closed = [i for i in edges if self._waits[i] and self._is_closed_in(i)]
-        since = np.full(len(self._waits), np.inf)
+        self.waits = has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
+        closed = [i for i in edges if self.waits[i] and self._is_closed_in(i)]
+        since = np.full(len(self.waits), np.inf)
         since[closed] = np.minimum(self._closed_since[closed], self._time)
         self._closed_since = since
         self._people_stand[closed] = [self._people_since(i) for i in closed]
@@ -72,7 +72,7 @@ class SuspectClock:
             is_last: whether the episode ends, so that a later look cannot find a robot.
         """
         closed = set(np.flatnonzero(np.isfinite(self._closed_since)).tolist())
-        waits = np.flatnonzero(self._waits).tolist()
+        waits = np.flatnonzero(self.waits).tolist()
         held_up = {i for i in waits if self._is_held_up(i)}
         standing = {i for i in waits if is_last and i in self._edges}
         return closed | held_up | standing
@@ -111,7 +111,7 @@ class SuspectClock:
     def _awaits_service(self, i: int) -> bool:
         party = {i} | self._awaited(i)
         stands = self._time - self._spot.since >= SERVED_AFTER
-        return any(self._waits[j] and stands[j] and j not in self._edges for j in party)
+        return any(self.waits[j] and stands[j] and j not in self._edges for j in party)
 
     def _awaited(self, i: int) -> set[int]:
-        return awaited_by(i, range(len(self._waits)), self._edges)
+        return awaited_by(i, range(len(self.waits)), self._edges)

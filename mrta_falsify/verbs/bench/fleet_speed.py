@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 import time
@@ -16,6 +17,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import TraceRecorder
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Books
@@ -28,12 +30,14 @@ from mrta_falsify.stack.pipeline import Stack
 from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.timing_values import FleetSpeed, milliseconds
+from simulator_interface.guard import Guard
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import EpisodeRun
-from simulator_interface.watched_copy import usage
+from simulator_interface.watched_copy import TICKS_PER_SECOND
 
-CHILDREN = "/proc/thread-self/children"  # processes that this thread has started, on Linux
 WINDOW = 10.0  # s, "minimum over any 10 s"
+SAMPLE = 1.0  # s between two looks at CPU time, which is counted in hundredths
+NO_LIMITS = StackLimits(tick=3600.0, memory=1024.0)
 #: robots; larger fleets run without copies, each of which may take minutes where they jam
 COPIED_UP_TO = 24
 COUNTED = 100  # ticks whose calls are counted, after those that are timed
@@ -54,7 +58,8 @@ STAGES: tuple[tuple[type, str, str], ...] = (
 def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -> FleetSpeed:
     """Measure the speed of a whole run: mean, worst window, worst busy window.
 
-    Fleets of more than ``COPIED_UP_TO`` robots run without copies.
+    It runs in a copy of this process, as episodes of commands do. CPU time is that of all processes
+    that the copy starts, too. Fleets of more than ``COPIED_UP_TO`` robots run without copies.
 
     Args:
         world: with people, who stay.
@@ -62,8 +67,17 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         robots: of the fleet, all with tasks.
         seconds: simulated time [s].
     """
+    call = functools.partial(_time_fleet, world, config, robots, seconds)
+    guard = Guard()
+    try:
+        return guard.run(call, config=config, limits=NO_LIMITS, portable=True)
+    finally:
+        guard.close()
+
+
+def _time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -> FleetSpeed:
     ticks, dt = round(seconds * config.control_rate), 1.0 / config.control_rate
-    wall, cpu, busy = np.empty(ticks), np.empty(ticks), np.empty(ticks, dtype=bool)
+    wall, busy = np.empty(ticks), np.empty(ticks, dtype=bool)
     specifications = build_specifications()
     run = EpisodeRun(
         fleet_world(world, config, robots),
@@ -71,7 +85,9 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         specifications=specifications,
         keep_trace=False,
         copies=robots <= COPIED_UP_TO,
+        speculates=True,
     )
+    root, per_sample = os.getpid(), max(1, round(SAMPLE / dt))
     watch = _Stopwatch()
     with contextlib.closing(run), contextlib.ExitStack() as watched:
         run.advance()
@@ -80,14 +96,14 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         own = [(kind, "update", _spec_stage(kind)) for kind in kinds]
         for owner, method, name in ((engine, "step", "engine"), *STAGES, *own):
             watched.enter_context(watch.watching(owner, method, name))
+        cpu = [processes_seconds(root)]
         for tick in range(ticks):
-            copies_before, own_before = _copies_seconds(), time.process_time()
             before = time.perf_counter()
             frame = run.advance()
             wall[tick] = time.perf_counter() - before
-            cpu[tick] = time.process_time() - own_before
-            cpu[tick] += _copies_seconds() - copies_before
             busy[tick] = _is_busy(frame)
+            if (tick + 1) % per_sample == 0:
+                cpu.append(processes_seconds(root))
         watched.close()
         calls = _calls_of_a_quiet_tick(run)
     stages = {**watch.seconds, "rest": float(wall.sum()) - sum(watch.seconds.values())}
@@ -98,8 +114,8 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
         tick_p50_ms=milliseconds(wall, 50.0),
         tick_p99_ms=milliseconds(wall, 99.0),
         copies=robots <= COPIED_UP_TO,
-        cpu_mean=_mean_factor(cpu, dt),
-        cpu_min=_worst_factor(cpu, dt),
+        cpu_mean=_mean_factor(np.diff(cpu), per_sample * dt),
+        cpu_min=_worst_factor(np.diff(cpu), per_sample * dt),
         calls=calls,
         stages_ms={name: round(1000.0 * spent / ticks, 4) for name, spent in stages.items()},
     )
@@ -109,14 +125,17 @@ def _spec_stage(kind: type) -> str:
     return "oracle" if kind is NoDeadlock else "specifications"
 
 
-def _copies_seconds() -> float:
-    """CPU time of the copies of this process, ended or not [s]."""
-    ended = os.times()
-    spent = ended.children_user + ended.children_system
-    if not os.path.exists(CHILDREN):  # not on Linux: there are no copies
-        return spent
-    with open(CHILDREN, encoding="ascii") as file:
-        return spent + sum(usage(int(process))[0] for process in file.read().split())
+def processes_seconds(process: int) -> float:
+    """CPU time of a process and of all that it has started, ended or not [s]; by Linux's /proc."""
+    try:
+        with open(f"/proc/{process}/stat", encoding="ascii", errors="replace") as file:
+            fields = file.read().rpartition(")")[2].split()
+        with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:
+            children = [int(child) for child in file.read().split()]
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0 if process != os.getpid() else time.process_time()
+    spent = sum(map(int, fields[11:15])) / TICKS_PER_SECOND  # with that of children waited for
+    return spent + sum(map(processes_seconds, children))
 
 
 def _mean_factor(spent: Array, dt: float) -> float:

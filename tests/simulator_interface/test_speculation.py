@@ -1,0 +1,252 @@
+"""A run that goes on before it knows an answer, and is taken back where that was wrong."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from mrta_falsify.core.stack_failure import StackLimits
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import Task
+from simulator_interface import checkpoint, speculation
+from simulator_interface.guard import Guard
+from simulator_interface.heartbeat import post
+from simulator_interface.simulate import simulate
+from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+from tests.simulator_interface.test_forecast import DRIVE, rooms, stack
+
+LIMITS = StackLimits(tick=5.0, memory=2.0)
+
+
+class Arrival:
+    """Does the robot pass a place by a time? It is expected to."""
+
+    series = None
+    question = None
+
+    def __init__(self, place: float, until: float) -> None:
+        self.place, self.until = place, until
+        self.expected: dict | None = {"passes": True}
+        self.passed = False
+        self.frames = 0
+
+    def resume(self, question) -> bool:
+        raise AssertionError("there is one question")
+
+    def update(self, frame) -> bool:
+        self.frames += 1
+        self.passed = self.passed or bool(frame.sensed.pose[0, 0] > self.place)
+        return self.passed or frame.sensed.time >= self.until
+
+    def is_as_expected(self) -> bool:
+        return self.passed
+
+    def answer(self) -> dict:
+        return self.expected if self.passed else {"passes": False, "frames": self.frames}
+
+
+class Asking:
+    """Asks at given times for arrivals, and says what it was told in which process."""
+
+    def __init__(self, *questions: tuple[float, float, float]) -> None:
+        self.questions = questions
+
+    def start(self, world, dt) -> None:
+        self.answers: list = []
+
+    def foresee(self, forecast) -> None:
+        self.forecast = forecast
+
+    def update(self, frame) -> None:
+        for at, place, until in self.questions:
+            if abs(frame.sensed.time - at) < 1e-9:
+                answer = self.forecast(Arrival(place, until))
+                self.answers.append((at, answer["passes"], answer.get("frames")))
+
+    def verdict(self) -> Verdict:
+        evidence = {"answers": self.answers, "process": os.getpid()}
+        return Verdict(spec="asking", robustness=1.0, violated=False, evidence=evidence)
+
+
+@pytest.fixture
+def guard():
+    guard = Guard()
+    yield guard
+    guard.close()
+
+
+@pytest.fixture
+def checkpoints(monkeypatch, tmp_path) -> Path:
+    """A file with the letter of each checkpoint that is made or woken, in any process."""
+    file = tmp_path / "checkpoints"
+    file.touch()
+
+    def noted():
+        point = checkpoint.set_checkpoint()
+        with file.open("a") as out:
+            out.write("m" if isinstance(point, checkpoint.Checkpoint) else "w")
+        return point
+
+    monkeypatch.setattr(speculation, "set_checkpoint", noted)
+    return file
+
+
+def both(guard, world, *questions, limits=LIMITS):
+    """Outcomes of a run that waits for each answer, and of one that does not."""
+    config = stack()
+    waiting = simulate(world, config, specifications=[Asking(*questions)])
+    ahead = guard.run(
+        lambda: simulate(world, config, specifications=[Asking(*questions)]),
+        config=config,
+        limits=limits,
+        portable=False,
+    )
+    assert ahead.trace.digest == waiting.trace.digest
+    assert ahead.ended == waiting.ended
+    told, known = (outcome.verdicts[0].evidence["answers"] for outcome in (ahead, waiting))
+    assert told == known
+    return ahead, told
+
+
+def test_an_answer_as_expected_costs_no_second_run(guard, checkpoints):
+    _, told = both(guard, rooms(), (1.0, 0.0, 30.0), (1.5, 0.5, 30.0))
+    assert told == [(1.0, True, None), (1.5, True, None)]
+    assert checkpoints.read_text() == "mm"
+
+
+def test_a_run_is_taken_back_where_the_answer_is_another(guard, checkpoints):
+    _, told = both(guard, rooms(), (1.0, 9.0, 3.0), (2.0, 0.0, 30.0))
+    assert told == [(1.0, False, 20), (2.0, True, None)]
+    assert checkpoints.read_text() == "mmwm"  # the second question was asked again
+
+
+def test_an_earlier_question_that_is_open_is_answered_before_a_run_is_taken_back(
+    guard, checkpoints
+):
+    _, told = both(guard, rooms(), (1.0, 0.0, 30.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, True, None), (1.5, False, 5)]
+    assert checkpoints.read_text() == "mmw"
+    checkpoints.write_text("")
+    _, told = both(guard, rooms(), (1.0, 9.0, 4.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, False, 30), (1.5, False, 5)]
+    assert checkpoints.read_text() == "mmwmw"
+
+
+def test_what_comes_from_outside_does_not_answer(guard, checkpoints):
+    late = Task(arrival=3.0, start=1, end=0, deadline=900.0)
+    _, told = both(guard, rooms(tasks=(late,)), (1.0, 0.0, 20.0))
+    assert told == [(1.0, False, 190)]  # without the task the robot has nowhere to go
+    _, told = both(guard, rooms(tasks=(late,)), (3.0, 0.0, 20.0))
+    assert told == [(3.0, True, None)]
+
+
+def test_a_question_that_is_open_at_the_end_is_answered(guard, checkpoints):
+    outcome, told = both(guard, rooms(horizon=4.0), (1.0, 9.0, 8.0))
+    assert outcome.ended == "horizon"
+    assert told == [(1.0, False, 70)]
+    assert checkpoints.read_text() == "mw"
+
+
+def test_more_questions_than_may_be_open_are_waited_for(guard, checkpoints, monkeypatch):
+    monkeypatch.setattr(speculation, "MOST_OPEN", 2)
+    questions = [(1.0 + 0.1 * k, 0.0, 30.0) for k in range(4)]
+    both(guard, rooms(), *questions)
+    assert checkpoints.read_text() == "mm"
+
+
+def test_the_process_that_waits_takes_the_next_request(guard):
+    first, _ = both(guard, rooms(), (1.0, 9.0, 3.0))
+    second, _ = both(guard, rooms(), (1.0, 0.0, 30.0))
+    processes = [one.verdicts[0].evidence["process"] for one in (first, second)]
+    assert processes[0] != processes[1]
+    with pytest.raises(ProcessLookupError):
+        os.kill(processes[0], 0)
+    os.kill(processes[1], 0)
+
+
+# --- what becomes of the processes -----------------------------------------------------------
+
+
+def taken_back(then):
+    """A request whose run is taken back once; ``then`` is called in the copy."""
+
+    def call():
+        point = checkpoint.set_checkpoint()
+        if isinstance(point, checkpoint.Checkpoint):
+            raise point.roll_back("answer")
+        assert point.answer == "answer"
+        return then()
+
+    return Request(call, None, True)
+
+
+def answer_of(request, limits=LIMITS):
+    copy = WatchedCopy(limits)
+    try:
+        copy.ask(request)
+        return copy.answer()
+    finally:
+        copy.close()
+
+
+def in_stack(call):
+    post().enter(7, 0.35)
+    call()
+
+
+def test_a_copy_that_took_over_answers_and_fails_like_any_other():
+    assert answer_of(taken_back(lambda: "done")) == "done"
+    with pytest.raises(ZeroDivisionError):
+        answer_of(taken_back(lambda: 1 / 0))
+    for ending, words in (
+        (lambda: os._exit(3), "exit code 3"),
+        (lambda: os.kill(os.getpid(), signal.SIGSEGV), "SIGSEGV"),
+    ):
+        with pytest.raises(CopyFailed) as failed:
+            answer_of(taken_back(lambda ending=ending: in_stack(ending)))
+        assert (failed.value.kind, failed.value.pulse.tick) == ("crash", 7)
+        assert words in failed.value.message
+
+
+def test_a_hang_in_a_copy_that_took_over_is_found_where_it_is():
+    def spin():
+        while True:
+            pass
+
+    with pytest.raises(CopyFailed) as failed:
+        answer_of(taken_back(lambda: in_stack(spin)), StackLimits(tick=0.2, memory=1.0))
+    assert failed.value.kind == "hang"
+    assert any(place.function.endswith("spin") for place in failed.value.places)
+
+
+def test_sleeping_copies_end_with_the_run():
+    def call():
+        checkpoint.set_checkpoint()
+        children = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
+        return [int(child) for child in children.split()]
+
+    copy = WatchedCopy(LIMITS)
+    copy.ask(Request(call, None, True))
+    (sleeping,) = copy.answer()
+    os.kill(sleeping, 0)
+    copy.close()
+    for _ in range(100):
+        if not is_running(sleeping):
+            break
+        time.sleep(0.02)
+    assert not is_running(sleeping)
+
+
+def is_running(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
+
+
+def test_runs_that_nobody_watches_wait_for_their_answers(checkpoints):
+    simulate(rooms(tasks=(DRIVE,)), stack(), specifications=[Asking((1.0, 0.0, 30.0))])
+    assert checkpoints.read_text() == ""
