@@ -197,8 +197,9 @@ class CounterfactualTest:
         speculates: bool = False,
     ) -> ContinuationAnswer:
         """Continue the run as it is, and note who makes progress soon."""
-        self._lengthen_pauses(asked, time)
         seen = self._continue(forecast, asked, span, speculates=speculates) or NOTHING_SEEN
+        if not seen.as_expected:
+            self._lengthen_pauses(asked, time)
         for i, progress in seen.soon.items():
             self.free_until[int(i)] = max(self.free_until[int(i)], progress)
         return seen
