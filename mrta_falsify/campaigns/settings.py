@@ -94,7 +94,12 @@ class CampaignSettings:
     target: str = "mrta_falsify.worker:open_trials"  #: what a worker opens, ``module:function``
     sampler: Choice = quantity(default=Choice("auto"), text="See `mrta-falsify plugins`.")
     cube: Cube = Cube()
-    window: int = quantity(low=1, high=1024, default=8)
+    window: int = quantity(
+        low=1,
+        high=1024,
+        default=8,
+        text="Trials that may run before the sampler knows their results, and so at a time.",
+    )
     """Proposal n is asked for as soon as results 0 to n - window are told: how far workers may
     run ahead of what the sampler knows. Not the number of workers, so that 1 or 8 of them give
     the same campaign."""

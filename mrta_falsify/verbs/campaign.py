@@ -32,7 +32,7 @@ from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
 from mrta_falsify.verbs.stacks import Stack
-from mrta_falsify.verbs.workers import chosen_executor, open_executor
+from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
 
 #: called when a record is durable, with whether it is new
 OnRecord = Callable[[TrialRecord, bool], None]
@@ -70,6 +70,7 @@ def campaign(
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
     verify: int = DEFAULTS.trials.verify,
+    window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
     time_limit: float = DEFAULTS.time_limit,
@@ -96,6 +97,7 @@ def campaign(
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
         verify: runs again of each failure of a stack in a process of its own, nothing changed.
+        window: trials that may run before the sampler knows their results, and so at a time.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
         time_limit: wall clock of one trial [s].
@@ -120,6 +122,7 @@ def campaign(
         screen=screen,
         jittered=jittered,
         verify=verify,
+        window=window,
         tick_limit=tick_limit,
         memory_limit=memory_limit,
         time_limit=time_limit,
@@ -130,6 +133,7 @@ def campaign(
             "only; draw a value at random to search it, as `with speed Range(0.5, 1.5)`"
         )
     place = chosen_executor(executor, workers)
+    _note_idle_workers(chosen, executor, workers, on_note)
     with Store.create(Path(output), dataclasses.replace(chosen, budget=budget)) as store:
         return run_store(store, limits, place, on_record=on_record, on_told=on_told)
 
@@ -165,6 +169,18 @@ def resume_campaign(
         limits = Limits(budget=budget or _own_budget(store, on_note), stop_after=stop_after)
         store.keep_budget(limits.budget)
         return run_store(store, limits, place, on_record=on_record, on_told=on_told)
+
+
+def _note_idle_workers(
+    settings: CampaignSettings, executor: str | None, workers: int | None, on_note: OnNote
+) -> None:
+    """Say that some workers will have nothing to do."""
+    count = count_cores(workers)
+    if executor is None and count > settings.window:
+        on_note(
+            f"{count} workers, but no more trials than --window ({settings.window}) run at a time; "
+            f"--window {count} of a new campaign lets all of them work"
+        )
 
 
 def _own_budget(store: Store, on_note: OnNote) -> int:

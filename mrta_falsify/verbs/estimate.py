@@ -62,7 +62,7 @@ def estimate_cost(
         trials=trials,
         dimensions=settings.cube.dimensions,
         trial_s=spent,
-        hours=spent * budget / count_cores(workers) / 3600.0,
+        hours=spent * budget / min(count_cores(workers), settings.window) / 3600.0,
         megabytes=(size / trials + per_line) * budget / 1e6,
         failed=sum(record.failed for record in records),
     )

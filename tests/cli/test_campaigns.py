@@ -142,6 +142,25 @@ def test_a_dry_run_stores_nothing_and_says_what_it_costs(campaign):
 
 
 @pytest.mark.slow
+def test_workers_that_would_be_idle_are_told_of(campaign):
+    directory, call, *_ = campaign
+    folder = directory.parent
+    common = ("campaign", folder / "small.scenic", "--workers", 64, "--budget", 64, *QUICK)
+    few, many = (
+        json.loads(call(*common, "--window", n, "--dry-run", "--format", "json").stdout)
+        for n in (2, 64)
+    )
+    seconds = [3600.0 * told["hours"] / (64 * told["trial_s"]) for told in (few, many)]
+    assert seconds == [pytest.approx(1 / 2), pytest.approx(1 / 64)]
+    result = call(
+        "campaign", folder / "small.scenic", "-o", folder / "w", "--workers", 2, "--window", 1,
+        "--budget", 1, *QUICK,
+    )  # fmt: skip
+    assert result.exit_code in (0, 1), result.stderr
+    assert "2 workers, but no more trials than --window (1) run at a time" in " ".join(result.stderr.split())
+
+
+@pytest.mark.slow
 def test_copies_say_which_failures_are_robust(campaign):
     directory, call, *_ = campaign
     folder = directory.parent
