@@ -18,21 +18,34 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import SpeculativeWatch
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.specs.deadlock.counterfactual import begin_times
-from simulator_interface.checkpoint import Checkpoint, Resumed, set_checkpoint
+from simulator_interface.checkpoint import Checkpoint, set_checkpoint
 from simulator_interface.episode import Episode
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
-MOST_OPEN = 6  # questions; each keeps a copy of all memory that the run has changed since
+REUSED_FOR = 15.0  # s for which a checkpoint serves later questions, too
+MOST_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
 SAME_TIME = 1e-9  # s
+
+
+class _Point(NamedTuple):
+    """Where the run can be taken up again."""
+
+    checkpoint: Checkpoint
+    tick: int
 
 
 class _Open(NamedTuple):
     """A question that is not answered yet."""
 
     watch: SpeculativeWatch
-    checkpoint: Checkpoint
     tick: int  #: at which it was asked
+    point: _Point  #: the last one before it
+
+    @property
+    def key(self) -> tuple[int, Any]:
+        """What it is known by when the run comes to it again."""
+        return self.tick, self.watch.question
 
 
 class Speculation:
@@ -51,12 +64,12 @@ class Speculation:
         self._episode = episode
         self._go_on = go_on
         self._begins = begin_times(episode.world)  # of what comes from outside, sorted [s]
-        self._open: list[_Open] = []
+        self._open: list[_Open] = []  # as they were asked
+        self._known: dict[tuple[int, Any], dict[str, Any]] = {}  # answers that a run before found
 
     def takes(self, watch: SpeculativeWatch) -> bool:
         """Whether the run may go on before it knows the answer of ``watch``."""
-        is_free = post().may_roll_back and len(self._open) < MOST_OPEN
-        return is_free and watch.expected is not None
+        return post().may_roll_back and watch.expected is not None
 
     def ask(self, watch: SpeculativeWatch) -> dict[str, Any] | None:
         """Give the expected answer, and go on; where that was wrong, the right one.
@@ -64,12 +77,14 @@ class Speculation:
         Args:
             watch: it is shown all further frames of the run.
         """
-        point = set_checkpoint()
-        if isinstance(point, Resumed):
-            self._open.clear()  # those from before have been answered as expected
-            answer: dict[str, Any] | None = point.answer
-            return answer
-        self._open.append(_Open(watch, point, self._episode.tick))
+        tick = self._episode.tick
+        point = None
+        while point is None:
+            known = self._known.pop((tick, watch.question), None)
+            if known is not None:
+                return known
+            point = self._point()
+        self._open.append(_Open(watch, tick, point))
         return watch.expected
 
     def note(self, frame: Frame) -> None:
@@ -82,7 +97,9 @@ class Speculation:
             return
         for question in tuple(self._open):
             if question.tick < frame.sensed.tick and question.watch.update(frame):
-                self._answer(question)
+                if not question.watch.is_as_expected():
+                    self._roll_back(question, question.watch.answer())
+                self._close(question)
         if self._is_overtaken_after(frame.sensed.time):
             self.settle()
 
@@ -92,15 +109,27 @@ class Speculation:
         Raises:
             RolledBack: as :meth:`note`.
         """
-        for question, answer in zip(tuple(self._open), self._foretold(), strict=True):
-            if answer is not None and answer != question.watch.expected:
-                self._roll_back(question, answer)
-            self._close(question)
+        self._settle(tuple(self._open))
 
     def drop(self) -> None:
         """Forget all open questions: the run has become meaningless, or has ended."""
         for question in tuple(self._open):
             self._close(question)
+
+    def _point(self) -> _Point | None:
+        """Find a checkpoint of late, or make one; None: the run has been taken back to it."""
+        tick, points = self._episode.tick, {question.point for question in self._open}
+        last = max(points, key=lambda point: point.tick, default=None)
+        if last is not None:
+            is_late = (tick - last.tick) * self._episode.dt <= REUSED_FOR
+            if is_late or len(points) >= MOST_POINTS:
+                return last
+        made = set_checkpoint()
+        if isinstance(made, Checkpoint):
+            return _Point(made, tick)
+        self._open.clear()  # those from before have been answered as expected
+        self._known |= made.answer
+        return None
 
     def _is_overtaken_after(self, time: float) -> bool:
         """Whether something comes from outside before the next frame is over."""
@@ -109,38 +138,39 @@ class Speculation:
         )
         return bool(last > first)
 
-    def _answer(self, question: _Open) -> None:
-        """Close a question that has its answer; earlier ones come first where it is wrong."""
-        if question.watch.is_as_expected():
+    def _settle(self, questions: Sequence[_Open]) -> None:
+        for question, answer in zip(questions, self._foretold(questions), strict=True):
+            if answer is not None and answer != question.watch.expected:
+                self._roll_back(question, answer)
             self._close(question)
-            return
-        before = self._open[: self._open.index(question)]
-        for earlier, answer in zip(before, self._foretold(before), strict=True):
-            if answer is not None and answer != earlier.watch.expected:
-                self._roll_back(earlier, answer)
-        self._roll_back(question, question.watch.answer())
 
-    def _foretold(self, questions: Sequence[_Open] | None = None) -> list[dict[str, Any] | None]:
+    def _foretold(self, questions: Sequence[_Open]) -> list[dict[str, Any] | None]:
         """Find the answers to open questions in a copy; None: the stack fails there."""
-        watches = [one.watch for one in (self._open if questions is None else questions)]
-        if not watches:
+        if not questions:
             return []
+        watches = [question.watch for question in questions]
+        answers: list[dict[str, Any] | None]
         try:
-            answers: list[dict[str, Any] | None] = run_in_watched_copy(lambda: self._go_on(watches))
+            answers = run_in_watched_copy(lambda: self._go_on(watches))
         except (StackFailed, CopyFailed):
             answers = [None] * len(watches)
         return answers
 
-    def _roll_back(self, question: _Open, answer: dict[str, Any] | None) -> None:
-        """Go back to a question.
+    def _roll_back(self, question: _Open, answer: dict[str, Any]) -> None:
+        """Go back to a question, or to one before it that proves wrong, too.
 
         Raises:
             RolledBack: always.
         """
-        self._open.remove(question)
-        self.drop()
-        raise question.checkpoint.roll_back(answer)
+        # Only this process can go back to what was asked before the checkpoint.
+        self._settle([other for other in self._open if other.point.tick < question.point.tick])
+        for other in tuple(self._open):
+            if other.point != question.point:
+                self._close(other)
+        self._open.clear()
+        raise question.point.checkpoint.roll_back({question.key: answer})
 
     def _close(self, question: _Open) -> None:
         self._open.remove(question)
-        question.checkpoint.drop()
+        if all(other.point != question.point for other in self._open):
+            question.point.checkpoint.drop()

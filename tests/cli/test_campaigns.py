@@ -157,7 +157,9 @@ def test_workers_that_would_be_idle_are_told_of(campaign):
         "--budget", 1, *QUICK,
     )  # fmt: skip
     assert result.exit_code in (0, 1), result.stderr
-    assert "2 workers, but no more trials than --window (1) run at a time" in " ".join(result.stderr.split())
+    assert "2 workers, but no more trials than --window (1) run at a time" in " ".join(
+        result.stderr.split()
+    )
 
 
 @pytest.mark.slow

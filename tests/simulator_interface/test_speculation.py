@@ -24,10 +24,9 @@ class Arrival:
     """Does the robot pass a place by a time? It is expected to."""
 
     series = None
-    question = None
 
     def __init__(self, place: float, until: float) -> None:
-        self.place, self.until = place, until
+        self.place, self.until = self.question = place, until
         self.expected: dict | None = {"passes": True}
         self.passed = False
         self.frames = 0
@@ -110,20 +109,36 @@ def both(guard, world, *questions, limits=LIMITS):
     return ahead, told
 
 
+@pytest.fixture
+def own_checkpoints(monkeypatch):
+    """Each question has a checkpoint of its own."""
+    monkeypatch.setattr(speculation, "REUSED_FOR", 0.0)
+
+
 def test_an_answer_as_expected_costs_no_second_run(guard, checkpoints):
     _, told = both(guard, rooms(), (1.0, 0.0, 30.0), (1.5, 0.5, 30.0))
     assert told == [(1.0, True, None), (1.5, True, None)]
-    assert checkpoints.read_text() == "mm"
+    assert checkpoints.read_text() == "m"  # one checkpoint for both
 
 
 def test_a_run_is_taken_back_where_the_answer_is_another(guard, checkpoints):
     _, told = both(guard, rooms(), (1.0, 9.0, 3.0), (2.0, 0.0, 30.0))
     assert told == [(1.0, False, 20), (2.0, True, None)]
-    assert checkpoints.read_text() == "mmwm"  # the second question was asked again
+    assert checkpoints.read_text() == "mwm"  # the second question was asked again
+
+
+def test_a_run_may_be_taken_back_farther_than_to_the_question(guard, checkpoints):
+    _, told = both(guard, rooms(), (1.0, 0.0, 30.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, True, None), (1.5, False, 5)]
+    assert checkpoints.read_text() == "mwm"
+    checkpoints.write_text("")
+    _, told = both(guard, rooms(), (1.0, 9.0, 4.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, False, 30), (1.5, False, 5)]
+    assert checkpoints.read_text() == "mwmw"
 
 
 def test_an_earlier_question_that_is_open_is_answered_before_a_run_is_taken_back(
-    guard, checkpoints
+    guard, checkpoints, own_checkpoints
 ):
     _, told = both(guard, rooms(), (1.0, 0.0, 30.0), (1.5, 9.0, 2.0))
     assert told == [(1.0, True, None), (1.5, False, 5)]
@@ -149,11 +164,15 @@ def test_a_question_that_is_open_at_the_end_is_answered(guard, checkpoints):
     assert checkpoints.read_text() == "mw"
 
 
-def test_more_questions_than_may_be_open_are_waited_for(guard, checkpoints, monkeypatch):
-    monkeypatch.setattr(speculation, "MOST_OPEN", 2)
-    questions = [(1.0 + 0.1 * k, 0.0, 30.0) for k in range(4)]
-    both(guard, rooms(), *questions)
+def test_no_more_checkpoints_are_made_than_allowed(
+    guard, checkpoints, own_checkpoints, monkeypatch
+):
+    monkeypatch.setattr(speculation, "MOST_POINTS", 2)
+    both(guard, rooms(), *[(1.0 + 0.1 * k, 0.0, 30.0) for k in range(4)])
     assert checkpoints.read_text() == "mm"
+    checkpoints.write_text("")
+    both(guard, rooms(), *[(1.0 + 0.1 * k, 0.0, 30.0) for k in range(3)], (1.3, 9.0, 2.0))
+    assert checkpoints.read_text() == "mmwmm"  # to the second, which serves the fourth, too
 
 
 def test_the_process_that_waits_takes_the_next_request(guard):
