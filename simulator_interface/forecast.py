@@ -22,7 +22,7 @@ from simulator_interface import forking
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.conversation import ToldTalk
-from simulator_interface.speculation import Speculation
+from simulator_interface.speculation import UNKNOWN, Speculation
 from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
 
 
@@ -110,7 +110,9 @@ class EpisodeForecast:
         answer: dict[str, Any] | None
         ahead = self.speculation
         if ahead is not None and isinstance(watch, SpeculativeWatch) and ahead.takes(watch):
-            return ahead.ask(watch)
+            known: Any = ahead.ask(watch)
+            if known is not UNKNOWN:
+                return known  # type: ignore[no-any-return]
         try:
             if isinstance(watch, ResumedWatch) and watch.series is not None:
                 answer = self._ask_standing(watch)

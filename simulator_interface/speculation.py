@@ -26,6 +26,7 @@ from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 REUSED_FOR = 15.0  # s for which a checkpoint serves later questions, too
 MOST_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
 SAME_TIME = 1e-9  # s
+UNKNOWN = object()  #: a copy has to be asked
 
 
 class _Point(NamedTuple):
@@ -66,25 +67,32 @@ class Speculation:
         self._begins = begin_times(episode.world)  # of what comes from outside, sorted [s]
         self._open: list[_Open] = []  # as they were asked
         self._known: dict[tuple[int, Any], dict[str, Any]] = {}  # answers that a run before found
+        self._came_to = -1  # tick that the run before came to
 
     def takes(self, watch: SpeculativeWatch) -> bool:
-        """Whether the run may go on before it knows the answer of ``watch``."""
-        return post().may_roll_back and watch.expected is not None
+        """Whether the run may go on before it knows the answer of ``watch``.
 
-    def ask(self, watch: SpeculativeWatch) -> dict[str, Any] | None:
+        A run that was taken back does so only once it has come as far as before: where one answer
+        was another than expected, the next ones may be, too.
+        """
+        is_ahead = self._episode.tick > self._came_to
+        is_known = (self._episode.tick, watch.question) in self._known
+        return post().may_roll_back and watch.expected is not None and (is_ahead or is_known)
+
+    def ask(self, watch: SpeculativeWatch) -> dict[str, Any] | object | None:
         """Give the expected answer, and go on; where that was wrong, the right one.
 
         Args:
             watch: it is shown all further frames of the run.
+
+        Returns:
+            The answer; ``UNKNOWN`` in a run that was taken back farther than to this question.
         """
-        tick = self._episode.tick
-        point = None
-        while point is None:
-            known = self._known.pop((tick, watch.question), None)
-            if known is not None:
-                return known
-            point = self._point()
-        self._open.append(_Open(watch, tick, point))
+        key = (self._episode.tick, watch.question)
+        point = None if key in self._known else self._point()
+        if point is None:
+            return self._known.pop(key, UNKNOWN)
+        self._open.append(_Open(watch, self._episode.tick, point))
         return watch.expected
 
     def note(self, frame: Frame) -> None:
@@ -128,7 +136,8 @@ class Speculation:
         if isinstance(made, Checkpoint):
             return _Point(made, tick)
         self._open.clear()  # those from before have been answered as expected
-        self._known |= made.answer
+        answers, self._came_to = made.answer
+        self._known |= answers
         return None
 
     def _is_overtaken_after(self, time: float) -> bool:
@@ -168,7 +177,8 @@ class Speculation:
             if other.point != question.point:
                 self._close(other)
         self._open.clear()
-        raise question.point.checkpoint.roll_back({question.key: answer})
+        told = {question.key: answer}, self._episode.tick
+        raise question.point.checkpoint.roll_back(told)
 
     def _close(self, question: _Open) -> None:
         self._open.remove(question)
