@@ -27,7 +27,8 @@ from reports.furnishing import fixed_outlines, furniture_poses
 
 FRAME_RATE = 5.0  # Hz kept for the replay
 FULL_WINDOW = 120.0  # s before the end that are kept at this rate however long the run is
-EARLIER_FRAMES = 1500  # frames at most before that window
+BEFORE, AFTER = 40.0, 10.0  # s around a violation that are kept at this rate, too
+OTHER_FRAMES = 1500  # frames at most of the rest
 PATH_DETAIL = 0.03  # m that a planned path may be off
 RAY_RATE = 1.0  # Hz kept of obstacle points
 RAY_WINDOW = 40.0  # s before the end in which obstacle points are kept
@@ -40,7 +41,8 @@ def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
 
     The JSON names each array with its type and shape, in order.
     """
-    ticks = kept_ticks(len(trace), trace.dt)
+    moments = [v.violated_at for v in verdicts if v.violated and v.violated_at is not None]
+    ticks = kept_ticks(len(trace), trace.dt, moments)
     arrays = _arrays(world, trace, ticks)
     header = {
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays],
@@ -77,18 +79,22 @@ def _happenings(trace: Trace, verdicts: Sequence[Verdict]) -> dict[str, list[lis
     }  # fmt: skip
 
 
-def kept_ticks(count: int, dt: float) -> np.ndarray:
+def kept_ticks(count: int, dt: float, moments: Sequence[float] = ()) -> np.ndarray:
     """Choose the ticks of a run that its replay keeps, first and last among them.
 
     Args:
         count: ticks of the run.
         dt: time between two [s].
+        moments: of violations [s].
     """
     stride = max(1, round(1.0 / (FRAME_RATE * dt)))
-    late = max(0, count - round(FULL_WINDOW / dt))
-    sparse = max(stride, -(-late // EARLIER_FRAMES))
-    kept = [np.arange(0, late, sparse), np.arange(late, count, stride)]
-    return np.unique(np.concatenate([*kept, np.arange(max(0, count - 1), count)]))
+    sparse = max(stride, -(-max(0, count - round(FULL_WINDOW / dt)) // OTHER_FRAMES))
+    spans = [(count * dt - FULL_WINDOW, count * dt), *((m - BEFORE, m + AFTER) for m in moments)]
+    chosen = [np.arange(0, count, sparse), np.arange(max(0, count - 1), count)]
+    for first, last in spans:
+        begin = max(0, round(first / dt)) // stride * stride
+        chosen.append(np.arange(begin, min(count, round(last / dt)), stride))
+    return np.unique(np.concatenate(chosen))
 
 
 def _arrays(world: World, trace: Trace, ticks: np.ndarray) -> list[tuple[str, np.ndarray]]:

@@ -7,8 +7,11 @@ import io
 import json
 import operator
 import os
+import shutil
+import tempfile
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,10 +20,12 @@ import numpy as np
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.columns import ColumnStore
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 
 TRACE_VERSION = 1
+LARGE = 64 * 2**20  # bytes of a stored column that is not read into memory
 #: what reading a damaged archive raises; RuntimeError: a flag or method that was never written
 DAMAGE = (OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error)
 
@@ -82,7 +87,7 @@ class Trace:
     dt: float  #: control period [s]
     robots: tuple[str, ...]  #: names, N
     humans: tuple[str, ...]  #: names, H
-    columns: dict[str, np.ndarray]
+    columns: Mapping[str, np.ndarray]
     paths: tuple[PathChange, ...]
     events: tuple[StackEvent, ...]
     edges: tuple[EdgeSpan, ...]
@@ -114,8 +119,7 @@ class TraceRecorder:
     humans: tuple[str, ...]
     keep: bool = True
     _hash: hashlib._Hash = field(default_factory=hashlib.sha256)
-    _layout: np.dtype[np.void] | None = None  #: of a tick's columns, as the first tick has them
-    _rows: bytearray = field(default_factory=bytearray)
+    _store: ColumnStore | None = None  #: of the columns, as the first tick has them
     _paths: list[PathChange] = field(default_factory=list)
     _events: list[StackEvent] = field(default_factory=list)
     _spans: list[EdgeSpan] = field(default_factory=list)
@@ -134,8 +138,8 @@ class TraceRecorder:
             self._hash.update(repr(event).encode())
         self._add_paths(tick, frame.intent.path)
         if self.keep:
-            self._layout = self._layout or _layout_of(frame)
-            self._rows += row
+            self._store = self._store or ColumnStore(_layout_of(frame))
+            self._store.add(row)
             self._events.extend(frame.events)
             self._add_edges(tick, frame.blocked_by)
 
@@ -161,14 +165,6 @@ class TraceRecorder:
             self._spans.append(EdgeSpan(first=first, last=self._last_tick, edge=edge))
         self._open = {}
 
-    def _columns(self) -> dict[str, np.ndarray]:
-        if self._layout is None:
-            return {}
-        table = np.frombuffer(self._rows, dtype=self._layout)
-        columns = {name: np.ascontiguousarray(table[name]) for name in _FRAME_COLUMNS}
-        columns["obstacle_points"] = columns["obstacle_points"].astype(np.float32)
-        return columns
-
     def finish(self, ended: str) -> Trace:
         """Build the trace; the recorder must not be used afterwards."""
         self._hash.update(ended.encode())
@@ -178,7 +174,7 @@ class TraceRecorder:
             dt=self.dt,
             robots=self.robots,
             humans=self.humans,
-            columns=self._columns(),
+            columns={} if self._store is None else self._store.columns(),
             paths=tuple(self._paths),
             events=tuple(self._events),
             edges=tuple(sorted(self._spans, key=lambda span: (span.first, span.edge.robot))),
@@ -226,10 +222,21 @@ def write_trace(trace: Trace, path: Path) -> None:
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("table.json", json.dumps(codec.encode(table)))
         for name, column in sorted(trace.columns.items()):
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, column, allow_pickle=False)
-            archive.writestr(f"{name}.npy", buffer.getvalue())
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, column, allow_pickle=False)
     os.replace(temporary, path)
+
+
+def _read_column(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    member = archive.getinfo(f"{name}.npy")
+    if member.file_size < LARGE:
+        return np.lib.format.read_array(io.BytesIO(archive.read(member)), allow_pickle=False)
+    with tempfile.NamedTemporaryFile(prefix="mrta-falsify-trace-") as file:
+        with archive.open(member) as source:
+            shutil.copyfileobj(source, file)
+        file.flush()
+        column: np.ndarray = np.load(file.name, mmap_mode="r", allow_pickle=False)
+    return column
 
 
 def read_trace(path: Path) -> Trace:
@@ -246,12 +253,7 @@ def read_trace(path: Path) -> Trace:
                 raise FormatError(
                     f"{path}: trace version {given}; this version reads {TRACE_VERSION}"
                 )
-            columns = {
-                name: np.lib.format.read_array(
-                    io.BytesIO(archive.read(f"{name}.npy")), allow_pickle=False
-                )
-                for name in table["columns"]
-            }
+            columns = {name: _read_column(archive, name) for name in table["columns"]}
     except DAMAGE as error:
         raise FormatError(f"{path}: is not a readable trace: {error}") from None
     return Trace(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.trace import EdgeSpan
-from reports.packing import NOWHERE, pack
+from reports.packing import NOWHERE, kept_ticks, pack
 
 
 def unpack(text):
@@ -75,3 +75,20 @@ def test_every_blocked_by_edge_is_there_with_its_times(packed):
 def test_a_minute_of_a_small_world_takes_a_few_kilobytes(packed):
     *_, size = packed
     assert size < 30_000
+
+
+def test_a_long_run_is_kept_in_full_at_its_end_and_around_violations():
+    dt, hours = 0.05, 8 * 3600.0
+    count = round(hours / dt)
+    ticks = kept_ticks(count, dt, [5000.0])
+    times = ticks * dt
+    assert (times[0], ticks[-1]) == (0.0, count - 1)
+    for first, last in ((4960.5, 5009.5), (hours - 119.5, hours)):
+        within = times[(times >= first) & (times <= last)]
+        assert np.diff(within).max() <= 0.2 + 1e-9
+    assert len(ticks) < 3000
+    assert np.diff(times).max() < 20.0
+
+
+def test_a_short_run_is_kept_at_one_rate_wherever_it_fails():
+    np.testing.assert_array_equal(kept_ticks(1001, 0.05, [13.37]), np.arange(0, 1001, 4))
