@@ -220,6 +220,7 @@ class WatchedCopy:
                 self._answer_one(pipe, request)
                 if is_resumed():  # the process that it was copied from takes the next request
                     break
+                gc.collect()  # a run's objects refer to each other; its arrays are large
                 request = pipe.recv()
             code = 0
         except (EOFError, BrokenPipeError, ConnectionResetError):

@@ -43,6 +43,30 @@ def test_what_a_call_returns_comes_back_and_the_copy_is_kept_for_more():
         os.kill(first, 0)
 
 
+class RunInCircles:
+    """A run whose objects refer to each other, with 16 MB of arrays."""
+
+    def __init__(self) -> None:
+        self.itself = self
+        self.columns = bytearray(2**24)
+
+
+def resident_after_a_run() -> int:
+    RunInCircles()
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * os.sysconf("SC_PAGESIZE")
+
+
+def test_a_copy_keeps_nothing_of_the_runs_before():
+    copy = WatchedCopy(LIMITS)
+    taken = []
+    for _ in range(8):
+        copy.ask(Request(resident_after_a_run))
+        taken.append(copy.answer())
+    copy.close()
+    assert max(taken) - taken[0] < 2**24
+
+
 def test_exceptions_keep_their_class_and_words():
     def unknown():
         raise UnknownNameError("planner", "astra", ["astar"], where="stack")
