@@ -29,6 +29,8 @@ T = TypeVar("T")
 
 SETTLE = 3.0  # s of simulation kept after the violation that decides a run
 LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
+#: specifications that a campaign looks for last unless the user says otherwise
+LATE_OR_UNDONE = ("deadlines", "all_tasks_done")
 NO_COSTS = Costs(way=(), time=0.0, calls=0, undelivered=0)
 REFERENCES_KEPT = 8  # worlds; copies of one world follow each other
 UNBOUNDED = 1e9  # stands for an infinite robustness in records
@@ -46,6 +48,7 @@ class Job:
     config: StackConfig
     specifications: tuple[str, ...] = default_specifications()
     early_stop: bool = False  #: end soon after the first violation
+    then: tuple[str, ...] = ()  #: specifications whose violation ends no run early
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
     told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
@@ -60,11 +63,19 @@ class Judged:
     verdicts: tuple[Verdict, ...]  #: that the executed part decides
     margins: dict[str, float]  #: see :mod:`mrta_falsify.specs.objectives`
     descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.descriptors`
+    situations: tuple[str, ...] = ()  #: see :mod:`mrta_falsify.specs.situations`
+    involved: tuple[str, ...] = ()  #: objects that took part when it was nearest to a deadlock
+    then: tuple[str, ...] = ()  #: specifications that are looked for last
 
     @property
     def failed(self) -> bool:
         """Whether a specification is violated."""
         return any(verdict.violated for verdict in self.verdicts)
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether a specification is violated that is not looked for last."""
+        return any(v.violated and v.spec not in self.then for v in self.verdicts)
 
 
 def run_job(
@@ -265,6 +276,9 @@ def summed_up(outcome: Outcome, watch: TrialWatch) -> Judged:
         verdicts=verdicts,
         margins=margins,
         descriptors=watch.descriptors.values(),
+        situations=watch.descriptors.situations(),
+        involved=watch.descriptors.involved(),
+        then=watch.then,
     )
 
 
@@ -279,6 +293,7 @@ class TrialWatch:
     def __init__(self, job: Job, specifications: tuple[Specification, ...]) -> None:
         dt = 1.0 / job.config.control_rate
         self.descriptors = Descriptors(job.world, dt)
+        self.then = job.then
         self._specifications = specifications if job.early_stop else ()
         self._stride = max(1, round(LOOK_EVERY / dt))
         self._decided = np.inf
@@ -290,6 +305,8 @@ class TrialWatch:
         if sensed.tick % self._stride == 0 and self._decided == np.inf:
             for specification in self._specifications:
                 verdict = specification.verdict()
+                if verdict.spec in self.then:
+                    continue
                 if verdict.violated and verdict.violated_at is not None:
                     self._decided = min(self._decided, verdict.violated_at)
         return "decided" if sensed.time >= self._decided + SETTLE else ""
@@ -322,3 +339,29 @@ def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...
     if config is not None and config.stack is not None:
         left_out.add("repeatable")
     return tuple(name for name in default_specifications() if name not in left_out)
+
+
+def looked_for(
+    specs: Sequence[str] = (), then: Sequence[str] = (), config: StackConfig | None = None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Put the specifications of a campaign in order.
+
+    Args:
+        specs: that the user names; those of campaigns if empty.
+        then: that the user wants to be looked for last. Without either these are the ones that say
+            only that work was late or undone: they drown deadlocks, which people look for.
+        config: the stack under test; None: the default one.
+
+    Returns:
+        All that judge a trial, and those of them that are looked for last.
+
+    Raises:
+        ConfigError: nothing is left to be looked for first.
+    """
+    last = tuple(then) if specs or then else LATE_OR_UNDONE
+    first = tuple(name for name in specs or campaign_specifications(config) if name not in last)
+    if not first:
+        raise ConfigError(
+            f"--then {', '.join(last)}: is all that is judged; name by --spec what comes first"
+        )
+    return first + last, last

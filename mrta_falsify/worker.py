@@ -135,7 +135,7 @@ class TrialRunner:
                 wall_s=quick.outcome.wall_s,
             )
         judged = self._judge(world, config, scene)
-        jittered = self._jitter(world, config, scene, judged) if judged.failed else None
+        jittered = self._jitter(world, config, scene, judged) if judged.is_sought else None
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
         record = dataclasses.replace(
             record, screening=screening, jittered=jittered, repeated=repeated
@@ -148,11 +148,15 @@ class TrialRunner:
         copies = jittered_worlds(world, self._settings.jittered)
         if not copies:
             return None
-        runs = [self._judge(copy, config, scene) for copy in copies]
+        runs: list[Judged] = []
+        for copy in copies:
+            if is_decided(sum(run.is_sought for run in runs), len(runs), len(copies)):
+                break
+            runs.append(self._judge(copy, config, scene))
         margins = [run.margins for run in (judged, *runs)]
         return Jittered(
             runs=len(runs),
-            failed=sum(run.failed for run in runs),
+            failed=sum(run.is_sought for run in runs),
             objectives={
                 name: float(np.mean([of[name] for of in margins if name in of]))
                 for name in margins[0]
@@ -195,7 +199,12 @@ class TrialRunner:
             verdicts=judged.verdicts,
             objectives=judged.margins,
             descriptors=judged.descriptors,
-            score=-record.jittered.share if record.jittered else search_score(judged.margins),
+            situations=judged.situations,
+            blamed=blamed(judged),
+            is_afterthought=judged.failed and not judged.is_sought,
+            score=-record.jittered.share
+            if record.jittered
+            else search_score(judged.margins, self._settings.then),
             signature=signature(judged.verdicts),
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
             if judged.failed
@@ -220,6 +229,28 @@ class TrialRunner:
         if outcome.told is not None:
             write_told(outcome.told, folder / TOLD_NAME)
         return str((folder / "trace.zip").relative_to(root))
+
+
+def is_decided(failed: int, runs: int, most: int) -> bool:
+    """Whether further copies cannot change whether most of them fail.
+
+    Args:
+        failed: copies that failed.
+        runs: copies that were run.
+        most: copies that would be run.
+    """
+    left = most - runs
+    return 2 * failed > most or 2 * (failed + left) <= most
+
+
+def blamed(judged: Judged) -> tuple[str, ...]:
+    """Name the objects that a search should change first, sorted.
+
+    Of a failure the ones that its leading verdict names, and always those that took part when the
+    run was nearest to a deadlock.
+    """
+    verdict = leading(judged.verdicts)
+    return tuple(sorted({*judged.involved, *(verdict.who if verdict else ())}))
 
 
 def counted_repeats(judged: Judged, runs: Sequence[Judged | None]) -> Repeats:
@@ -255,6 +286,7 @@ def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any 
         scene=scene,
         specifications=specifications_of(settings),
         early_stop=settings.early_stop,
+        then=settings.then,
         limits=settings.limits,
     )
 

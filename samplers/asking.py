@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,8 @@ from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import stream
+
+BLAMED = 4.0  # times as often as others is an object changed that took part
 
 
 @dataclass(slots=True)
@@ -24,13 +27,17 @@ class Counter:
         """Make the random stream of the next proposal."""
         return stream(self.seed, f"sampler/{self.name}/{self.next}")
 
-    def proposal(self, u: Array) -> Proposal:
+    def uniform(self, dimensions: int) -> Proposal:
+        """Propose a point ``(k,)`` drawn evenly from the cube next, whatever has been found."""
+        return self.proposal(self.stream().random(dimensions), uniform=True)
+
+    def proposal(self, u: Array, *, uniform: bool = False) -> Proposal:
         """Propose ``u`` ``(k,)``, cut to [0, 1], next."""
         point = np.clip(u, 0.0, 1.0)
         point.setflags(write=False)
         number = self.next
         self.next += 1
-        return Proposal(number=number, u=point)
+        return Proposal(number=number, u=point, uniform=uniform)
 
 
 @dataclass(slots=True)
@@ -78,14 +85,29 @@ class Mutator:
         for number, block in enumerate(self.blocks):
             self._block_of[list(block)] = number
 
-    def child(self, parent: Array, step: float, random: np.random.Generator) -> Array:
-        """Change a copy of ``parent`` ``(k,)``; ``step`` is the spread of small moves."""
+    def child(
+        self,
+        parent: Array,
+        step: float,
+        random: np.random.Generator,
+        blamed: Collection[int] = (),
+    ) -> Array:
+        """Change a copy of ``parent`` ``(k,)``.
+
+        Args:
+            parent: a realised point.
+            step: spread of small moves.
+            random: drawn from.
+            blamed: blocks of objects that took part in what the parent showed; they are changed
+                ``BLAMED`` times as often as each of the others.
+        """
         u = np.array(parent, dtype=np.float64)
         blocks = self.blocks
         if not blocks:
             return u
         count = min(len(blocks), 1 + int(random.poisson(max(self.mean_blocks - 1.0, 0.0))))
-        for chosen in random.choice(len(blocks), size=count, replace=False):
+        chances = self._chances(blamed) if blamed else None
+        for chosen in random.choice(len(blocks), size=count, replace=False, p=chances):
             block = list(blocks[chosen])
             if random.random() < self.redraw:
                 u[block] = random.random(len(block))
@@ -93,6 +115,13 @@ class Mutator:
             for i in block:
                 u[i] = self._moved(u[i], self.cube.level(i), step, random)
         return u
+
+    def _chances(self, blamed: Collection[int]) -> Array:
+        """Weigh the blocks, ``(b,)``; the sum is 1."""
+        weight = np.ones(len(self.blocks))
+        weight[list(blamed)] = BLAMED
+        chances: Array = weight / weight.sum()
+        return chances
 
     def _moved(self, value: float, levels: int, step: float, random: np.random.Generator) -> float:
         if levels > 0:  # a neighbour means nothing: keep it, or take any other value

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
@@ -53,15 +52,18 @@ class EvolutionSampler:
         young = self._memory.told < options.initial or not parents
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(dimensions))
-        u = self._parent(random)
+        parent = self._parent(random)
+        u = parent.u
         if random.random() < options.crossover:
-            u = self._mutator.crossed(u, self._parent(random), random)
-        return self._counter.proposal(self._mutator.child(u, self._step, random))
+            u = self._mutator.crossed(u, self._parent(random).u, random)
+        return self._counter.proposal(
+            self._mutator.child(u, self._step, random, blamed=parent.blamed)
+        )
 
-    def _parent(self, random: np.random.Generator) -> Array:
+    def _parent(self, random: np.random.Generator) -> Feedback:
         # The better of two: the best are chosen more often, but the others, too.
         first, second = random.integers(len(self._memory.best), size=2)
-        return self._memory.best[int(min(first, second))].u
+        return self._memory.best[int(min(first, second))]
 
     def tell(self, feedback: Feedback) -> None:
         """Take in a result, also of a point that another sampler proposed."""

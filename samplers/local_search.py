@@ -47,7 +47,9 @@ class LocalSearchSampler:
         turn = memory.since_best // options.tries
         anchor = memory.best[min(turn, len(memory.best) - 1)]
         step = float(np.exp(random.uniform(np.log(options.narrowest), np.log(options.widest))))
-        return self._counter.proposal(self._mutator.child(anchor.u, step, random))
+        return self._counter.proposal(
+            self._mutator.child(anchor.u, step, random, blamed=anchor.blamed)
+        )
 
     def tell(self, feedback: Feedback) -> None:
         """Take in a result, also of a point that another sampler proposed."""

@@ -35,7 +35,7 @@ class RandomSampler:
         random = stream(self._options.seed, f"sampler/random/{number}")
         u = random.random(self._options.cube.dimensions)
         u.setflags(write=False)
-        return Proposal(number=number, u=u)
+        return Proposal(number=number, u=u, uniform=True)
 
     def tell(self, feedback: Feedback) -> None:
         """Ignored: the next proposal does not depend on any score."""

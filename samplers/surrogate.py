@@ -117,11 +117,12 @@ class SurrogateSampler:
                 rows.append(random.random(self._options.cube.dimensions))
                 continue
             first, second = random.integers(len(parents), size=2)
-            u = parents[int(min(first, second))].u
+            parent = parents[int(min(first, second))]
+            u = parent.u
             if random.random() < 0.3:
                 u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
             step = float(np.exp(random.uniform(*np.log(STEPS))))
-            rows.append(self._mutator.child(u, step, random))
+            rows.append(self._mutator.child(u, step, random, blamed=parent.blamed))
         return np.array(rows)
 
     def _refit(self) -> None:

@@ -55,7 +55,7 @@ def coverage(p: float, trials: int, campaigns: int, seed: int) -> dict[str, floa
 def real_coverage(directory: Path, trials: int) -> dict[str, float]:
     """Coverage of short campaigns on a real scenario, cut from a long one."""
     campaign = open_campaign(directory)
-    reason = why_no_probability(campaign.settings, stopped_early=False)
+    reason = why_no_probability(campaign.settings, any_uniform=True, stopped_early=False)
     if reason:
         raise SystemExit(f"{directory}: {reason}")
     failed = np.array([record.failed for record in campaign.records if record.status == "ok"])

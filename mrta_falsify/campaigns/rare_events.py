@@ -89,7 +89,7 @@ def estimates_of(campaign: Campaign) -> Estimates:
         while asked < told + settings.window:
             sampler.ask()
             asked += 1
-        sampler.tell(feedback_of(campaign.records[told]))
+        sampler.tell(feedback_of(campaign.records[told], settings.cube))
     return sampler.estimates()
 
 

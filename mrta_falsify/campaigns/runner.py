@@ -16,6 +16,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from mrta_falsify.campaigns.executors import Finished, Job
+from mrta_falsify.campaigns.saturation import Saturation, counts
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import Store, StoreError, decode_record
 from mrta_falsify.core import codec, registry
@@ -23,7 +24,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.feedback import Feedback
+from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
@@ -31,7 +32,7 @@ from mrta_falsify.core.seeding import candidate_seed
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
 MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
-Ended = Literal["budget", "stop-after", "errors"]
+Ended = Literal["budget", "stop-after", "saturated", "errors"]
 
 
 class Executor(Protocol):
@@ -56,11 +57,20 @@ class Progress:
     errors: int = 0
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
-    first_failure: int | None = None  #: simulated candidates until it, itself included
+    afterthoughts: int = 0  #: of the failures, those only in what is looked for last
+    #: simulated candidates until a failure that is sought, itself included
+    first_failure: int | None = None
     best: float = float("inf")  #: smallest score
     by_specification: dict[str, int] = field(default_factory=dict)  #: violations
     rejected_in_a_row: int = 0  #: impossible ones included
     sim_time: float = 0.0  #: simulated [s]
+    saturation: Saturation = field(default_factory=Saturation)  #: of the uniform trials
+
+    @property
+    def is_saturated(self) -> bool:
+        """Whether ``until_saturated`` is reached."""
+        limit = self.limits.until_saturated
+        return limit > 0.0 and self.saturation.unseen().high < limit
 
     @property
     def has_enough(self) -> bool:
@@ -82,6 +92,8 @@ class Progress:
             self.errors += 1
             return
         self.best = min(self.best, record.score)
+        if counts(record):
+            self.saturation.take(record.situations)
         for verdict in record.verdicts:
             if verdict.violated:
                 count = self.by_specification.get(verdict.spec, 0)
@@ -89,7 +101,8 @@ class Progress:
         if record.failed:
             self.failed += 1
             self.wanted += record.wanted
-            if self.first_failure is None:
+            self.afterthoughts += record.is_afterthought
+            if self.first_failure is None and record.is_sought:
                 self.first_failure = self.ran
 
 
@@ -127,12 +140,13 @@ def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
     return options
 
 
-def feedback_of(record: TrialRecord) -> Feedback:
+def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
-    Of a failure with copies it is told the mean margins, so a knife edge looks like the passing
-    worlds around it. The signature of a knife edge differs from that of a robust failure, so a
-    sampler that looks for other kinds of failure leaves knife edges.
+    A failure only in what is looked for last is none to it. Of a failure with copies it is told the
+    mean margins, so a knife edge looks like the passing worlds around it. The signature of a knife
+    edge differs from that of a robust failure, so a sampler that looks for other kinds of failure
+    leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -142,8 +156,10 @@ def feedback_of(record: TrialRecord) -> Feedback:
         score=record.score,
         objectives=record.jittered.objectives if record.jittered else record.objectives,
         descriptors=record.descriptors,
-        failed=record.failed,
-        signature=_kind(record),
+        failed=record.is_sought,
+        signature=_kind(record) if record.is_sought else "",
+        situations=record.situations,
+        blamed=cube.blocks_of(record.blamed),
     )
 
 
@@ -208,6 +224,7 @@ class _Loop:
         self._on_told = on_told
         self._sampler = build_sampler(store.settings)
         self._proposals: dict[int, Array] = {}
+        self._uniform: set[int] = set()  # proposals that were drawn evenly
         self._asked = 0
         self._submitted = 0
         self._retried: set[int] = set()
@@ -233,6 +250,8 @@ class _Loop:
             self._tell(record)
             if progress.has_enough:
                 return "stop-after"
+            if record.uniform and progress.is_saturated:
+                return "saturated"
             if self._own.ran == self._own.errors >= MOST_ERRORS:
                 return "errors"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
@@ -254,6 +273,8 @@ class _Loop:
             if proposal.number != self._asked:
                 raise AssertionError(f"proposal {proposal.number} instead of {self._asked}")
             self._proposals[proposal.number] = proposal.u
+            if proposal.uniform:
+                self._uniform.add(proposal.number)
             self._asked += 1
 
     def _submit(self) -> None:
@@ -286,6 +307,7 @@ class _Loop:
             record = decode_record(finished.record, where=f"trial {number}")
         else:
             record = self._error_record(finished)
+        record = dataclasses.replace(record, uniform=number in self._uniform)
         self._store.add(record)
         self._new.add(number)
         self._on_record(record, True)
@@ -301,7 +323,7 @@ class _Loop:
         )
 
     def _tell(self, record: TrialRecord) -> None:
-        self._sampler.tell(feedback_of(record))
+        self._sampler.tell(feedback_of(record, self._store.settings.cube))
         self._proposals.pop(record.number, None)
         self.progress.take(record)
         if record.number in self._new:

@@ -35,6 +35,7 @@ class TrialSettings:
     sources_digest: str = ""  #: of the program with all it imports, "" : not checked
     stack: StackConfig = StackConfig()
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
+    then: tuple[str, ...] = later(())  #: of them, those that are looked for last
     seed: int = quantity(low=0, default=0, text="Same seed, same candidates.")
     mode: Mode = quantity(
         default="repair",
@@ -49,8 +50,8 @@ class TrialSettings:
         low=0,
         high=MOST_COPIES,
         default=0,
-        text="Runs of each failing world with small differences; then the search goes for "
-        "failures that most of them share, and only these count for --stop-after.",
+        text="Runs of each failing world with small differences, at most; then the search goes "
+        "for failures that most of them share, and only these count for --stop-after.",
     )
     verify: int = quantity(
         low=0,
@@ -123,6 +124,13 @@ class Limits:
     )
     stop_after: int = quantity(
         low=0, default=0, text="Failures to stop at; 0 runs the whole budget."
+    )
+    until_saturated: float = quantity(
+        low=0.0,
+        high=1.0,
+        default=0.0,
+        text="Stop once the chance that another uniform trial shows a situation not seen yet is "
+        "below this, by the upper end of its 95 % interval; 0 runs the whole budget.",
     )
     rejected_in_a_row: int = quantity(low=1, default=200)  #: after which to give up
 

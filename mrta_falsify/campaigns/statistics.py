@@ -1,9 +1,10 @@
 """How likely is a violation? Intervals that cover as often as they say.
 
 Only draws from the scenario's own distribution say anything about a probability. So scenes must
-be accepted as Scenic would (mode ``exact``), and the sampler must be ``random``, or one that
-estimates the probability itself (:mod:`~mrta_falsify.campaigns.rare_events`). A search that looks
-for failures finds more of them than there are, and gets no interval.
+be accepted as Scenic would (mode ``exact``), and only trials count that were drawn evenly: all of
+``random``, one in five of ``auto``. A sampler may also estimate the probability itself
+(:mod:`~mrta_falsify.campaigns.rare_events`). A search that looks for failures finds more of them
+than there are.
 """
 
 from __future__ import annotations
@@ -19,24 +20,32 @@ GRID = 1024  # points at which an end of the interval is looked for, per refinem
 
 
 def why_no_probability(
-    settings: CampaignSettings, *, stopped_early: bool, is_estimating: bool = False
+    settings: CampaignSettings,
+    *,
+    any_uniform: bool,
+    stopped_early: bool,
+    is_estimating: bool = False,
 ) -> str:
     """Say why the trials of a campaign allow no interval; empty if they do.
 
     Args:
         settings: of the campaign.
+        any_uniform: whether trials are drawn evenly, whatever has been found.
         stopped_early: whether what was found decided how many trials there are.
         is_estimating: whether the sampler estimates the probability itself.
     """
-    if settings.sampler.name != "random" and not is_estimating:
+    if not any_uniform and not is_estimating:
         return (
-            f"sampler {settings.sampler.name} looks for failures; use --sampler random, or "
-            "splitting if they are rare"
+            f"sampler {settings.sampler.name} looks for failures; use --sampler random, or auto, "
+            "of which one trial in five counts, or splitting if failures are rare"
         )
     if settings.trials.mode != "exact":
         return "repaired scenes do not have the scenario's distribution; use --mode exact"
     if stopped_early:
-        return "the campaign stopped because of what it found; run it without --stop-after"
+        return (
+            "the campaign stopped because of what it found; run it without --stop-after and "
+            "--until-saturated"
+        )
     return ""
 
 

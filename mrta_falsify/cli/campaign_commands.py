@@ -21,6 +21,7 @@ from mrta_falsify.cli.options import (
     param_option,
     spec_option,
     stack_options,
+    then_option,
     workers_option,
 )
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 @click.option("--executor", metavar="NAME", help="Instead of local processes.")
 @stack_options
 @spec_option
+@then_option
 @param_option
 @click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
 @format_option

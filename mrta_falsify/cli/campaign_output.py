@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.probability import Probability
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.verbs.campaign import CampaignResult
-    from mrta_falsify.verbs.campaign_summary import FailureMode
+    from mrta_falsify.verbs.campaign_summary import CampaignSummary, FailureMode
 
 LINES = 10  # of progress in a pipe, per campaign
 SHOWN_IDS = 6  # trials named per failure mode
@@ -46,8 +46,8 @@ class CampaignWatch:
     def on_record(self, record: TrialRecord, is_new: bool) -> None:
         """Announce the first failure, and errors of the toolkit."""
         announced = self._announced
-        if record.failed and "failure" not in announced and (record.wanted or not announced):
-            kind = "failure" if record.wanted else "knife edge"
+        kind = _announced_kind(record)
+        if kind and kind not in announced and "failure" not in announced:
             announced.add(kind)
             counted = [str(one) for one in (record.repeated, record.jittered) if one]
             copies = f" ({'; '.join(counted)})" if counted else ""
@@ -82,6 +82,15 @@ class CampaignWatch:
             self._bar.console.print(text)
         else:
             output.say(text)
+
+
+def _announced_kind(record: TrialRecord) -> str:
+    """Say what a trial is the first of; empty if it did not fail."""
+    if not record.failed:
+        return ""
+    if record.is_afterthought:
+        return "failure only in what is looked for last"
+    return "failure" if record.wanted else "knife edge"
 
 
 def _new_bar() -> Any:
@@ -129,14 +138,15 @@ def print_campaign(result: CampaignResult) -> None:
         repeat_sentence,
         summarise_campaign,
         unjudged_sentences,
+        unseen_sentence,
     )
 
     out = output.stdout()
     data = summarise_campaign(result)
     out.print(
-        f"{data.ran} trials ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s), "
-        f"{data.failed} failed, {data.rejected} scenes rejected, {data.impossible} impossible, "
-        f"{data.errors} errors; "
+        f"{data.ran} trials ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
+        f"{data.deadlocks} with a deadlock, {_other_failures(data)}; "
+        f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
     )
     if data.ended == "errors":
@@ -151,8 +161,9 @@ def print_campaign(result: CampaignResult) -> None:
             f"{data.screening.failed_in_screening} failures of the kinematic engine"
         )
     if data.robust is not None:
+        sought = data.failed - data.afterthoughts
         out.print(
-            f"with small differences most copies fail too: {data.robust} of {data.failed} failures"
+            f"with small differences most copies fail too: {data.robust} of {sought} failures"
         )
     if data.repeated is not None:
         out.print(repeat_sentence(data.repeated))
@@ -166,7 +177,16 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(f"no violation found; closest call: score {data.best_score:+.3f}")
     if not isinstance(data.probability, NoProbability) and data.probability.trials:
         _print_probability(data.probability)
+    if data.unseen is not None:
+        out.print(unseen_sentence(data.unseen))
     out.print(f"campaign: {data.directory}")
+
+
+def _other_failures(data: CampaignSummary) -> str:
+    """Count the failures without a deadlock, those that are looked for last apart."""
+    others = data.failed - data.deadlocks - data.afterthoughts
+    last = f", {data.afterthoughts} only in {' or '.join(data.then)}" if data.then else ""
+    return f"{others} failed otherwise{last}"
 
 
 def _print_modes(modes: tuple[FailureMode, ...]) -> None:

@@ -200,6 +200,18 @@ def spec_option(command: Command) -> Command:
     )(command)
 
 
+def then_option(command: Command) -> Command:
+    """Add repeatable ``--then NAME``, what is looked for last, as ``then``."""
+    return click.option(
+        "--then",
+        "then",
+        multiple=True,
+        metavar="NAME",
+        help="Look for violations of this specification last. Repeatable; default: deadlines and "
+        "all_tasks_done, or none with --spec.",
+    )(command)
+
+
 def param_option(command: Command) -> Command:
     """Add repeatable ``-p NAME=VALUE`` for Scenic's global parameters, as ``params``."""
     return click.option(

@@ -41,6 +41,7 @@ class Proposal:
 
     number: int  #: position in the campaign, from 0
     u: Array  #: (k,) in [0, 1]
+    uniform: bool = False  #: drawn evenly from the whole cube, whatever had been found before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

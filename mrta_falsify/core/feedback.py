@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Literal
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import SearchSpace
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 
+#: an objective that no specification has: how near a run came to a deadlock
+NEAR_DEADLOCK = "near_deadlock"
+#: a narrow place used against each other by a hair is as near as a cycle that just closed
+ENCROACHMENT_COUNTS = 0.5
 #: how a proposal ended, as a sampler sees it
 Fate = Literal["judged", "rejected"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cube:
-    """The unit cube [0, 1]^k as a sampler sees it: no names, but what belongs together."""
+    """The unit cube [0, 1]^k as a sampler sees it: coordinates, and what belongs together."""
 
     dimensions: int = quantity(low=0, default=0)  #: k
     levels: tuple[int, ...] = ()  #: values of a discrete coordinate, 0: continuous; () : all are
     groups: tuple[int, ...] = ()  #: coordinates of one object share a number; (): none do
+    owners: tuple[str, ...] = later(())  #: names of the objects by number; (): not known
 
     def level(self, i: int) -> int:
         """Count the values of coordinate ``i``, 0: continuous."""
@@ -34,6 +40,14 @@ class Cube:
             found.setdefault(group, []).append(i)
         return tuple(tuple(block) for block in found.values())
 
+    def blocks_of(self, names: Collection[str]) -> tuple[int, ...]:
+        """Find the blocks of named objects; ``tasks[3]`` stands for all of its fields."""
+        return tuple(
+            number
+            for number, owner in enumerate(self.owners)
+            if any(owner == name or owner.startswith(f"{name}[") for name in names)
+        )
+
 
 def cube_of(space: SearchSpace) -> Cube:
     """Build the cube of a search space; a dimension's object is its name up to the first dot."""
@@ -46,6 +60,7 @@ def cube_of(space: SearchSpace) -> Cube:
             for dimension in space.dimensions
         ),
         groups=tuple(numbers[owner] for owner in owners),
+        owners=tuple(numbers),
     )
 
 
@@ -64,8 +79,18 @@ class Feedback:
     score: float = 0.0  #: smaller is closer to a violation; meaningless unless judged
     objectives: dict[str, float] = field(default_factory=dict)  #: by specification
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
-    failed: bool = False  #: a specification is violated
+    failed: bool = False  #: a specification is violated that the search is for
     signature: str = ""  #: of the failure mode, empty: no failure
+    situations: tuple[str, ...] = ()  #: what happened, by name
+    blamed: tuple[
+        int, ...
+    ] = ()  #: blocks of the cube that took part when it was nearest to failing
+
+    @property
+    def nearness(self) -> float:
+        """How near the run came to a deadlock, 1 being nearest; 0 where that is not described."""
+        cycle = self.descriptors.get("cycle", 0.0)
+        return max(cycle, ENCROACHMENT_COUNTS * self.descriptors.get("encroachment", 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -91,6 +91,12 @@ class TrialRecord:
     verdicts: tuple[Verdict, ...] = ()  #: those that the executed part decides
     objectives: dict[str, float] = field(default_factory=dict)  #: see specs.objectives
     descriptors: dict[str, float] = field(default_factory=dict)
+    situations: tuple[str, ...] = later(())  #: what happened, see specs.situations
+    #: objects that took part when the run was nearest to a deadlock, or in its failure
+    blamed: tuple[str, ...] = later(())
+    uniform: bool = later(False)  #: proposed evenly from the whole cube, whatever had been found
+    #: fails only in what the campaign looks for last
+    is_afterthought: bool = later(False)
     score: float = 0.0  #: what the search minimises
     signature: str = ""  #: of the failure mode, empty if nothing failed
     layer: str = ""  #: suspected, empty if not attributed
@@ -132,8 +138,16 @@ class TrialRecord:
 
     @property
     def wanted(self) -> bool:
-        """Whether it is a failure as the campaign wants them: robust, where it asks for copies."""
-        return self.failed and (self.jittered is None or self.jittered.robust)
+        """Whether it is a failure as the campaign wants them.
+
+        Not in what it looks for last, and robust where it asks for copies.
+        """
+        return self.is_sought and (self.jittered is None or self.jittered.robust)
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether it fails in what the campaign looks for first, robust or not."""
+        return self.failed and not self.is_afterthought
 
 
 @functools.cache

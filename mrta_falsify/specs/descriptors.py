@@ -7,7 +7,11 @@ run showed. All of them lie in [0, 1] and exist for every run, failing or not:
         two robots, if no robot waited), as a share of the bounds;
     ``robots``: how many robots were blocked at the worst moment, as a share of the fleet;
     ``cause``: what blocked the robot that waited longest, by ``CAUSES``;
-    ``wait``: how long it waited, 60 s or more being 1.
+    ``wait``: how long it waited, 60 s or more being 1;
+    ``cycle``, ``encroachment``: how near it came to a deadlock (:mod:`.near_deadlock`).
+
+Beside them stand the situations of a run (:mod:`.situations`), and who took part when it was
+nearest to a deadlock: what a search changes first.
 """
 
 from __future__ import annotations
@@ -15,12 +19,15 @@ from __future__ import annotations
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.feedback import ENCROACHMENT_COUNTS
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.near_deadlock import AlmostCycles, Encroachments
+from mrta_falsify.specs.situations import Situations
 
 #: resources and obstacles told apart, in the order of the descriptor ``cause``
 CAUSES = ("none", "cluster", "barrier", "queue", "no-path", "wall", "human", "stalled")
-NAMES = ("x", "y", "robots", "cause", "wait")
+NAMES = ("x", "y", "robots", "cause", "wait", "cycle", "encroachment")
 LONGEST_WAIT = 60.0  # s; longer waits have the same descriptor
 DESCRIBE_EVERY = 0.5  # s between two looks
 
@@ -29,7 +36,12 @@ class Descriptors:
     """Folds frames into the descriptors of a run; one object per episode."""
 
     def __init__(self, world: World, dt: float) -> None:
+        self._world = world
         self._bounds = world.bounds
+        self._cycles = AlmostCycles(world)
+        self._encroachments = Encroachments(world)
+        self._situations = Situations(world)
+        self._tasks: dict[int, set[int]] = {}  # told of, by robot
         self._robots = max(len(world.robots), 1)
         self._stride = max(1, round(DESCRIBE_EVERY / dt))
         self._since = np.full(len(world.robots), np.nan)  # blocked since [s], nan: is not
@@ -42,8 +54,16 @@ class Descriptors:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
+        if frame.events:
+            self._situations.update_events(frame)
+            for event in frame.events:
+                if event.robot >= 0 and event.task >= 0:
+                    self._tasks.setdefault(event.robot, set()).add(event.task)
         if sensed.tick % self._stride:
             return
+        self._situations.update_waits(frame)
+        self._cycles.update(frame)
+        self._encroachments.update(frame)
         causes = {edge.robot: edge.cause for edge in frame.blocked_by if edge.cause != "task"}
         for i in range(len(self._since)):
             if i not in causes:
@@ -78,4 +98,31 @@ class Descriptors:
             "robots": self._blocked / self._robots,
             "cause": CAUSES.index(known) / (len(CAUSES) - 1),
             "wait": min(self._wait / LONGEST_WAIT, 1.0),
+            "cycle": self._cycles.nearest.closeness,
+            "encroachment": self._encroachments.nearest.closeness,
         }
+
+    def situations(self) -> tuple[str, ...]:
+        """List what has happened to date, sorted (see :mod:`.situations`)."""
+        return tuple(sorted(self._situations.seen))
+
+    def involved(self) -> tuple[str, ...]:
+        """Name who took part when the run was nearest to a deadlock, sorted.
+
+        Robots, people and things by their names, tasks of these robots as ``tasks[3]``.
+        """
+        cycle, encroachment = self._cycles.nearest, self._encroachments.nearest
+        near = (
+            cycle
+            if cycle.closeness >= ENCROACHMENT_COUNTS * encroachment.closeness
+            else encroachment
+        )
+        world = self._world
+        names = {world.robots[robot].name for robot in near.robots}
+        names |= {f"tasks[{task}]" for i in near.robots for task in self._tasks.get(i, ())}
+        for edge in near.edges:
+            if edge.cause == "human" and edge.other >= 0:
+                names.add(world.humans[edge.other].name)
+            if edge.robot in near.robots and edge.cause in ("wall", "no-path") and edge.resource:
+                names.add(edge.resource)
+        return tuple(sorted(names))

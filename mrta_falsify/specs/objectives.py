@@ -9,7 +9,7 @@ specification cannot tell safe from safer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from mrta_falsify.core.verdict import Verdict
 
@@ -35,6 +35,7 @@ SCALES: dict[str, float] = {
     "repeatable": 1.0,
 }
 MEAN_SHARE = 0.1  # of the mean margin in the score
+LAST_COUNTS = 0.5  # of what is looked for last
 
 
 def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
@@ -52,17 +53,22 @@ def _margin(verdict: Verdict) -> float:
     return min(max(share, 0.0), 1.0)
 
 
-def search_score(margins: dict[str, float]) -> float:
+def search_score(margins: dict[str, float], then: Collection[str] = ()) -> float:
     """Combine margins into one number to minimise; below 0 only if a specification is violated.
 
     Args:
         margins: by specification, as of :func:`objectives`. Without any, nothing was judged,
             and the score is that of the safest run.
+        then: specifications that are looked for last: they count half, and never below 0.
     """
     if not margins:
         return 1.0
-    worst = min(margins.values())
+    counted = [
+        LAST_COUNTS * max(margin, 0.0) + 1.0 - LAST_COUNTS if name in then else margin
+        for name, margin in margins.items()
+    ]
+    worst = min(counted)
     if worst < 0.0:
         return worst
-    mean = sum(margins.values()) / len(margins)
+    mean = sum(counted) / len(counted)
     return (1.0 - MEAN_SHARE) * worst + MEAN_SHARE * mean

@@ -58,6 +58,7 @@ def campaign(
     *,
     budget: int = DEFAULT_LIMITS.budget,
     stop_after: int = DEFAULT_LIMITS.stop_after,
+    until_saturated: float = DEFAULT_LIMITS.until_saturated,
     sampler: Choice | str = DEFAULTS.sampler.name,
     seed: int = DEFAULTS.trials.seed,
     workers: int | None = None,
@@ -65,6 +66,7 @@ def campaign(
     stack: Stack | None = None,
     settings: Sequence[str] = (),
     specs: Sequence[str] = (),
+    then: Sequence[str] = (),
     params: Params = (),
     mode: Mode = DEFAULTS.trials.mode,
     screen: bool = DEFAULTS.trials.screen,
@@ -85,6 +87,7 @@ def campaign(
         output: directory of the campaign, empty or missing.
         budget: simulated candidates.
         stop_after: failures to stop at; 0 runs the whole budget.
+        until_saturated: chance of a situation not seen yet to stop at; 0 runs the whole budget.
         sampler: registered name, or a choice with options.
         seed: of the campaign; same seed, same candidates.
         workers: processes; one per core if None. Changes no result.
@@ -92,6 +95,8 @@ def campaign(
         stack: the stack under test, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
+        then: specifications that are looked for last: they end no trial early, have no copies and
+            do not count for ``stop_after``; deadlines and undone tasks if both are empty.
         params: Scenic's global parameters to override.
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
@@ -108,13 +113,14 @@ def campaign(
     Raises:
         InputError: anything of it is wrong; a directory that holds something.
     """
-    limits = Limits(budget=budget, stop_after=stop_after)
+    limits = Limits(budget=budget, stop_after=stop_after, until_saturated=until_saturated)
     chosen = new_settings(
         scenario,
         output=output,
         stack=stack,
         settings=settings,
         specs=specs,
+        then=then,
         params=params,
         sampler=sampler,
         seed=seed,
@@ -143,6 +149,7 @@ def resume_campaign(
     *,
     budget: int | None = None,
     stop_after: int = DEFAULT_LIMITS.stop_after,
+    until_saturated: float = DEFAULT_LIMITS.until_saturated,
     workers: int | None = None,
     executor: str | None = None,
     on_record: OnRecord = lambda record, is_new: None,
@@ -155,6 +162,7 @@ def resume_campaign(
         directory: of the campaign.
         budget: simulated candidates, those already stored included; the campaign's own if None.
         stop_after: failures to stop at; 0 runs the whole budget.
+        until_saturated: chance of a situation not seen yet to stop at; 0 runs the whole budget.
         workers: processes; one per core if None.
         executor: registered name; local processes if None.
         on_record: called when a record is durable, with whether it is new.
@@ -166,7 +174,11 @@ def resume_campaign(
     """
     place = chosen_executor(executor, workers)
     with Store.resume(Path(directory)) as store:
-        limits = Limits(budget=budget or _own_budget(store, on_note), stop_after=stop_after)
+        limits = Limits(
+            budget=budget or _own_budget(store, on_note),
+            stop_after=stop_after,
+            until_saturated=until_saturated,
+        )
         store.keep_budget(limits.budget)
         return run_store(store, limits, place, on_record=on_record, on_told=on_told)
 

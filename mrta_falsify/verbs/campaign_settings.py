@@ -13,7 +13,7 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.trial import Job, campaign_specifications, run_first_tick
+from mrta_falsify.trial import Job, looked_for, run_first_tick
 from mrta_falsify.verbs.folders import Place, located
 from mrta_falsify.verbs.programs import Params, check_params, parse_params
 from mrta_falsify.verbs.stacks import Stack, load_stack
@@ -30,6 +30,7 @@ def new_settings(
     stack: Stack | None = None,
     settings: Sequence[str] = (),
     specs: Sequence[str] = (),
+    then: Sequence[str] = (),
     params: Params = (),
     sampler: Choice | str = DEFAULTS.sampler.name,
     seed: int = DEFAULTS.trials.seed,
@@ -50,6 +51,7 @@ def new_settings(
         stack: the stack under test, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
+        then: specifications that are looked for last; deadlines and undone tasks if both are empty.
         params: Scenic's global parameters to override.
         sampler: registered name, or a choice with options.
         seed: of the campaign; candidate n gets its own from it.
@@ -66,11 +68,13 @@ def new_settings(
         InputError: anything of it is wrong.
     """
     config = load_stack(stack, settings)
+    specifications, last = looked_for(specs, then, config)
     trials = TrialSettings(
         scenario=str(scenario),
         params=parse_params(params),
         stack=config,
-        specifications=tuple(specs) or campaign_specifications(config),
+        specifications=specifications,
+        then=last,
         seed=seed,
         mode=mode,
         screen=screen,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.rare_events import estimated_probability, is_estimating
+from mrta_falsify.campaigns.saturation import Unseen, unseen_of
 from mrta_falsify.campaigns.statistics import (
     failure_probability,
     why_no_probability,
@@ -14,6 +16,7 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.specs.causes import DEADLOCK
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
@@ -28,6 +31,7 @@ class FailureMode:
     signature: str
     count: int
     ids: tuple[str, ...]  #: of the trials; knife edges last, so that the first is worth a look
+    is_afterthought: bool = later(False)  #: only in what the campaign looks for last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +81,10 @@ class CampaignSummary:
     ended: str
     directory: str
     repeated: RepeatCounts | None = later(None)  #: of a stack in a process of its own
+    deadlocks: int = later(0)  #: of the failures
+    afterthoughts: int = later(0)  #: of the failures, those only in what is looked for last
+    then: tuple[str, ...] = later(())  #: what is looked for last
+    unseen: Unseen | None = later(None)  #: None without uniform trials
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
@@ -85,7 +93,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
     if result.ended == "interrupted":
         probability: Probability | NoProbability = NoProbability(why_not=INTERRUPTED)
     else:
-        stopped_early = bool(progress.limits.stop_after)
+        stopped_early = bool(progress.limits.stop_after) or result.ended == "saturated"
         probability = probability_of(campaign, stopped_early=stopped_early)
     return CampaignSummary(
         budget=progress.limits.budget,
@@ -107,6 +115,33 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         ended=result.ended,
         directory=str(campaign.directory),
         repeated=repeat_counts(campaign),
+        deadlocks=deadlock_count(campaign),
+        afterthoughts=progress.afterthoughts,
+        then=campaign.settings.trials.then,
+        unseen=unseen_in(campaign),
+    )
+
+
+def deadlock_count(campaign: Campaign) -> int:
+    """Count the trials with a deadlock."""
+    return sum(
+        any(verdict.violated and verdict.spec == DEADLOCK for verdict in record.verdicts)
+        for record in campaign.records
+    )
+
+
+def unseen_in(campaign: Campaign) -> Unseen | None:
+    """Estimate which part of what can happen has not been seen; None without uniform trials."""
+    found = unseen_of(campaign.records)
+    return found if found.trials else None
+
+
+def unseen_sentence(found: Unseen) -> str:
+    """Say how probably another uniform trial shows a situation that none has shown."""
+    return (
+        f"{found.situations} situations in {found.trials} uniform trials; chance that another one "
+        f"shows a new situation: {found.estimate:.2f}, {found.level:.0%} interval "
+        f"[{found.low:.2f}, {found.high:.2f}] ({found.method})"
     )
 
 
@@ -139,19 +174,45 @@ def probability_of(
         stopped_early: whether what was found decided how many trials there are.
     """
     estimating = is_estimating(campaign.settings)
+    uniform = uniform_trials(campaign)
     reason = why_no_probability(
-        campaign.settings, stopped_early=stopped_early, is_estimating=estimating
+        campaign.settings,
+        any_uniform=bool(uniform) or campaign.settings.sampler.name == "random",
+        stopped_early=stopped_early,
+        is_estimating=estimating,
     )
     if reason:
         return NoProbability(why_not=reason)
     if estimating:
         return estimated_probability(campaign)
-    judged = [record for record in campaign.records if record.status == "ok"]
-    undecided = sum(record.status in ("crashed", "timeout") for record in campaign.records)
-    undecided += sum(not record.failed and has_unjudged(record) for record in judged)
-    judged = [record for record in judged if record.failed or not has_unjudged(record)]
-    failed = sum(record.failed for record in judged)
-    return failure_probability(failed, len(judged), undecided=undecided)
+    judged = [record for record in uniform if record.status == "ok"]
+    undecided = sum(record.status in ("crashed", "timeout") for record in uniform)
+    undecided += sum(not record.is_sought and has_unjudged(record) for record in judged)
+    judged = [record for record in judged if record.is_sought or not has_unjudged(record)]
+    failed = sum(record.is_sought for record in judged)
+    found = failure_probability(failed, len(judged), undecided=undecided)
+    return dataclasses.replace(found, note=_what_counts(campaign, len(uniform)))
+
+
+def uniform_trials(campaign: Campaign) -> list[TrialRecord]:
+    """List the trials that were drawn evenly; of ``random`` all were, also in older versions."""
+    is_random = campaign.settings.sampler.name == "random"
+    return [record for record in campaign.records if record.uniform or is_random]
+
+
+def _what_counts(campaign: Campaign, uniform: int) -> str:
+    """Say which trials and violations a probability leaves out; empty if none."""
+    parts = []
+    if uniform < len(campaign.records):
+        parts.append("of the trials that were drawn evenly")
+    then = campaign.settings.trials.then
+    if then:
+        parts.append(f"{' and '.join(then)}, looked for last, {_do(len(then))} not count")
+    return "; ".join(parts)
+
+
+def _do(count: int) -> str:
+    return "does" if count == 1 else "do"
 
 
 def has_unjudged(record: TrialRecord) -> bool:
@@ -184,15 +245,29 @@ def unjudged_sentences(campaign: Campaign) -> tuple[str, ...]:
 
 
 def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
-    """Group failures by signature, most frequent first."""
-    groups: dict[str, list[str]] = {}
+    """Group failures by signature: deadlocks, other failures, then what is looked for last.
+
+    Each with the most frequent first.
+    """
+    groups: dict[str, list[TrialRecord]] = {}
     for record in sorted(campaign.records, key=lambda record: not record.wanted):
         if record.failed:
-            groups.setdefault(record.signature, []).append(record.id)
-    ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
-    return tuple(
-        FailureMode(signature=name, count=len(ids), ids=tuple(ids)) for name, ids in ordered
-    )
+            groups.setdefault(record.signature, []).append(record)
+    found = [
+        FailureMode(
+            signature=name,
+            count=len(records),
+            ids=tuple(record.id for record in records),
+            is_afterthought=records[0].is_afterthought,
+        )
+        for name, records in groups.items()
+    ]
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(mode: FailureMode) -> tuple[bool, bool, int, str]:
+    is_deadlock = mode.signature.split("/")[0] == DEADLOCK
+    return mode.is_afterthought, not is_deadlock, -mode.count, mode.signature
 
 
 def screening_agreement(campaign: Campaign) -> ScreeningAgreement | None:

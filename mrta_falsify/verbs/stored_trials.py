@@ -186,5 +186,6 @@ def job_of(campaign: Campaign, record: TrialRecord) -> Job:
         config=stack_of(settings, record),
         specifications=specifications_of(settings),
         early_stop=True,
+        then=settings.then,
         limits=settings.limits,
     )

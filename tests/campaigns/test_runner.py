@@ -74,7 +74,7 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
     with Store.create(tmp_path, settings(jittered=8, dimensions=2)) as store:
         progress, ended = _run(store, budget=500, stop_after=4)
         for record in store.campaign().records[: progress.told]:
-            told.append((record, feedback_of(record)))
+            told.append((record, feedback_of(record, store.settings.cube)))
     assert ended == "stop-after"
     assert progress.wanted == 4 < progress.failed
     for record, feedback in told:

@@ -58,6 +58,8 @@ def test_without_trials_nothing_is_known():
 
 def test_a_search_gets_no_interval_and_is_told_why():
     assert "looks for failures" in why_no_probability(
-        settings(sampler=Choice("evolution")), stopped_early=False
+        settings(sampler=Choice("evolution")), any_uniform=False, stopped_early=False
     )
-    assert "repaired scenes" in why_no_probability(settings(), stopped_early=False)
+    assert "repaired scenes" in why_no_probability(
+        settings(), any_uniform=True, stopped_early=False
+    )

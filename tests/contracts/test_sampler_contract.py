@@ -118,8 +118,9 @@ def test_nothing_but_rejections_does_not_stop_it_either(name):
     assert len(np.unique(np.array(points).round(9), axis=0)) > 50
 
 
-# VerifAI's learn from violations alone, splitting from levels: neither climbs a slope
-SPREADING = {"random", "halton", "sobol", "splitting", "verifai_ce", "verifai_mab"}
+# VerifAI's learn from violations alone, splitting from levels, situations from what is new: none
+# of them climbs a slope
+SPREADING = {"random", "halton", "sobol", "situations", "splitting", "verifai_ce", "verifai_mab"}
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_halton"})
 HEAVY = ("auto", "surrogate", "tpe")  # each learns for seconds
 
@@ -158,8 +159,15 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
             Dimension(name="bed_1.yaw", kind="range"),
         )
     )
-    assert cube_of(space) == Cube(dimensions=4, levels=(0, 0, 6, 0), groups=(0, 0, 1, 0))
+    assert cube_of(space) == Cube(
+        dimensions=4,
+        levels=(0, 0, 6, 0),
+        groups=(0, 0, 1, 0),
+        owners=("bed_1", "tasks[0][1]"),
+    )
     assert cube_of(space).blocks() == ((0, 1, 3), (2,))
+    assert cube_of(space).blocks_of({"tasks[0]", "robot1"}) == (1,)
+    assert cube_of(space).blocks_of({"bed_1", "tasks[0][1]", "bed"}) == (0, 1)
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if isinstance(build(n), SkippingSampler)])

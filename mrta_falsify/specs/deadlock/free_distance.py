@@ -27,13 +27,13 @@ class FreeDistance:
     """Distances along free space to goals of one world; keeps the maps of the last goals."""
 
     world: World
-    _free: BoolArray = field(init=False)
+    free: BoolArray = field(init=False)  #: (rows, cols) cells free of fixed solids
     _west: float = field(init=False)  #: [m]
     _south: float = field(init=False)  #: [m]
     _maps: dict[tuple[int, int], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._free = SolidGrid(self.world).lasting_free()
+        self.free = SolidGrid(self.world).lasting_free()
         self._west, self._south = self.world.bounds[:2].tolist()
 
     def between(self, position: Array, goal: Array) -> float:
@@ -60,14 +60,14 @@ class FreeDistance:
         cell = self._cell(goal)
         found = self._maps.pop(cell, None)
         if found is None:
-            found = _distances(self._free, *cell, GRID_CELL)
+            found = _distances(self.free, *cell, GRID_CELL)
             if len(self._maps) >= max(MOST_MAPS, 2 * len(self.world.robots)):
                 del self._maps[next(iter(self._maps))]
         self._maps[cell] = found  # the last one used is the last one
         return found
 
     def _cell(self, point: Array) -> tuple[int, int]:
-        rows, cols = self._free.shape
+        rows, cols = self.free.shape
         x, y = point.tolist()
         row = math.floor((y - self._south) / GRID_CELL)
         col = math.floor((x - self._west) / GRID_CELL)

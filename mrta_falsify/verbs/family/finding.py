@@ -167,6 +167,7 @@ def _reference_stack(campaign: Campaign, record: TrialRecord) -> StackConfig:
             config=quick,
             specifications=specifications_of(settings),
             early_stop=True,
+            then=settings.then,
             limits=settings.limits,
         )
         if signature(judge(job, keep_trace=False).verdicts) == signature(record.verdicts):

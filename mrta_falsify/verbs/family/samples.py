@@ -91,6 +91,7 @@ class SampleRuns:
             config=self.config,
             specifications=specifications_of(self.settings),
             early_stop=True,
+            then=self.settings.then,
             scene=realised.scene,
             limits=self.settings.limits,
         )

@@ -9,8 +9,11 @@ from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_summary import (
     NoProbability,
+    deadlock_count,
     probability_of,
     screening_agreement,
+    unseen_in,
+    unseen_sentence,
 )
 from reports.contents import ErrorKind
 
@@ -31,11 +34,14 @@ def facts_of(
     statuses = Counter(record.status for record in campaign.records)
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
     computed = sum(record.wall_s + record.scene_s for record in campaign.records)
-    first = next((i for i, record in enumerate(judged, start=1) if record.failed), None)
+    first = next((i for i, record in enumerate(judged, start=1) if record.is_sought), None)
+    last = sum(record.is_afterthought for record in failed)
     facts = [
         ("scenario", settings.trials.scenario),
         ("trials", str(len(judged))),
-        ("failures", str(len(failed))),
+        ("deadlocks", str(deadlock_count(campaign))),
+        ("other failures", str(len(failed) - deadlock_count(campaign) - last)),
+        *([(f"only {' or '.join(settings.trials.then)}", str(last))] if last else []),
         ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
         ("scenes rejected", str(statuses["rejected"])),
         ("impossible worlds", str(statuses["impossible"])),
@@ -54,7 +60,13 @@ def facts_of(
 
 
 def notes_of(campaign: Campaign) -> tuple[str, ...]:
-    """Say how likely a violation is, or why that is not known."""
+    """Say how likely a violation is, or why that is not known, and how much is still unseen."""
+    unseen = unseen_in(campaign)
+    seen = (f"{unseen_sentence(unseen)}.",) if unseen is not None else ()
+    return _chance_notes(campaign) + seen
+
+
+def _chance_notes(campaign: Campaign) -> tuple[str, ...]:
     chance = probability_of(campaign)
     if isinstance(chance, NoProbability):
         return (f"No probability of failure is given: {chance.why_not}.",)
