@@ -84,7 +84,7 @@ class Pair:
             str(HERE / "scenarios" / f"{self.scenario}.scenic"),
             output=directory,
             stack=self.stack,
-            specs=self.specifications,
+            specs=self.specifications or campaign_specifications(self.stack),
             window=1,  # a search runs in one process: nothing has to run ahead
             jittered=options.jittered,
         )

@@ -18,6 +18,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.explaining import explain_job
+from mrta_falsify.worker import blamed
 
 DELIVERED = "dropped-off"  # event of the stack at a delivery
 #: CPU time for one tick in an explanation [s]; ten times what the slowest shipped stack takes.
@@ -38,6 +39,8 @@ def run(request: dict[str, Any]) -> dict[str, Any]:
         "score": search_score(judged.margins),
         "objectives": judged.margins,
         "descriptors": judged.descriptors,
+        "situations": judged.situations,
+        "blamed": blamed(judged),
         "costs": costs_of(outcome.trace),
         "digest": outcome.trace.digest,
         "sim_s": outcome.sim_time,

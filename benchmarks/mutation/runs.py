@@ -29,6 +29,8 @@ class Run:
     score: float = 0.0
     objectives: dict[str, float] = field(default_factory=dict)
     descriptors: dict[str, float] = field(default_factory=dict)
+    situations: tuple[str, ...] = ()
+    blamed: tuple[str, ...] = ()  #: objects that took part
     costs: dict[str, float] = field(default_factory=dict)  #: way [m], time [s], calls
     digest: str = ""  #: of the trace
     sim_s: float = 0.0  #: simulated

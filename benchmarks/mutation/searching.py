@@ -77,6 +77,7 @@ class Lane:
         trials = TrialSettings(scenario=source.place, seed=plan.seed, jittered=JITTERED)
         settings = CampaignSettings(trials=trials, sampler=Choice(plan.sampler), cube=cube)
         self.source = source
+        self.cube = cube
         self.stack = stack_of(source.settings)
         self.sampler: Sampler = build_sampler(settings)
         self._seed = plan.seed
@@ -216,6 +217,8 @@ class _Search:
             u=u,
             fate="judged",
             descriptors=run.descriptors,
+            situations=run.situations,
+            blamed=lane.cube.blocks_of(run.blamed),
             failed=bool(run.violated),
             **known,
         )
