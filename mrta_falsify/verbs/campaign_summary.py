@@ -204,15 +204,10 @@ def _what_counts(campaign: Campaign, uniform: int) -> str:
     """Say which trials and violations a probability leaves out; empty if none."""
     parts = []
     if uniform < len(campaign.records):
-        parts.append("of the trials that were drawn evenly")
-    then = campaign.settings.trials.then
-    if then:
-        parts.append(f"{' and '.join(then)}, looked for last, {_do(len(then))} not count")
+        parts.append("only trials that were drawn evenly count")
+    if campaign.settings.trials.then:
+        parts.append(f"violations of {' and '.join(campaign.settings.trials.then)} do not count")
     return "; ".join(parts)
-
-
-def _do(count: int) -> str:
-    return "does" if count == 1 else "do"
 
 
 def has_unjudged(record: TrialRecord) -> bool:

@@ -16,7 +16,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.verbs.campaign_summary import modes, unjudged_sentences
+from mrta_falsify.verbs.campaign_summary import FailureMode, modes, unjudged_sentences
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
@@ -69,7 +69,7 @@ def build_report(
     found = _modes(campaign, failed, shown)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
-        headline=_headline(campaign, len(failed), len(judged), len(found)),
+        headline=_headline(campaign, failed, len(judged), modes(campaign)),
         facts=facts_of(campaign, judged, failed),
         modes=found,
         trials=_trials(judged, floor),
@@ -83,15 +83,23 @@ def build_report(
     )
 
 
-def _headline(campaign: Campaign, failed: int, judged: int, count: int) -> str:
-    """Give the result of a campaign in one line."""
+def _headline(
+    campaign: Campaign, failed: Sequence[TrialRecord], judged: int, found: Sequence[FailureMode]
+) -> str:
+    """Give the result of a campaign in one line; what is looked for last is counted apart."""
     if not judged:
         return "No trial has been judged" if campaign.records else "No trial has been run yet"
-    if not failed:
-        return f"None of {judged} trials violates a specification"
+    last = sum(record.is_afterthought for record in failed)
+    sought = len(failed) - last
+    count = sum(not mode.is_afterthought for mode in found)
     kinds = "one mode" if count == 1 else f"{count} modes"
-    verb = "violates" if failed == 1 else "violate"
-    return f"{failed} of {judged} trials {verb} a specification, in {kinds}"
+    verb = "violates" if sought == 1 else "violate"
+    first = f"{sought} of {judged} trials {verb} a specification, in {kinds}"
+    if not sought:
+        first = f"None of {judged} trials violates a specification"
+        first += " that is looked for first" if last else ""
+    names = " or ".join(campaign.settings.trials.then)
+    return f"{first}; {last} only {names}" if last else first
 
 
 def _modes(

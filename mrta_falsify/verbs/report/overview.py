@@ -76,7 +76,8 @@ def _chance_notes(campaign: Campaign) -> tuple[str, ...]:
         f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] "
         f"({chance.method}, {chance.trials} trials)."
     )
-    return (text, f"{chance.note}.") if chance.note else (text,)
+    note = chance.note[:1].upper() + chance.note[1:]
+    return (text, f"{note}.") if note else (text,)
 
 
 def warnings_of(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str, ...]:
