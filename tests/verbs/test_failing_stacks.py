@@ -171,8 +171,9 @@ def test_what_grows_from_tick_to_tick_is_found_as_well(place):
     assert result.exit_code == 1, result.output
     found = judged(place / "out")
     assert found["evidence"]["kind"] == "memory"
-    # 64 MiB a tick; what the shipped layers take up beside it is less than that of two ticks
-    assert 46 <= found["evidence"]["tick"] <= 48
+    # 64 MiB a tick from tick 40. What the shipped layers take up beside it is less than that of two
+    # ticks; what earlier tests left behind and is let go of meanwhile, of four.
+    assert 46 <= found["evidence"]["tick"] <= 52
 
 
 @pytest.mark.slow
