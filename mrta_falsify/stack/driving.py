@@ -83,10 +83,6 @@ class Driving:
             fleet: what their sensors say.
             links: between them.
         """
-        goal = np.full((len(missions), 2), np.nan)
-        for robot, rest in enumerate(views.rest):
-            if len(rest):
-                goal[robot] = rest[-1]
         lengths = views.length.tolist()
         at_spot = [_is_at_spot(m, length) for m, length in zip(missions, lengths, strict=True)]
         target = views.target
@@ -107,7 +103,7 @@ class Driving:
                 pose=fleet.pose,
                 velocity=fleet.velocity,
                 target=target,
-                goal=goal,
+                goal=views.end,
                 path=tuple(views.rest),
                 active=active,
                 present=np.array(
