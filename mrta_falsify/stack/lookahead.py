@@ -11,7 +11,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import NO_POINTS
-from mrta_falsify.core.polyline import cut_path, look_along
+from mrta_falsify.core.polyline import cut_path, look_along, packed
 from mrta_falsify.stack.cruising import Cruise, look_ahead_of, pace_of
 from mrta_falsify.stack.route import LOOK_AHEAD, Way
 
@@ -113,13 +113,13 @@ class Outlook:
         self._cruise = tuple(cruise)
         self._figures = np.array(cruise, dtype=np.float64).reshape(-1, 2)
         self._ways: list[Way] = []
-        self._paths = _packed([])
+        self._paths = packed([])
 
     def views(self, ways: list[Way], pose: Array) -> Views:
         """Look along the paths of all robots from ``pose`` ``(N, 3)``."""
         if ways != self._ways:  # by identity
             self._ways = list(ways)
-            self._paths = _packed([way.path if len(way.route) else NO_POINTS for way in ways])
+            self._paths = packed([way.path if len(way.route) else NO_POINTS for way in ways])
         n = len(ways)
         points, figures = np.empty((2, n, 2)), np.empty((2, n))
         rest, begins = np.empty_like(self._paths[0]), np.empty(n + 1, dtype=np.int64)
@@ -132,9 +132,3 @@ class Outlook:
             pace=figures[1],
             cruise=self._cruise,
         )
-
-
-def _packed(paths: Sequence[Array]) -> tuple[Array, IntArray]:
-    """Put paths ``(L, 2)`` one after the other; gives where each begins, too."""
-    first = np.array([0, *itertools.accumulate(map(len, paths))], dtype=np.int64)
-    return np.concatenate([NO_POINTS, *paths]), first
