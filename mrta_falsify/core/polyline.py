@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.plane import NO_POINTS
 
 TIE = 1e-12  # m^2, squared distances that differ by less are equal
 
@@ -131,3 +135,13 @@ def point_before_end(points: Array, distance: float) -> Array:
             return np.asarray(points[i] + step * (left / length))
         left -= length
     return np.asarray(points[0])
+
+
+def packed(polylines: Sequence[Array]) -> tuple[Array, IntArray]:
+    """Put P polylines ``(L, 2)``, empty or not, one after the other, for compiled code.
+
+    Returns:
+        Points ``(sum L, 2)``, and where each polyline begins ``(P + 1,)``, the end included.
+    """
+    first = np.array([0, *itertools.accumulate(map(len, polylines))], dtype=np.int64)
+    return np.concatenate([NO_POINTS, *polylines]), first

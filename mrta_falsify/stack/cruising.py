@@ -76,6 +76,7 @@ def pace_of(rest: Array, x: float, y: float, cruise: Cruise) -> float:
     return float(min(cruise.speed, np.sqrt(square)))
 
 
+@njit(cache=True)
 def look_ahead_of(pace: float) -> float:
     """Distance [m] of the point to steer for, with which the nominal law drives at ``pace``."""
-    return LOOK_AHEAD * max(1.0, pace / CRUISE)
+    return float(LOOK_AHEAD * max(1.0, pace / CRUISE))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
 from mrta_falsify.core.protocols import (
@@ -22,9 +22,27 @@ from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Off, Serving, Waiting
 from mrta_falsify.stack.comms import Links
 from mrta_falsify.stack.cruising import BRAKING_SHARE, Cruise
+from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.lookahead import Outlook, Views
 from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.mission_table import MissionTable, Rows, record_of
 from mrta_falsify.stack.route import RETRY, SPOT_REACHED
+
+#: what a mission says of how its robot drives
+DRIVE_RECORD = record_of(
+    ("present", np.bool_),  # has joined
+    ("serves", np.bool_),  # loads or unloads
+    ("waits", np.bool_),  # stands, or stood a moment ago, where it is to wait
+    ("stands", np.bool_),  # before a resource on its way, or in it
+)
+
+
+class DrivingMemory(Protocol):
+    """What is remembered of robots that drive, wherever it is kept."""
+
+    missions: list[Mission]
+    headway: Headway
+    controller: Controller
 
 
 class Driving:
@@ -45,6 +63,7 @@ class Driving:
         self._max_speed = np.array([robot.max_speed for robot in robots])
         self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
         self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
+        self._table = MissionTable(DRIVE_RECORD, _drive_of)
         self._outlook = Outlook(
             [
                 Cruise(
@@ -62,58 +81,47 @@ class Driving:
         )
         return built
 
-    def views(self, missions: Sequence[Mission], pose: Array) -> Views:
+    def views(self, missions: list[Mission], pose: Array) -> Views:
         """Look along the ways of all robots from ``pose`` ``(N, 3)``."""
         return self._outlook.views([mission.way for mission in missions], pose)
 
     def control(
-        self,
-        controller: Controller,
-        missions: Sequence[Mission],
-        views: Views,
-        fleet: FleetState,
-        links: Links,
+        self, state: DrivingMemory, views: Views, fleet: FleetState, links: Links
     ) -> ControlResult:
         """Ask for one tick's commands.
 
         Args:
-            controller: is asked; its memory moves on.
-            missions: of all robots.
-            views: what is ahead of them.
+            state: memory; that of the controller moves on.
+            views: what is ahead of the robots.
             fleet: what their sensors say.
             links: between them.
         """
-        goal = np.full((len(missions), 2), np.nan)
-        for robot, rest in enumerate(views.rest):
-            if len(rest):
-                goal[robot] = rest[-1]
-        lengths = views.length.tolist()
-        at_spot = [_is_at_spot(m, length) for m, length in zip(missions, lengths, strict=True)]
-        target = views.target
-        if any(at_spot):
-            target = target.copy()
-            target[at_spot] = np.nan
-        active = np.array(
-            [
-                not at and _is_active(mission, rest)
-                for at, mission, rest in zip(at_spot, missions, views.rest, strict=True)
-            ],
-            dtype=np.bool_,
+        rows, n = self._table.rows(state.missions), len(state.missions)
+        target, since = views.target.copy(), np.empty(n)
+        active, present = np.empty((2, n), dtype=np.bool_)
+        moved_at = state.headway.moved_at
+        _fill_drives(rows, views.length, (moved_at, fleet.time), target, since, (active, present))
+        rank = self._priority.ranks(
+            PriorityView(
+                time=fleet.time,
+                pose=fleet.pose,
+                active=active,
+                distance_to_goal=views.length,
+                waiting_since=since,
+            )
         )
-        return controller.control(
+        return state.controller.control(
             ControlView(
                 time=fleet.time,
                 dt=self._dt,
                 pose=fleet.pose,
                 velocity=fleet.velocity,
                 target=target,
-                goal=goal,
+                goal=views.end,
                 path=tuple(views.rest),
                 active=active,
-                present=np.array(
-                    [not isinstance(m.activity, Off) for m in missions], dtype=np.bool_
-                ),
-                rank=self._ranks(missions, views, fleet, active),
+                present=present,
+                rank=rank,
                 obstacle_points=fleet.obstacle_points,
                 human_position=fleet.human_position,
                 human_velocity=fleet.human_velocity,
@@ -127,30 +135,45 @@ class Driving:
             )
         )
 
-    def _ranks(
-        self, missions: Sequence[Mission], views: Views, fleet: FleetState, active: BoolArray
-    ) -> IntArray:
-        """Rank the robots: who goes first where they meet."""
-        since = [m.moved_at if fleet.time - m.moved_at > RETRY else math.inf for m in missions]
-        return self._priority.ranks(
-            PriorityView(
-                time=fleet.time,
-                pose=fleet.pose,
-                active=active,
-                distance_to_goal=views.length,
-                waiting_since=np.array(since),
-            )
-        )
 
-
-def _is_at_spot(mission: Mission, length: float) -> bool:
-    """Whether the robot waits at its spot, with ``length`` [m] of its way left."""
+def _drive_of(robot: int, mission: Mission) -> tuple[object, ...]:
+    """Describe a mission by a DRIVE_RECORD."""
+    del robot
     activity = mission.activity
-    return isinstance(activity, Waiting) and activity.arrived and length < SPOT_REACHED
+    return (
+        not isinstance(activity, Off),
+        isinstance(activity, Serving),
+        isinstance(activity, Waiting) and activity.arrived,
+        mission.passage.standing is not None,
+    )
 
 
-def _is_active(mission: Mission, rest: Array) -> bool:
-    """Whether the robot drives along ``rest`` ``(L, 2)`` [m], or loads."""
-    if not len(rest):
-        return isinstance(mission.activity, Serving)
-    return mission.passage.standing is None
+@njit(cache=True)
+def _fill_drives(
+    rows: Rows,
+    length: Array,
+    progress: tuple[Array, float],
+    target: Array,
+    since: Array,
+    flags: tuple[BoolArray, BoolArray],
+) -> None:
+    """Say who drives, who is there, and who is held up.
+
+    Args:
+        rows: ``(N,)`` of DRIVE_RECORD.
+        length: ``(N,)`` of the ways ahead [m], inf: none.
+        progress: when each robot made progress last ``(N,)``, and the time now [s].
+        target: ``(N, 2)`` points to steer for; nan is written for robots at their waiting spots.
+        since: ``(N,)`` filled with the time since when there was no progress [s], inf: there is.
+        flags: ``(N,)`` each, filled: drives or loads; has joined.
+    """
+    moved_at, now = progress
+    active, present = flags
+    for i in range(rows.shape[0]):
+        robot, has_way = rows[i], length[i] < np.inf
+        at_spot = robot.waits and length[i] < SPOT_REACHED
+        if at_spot:
+            target[i, 0], target[i, 1] = np.nan, np.nan
+        active[i] = not at_spot and (not robot.stands if has_way else robot.serves)
+        present[i] = robot.present
+        since[i] = moved_at[i] if now - moved_at[i] > RETRY else np.inf

@@ -20,6 +20,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Heading, Idle, Off
 from mrta_falsify.stack.comms import Links
 from mrta_falsify.stack.driving import Driving
+from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.mission import Mission
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.replanning import Replanning
@@ -39,6 +40,7 @@ class FollowState:
     """Memory of robots that are driven for their stack."""
 
     missions: list[Mission]
+    headway: Headway
     controller: Controller
     service: ServiceState = field(default_factory=ServiceState)
     next_planner: int = 0  #: robot whose plan is computed first
@@ -63,6 +65,7 @@ class Following:
         """Memory before the first destination."""
         return FollowState(
             missions=[Mission() for _ in self._world.robots],
+            headway=Headway.of_fleet(len(self._world.robots)),
             controller=self._driving.new_controller(),
         )
 
@@ -85,8 +88,9 @@ class Following:
             Commands of all robots, of which those of the robots with a destination are meant, and
             what happened to these.
         """
+        state.headway.note(fleet.pose, fleet.time)
         missions = [
-            self._minded(robot, mission, there, fleet)
+            self._minded(robot, mission, there, state, fleet)
             for robot, (mission, there) in enumerate(zip(state.missions, destinations, strict=True))
         ]
         keep_theirs = [there is not None and len(there.path) > 0 for there in destinations]
@@ -94,17 +98,21 @@ class Following:
         links = replace(links, planner=planner)
         state.missions, events = self._replanning.step(missions, state, fleet, links)
         views = self._driving.views(state.missions, fleet.pose)
-        result = self._driving.control(state.controller, state.missions, views, fleet, links)
+        result = self._driving.control(state, views, fleet, links)
         return result, events
 
     def _minded(
-        self, robot: int, mission: Mission, there: Destination | None, fleet: FleetState
+        self,
+        robot: int,
+        mission: Mission,
+        there: Destination | None,
+        state: FollowState,
+        fleet: FleetState,
     ) -> Mission:
         """Let a robot head for its destination of the moment."""
         if self._world.robots[robot].joins_at > fleet.time:
+            state.headway.forget(robot)
             return replace(mission, activity=Off())
-        x, y, _ = fleet.pose[robot].tolist()
-        mission = mission.following(x, y, fleet.time)
         way = _way_to(mission.way, there)
         activity = Heading() if way.is_going else Idle()
         if way is mission.way and activity == mission.activity:

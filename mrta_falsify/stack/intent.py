@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.arrays import Array, IntArray, frozen_array
 from mrta_falsify.core.fleet import Intent
 from mrta_falsify.core.protocols import ControlResult
 from mrta_falsify.core.world import World
@@ -28,6 +28,18 @@ class _Goals:
     points: Array  #: (N, 2) [m], nan: nowhere
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Declared:
+    """What all robots intend while they are about the same."""
+
+    missions: list[Mission]
+    phase: IntArray  #: (N,)
+    tasks_left: IntArray  #: (N,)
+    place: IntArray  #: (N,)
+    waypoint: Array  #: (N, 2) [m], nan: none
+    path: tuple[Array, ...]
+
+
 class Declaration:
     """Puts the missions of all robots into an :class:`Intent`; only remembers to save work."""
 
@@ -35,54 +47,44 @@ class Declaration:
         self._rooms = rooms
         self._points = [np.asarray(room.point) for room in world.rooms]
         self._goals = _Goals((), np.full((len(world.robots), 2), np.nan))
+        self._declared = _declared([])
 
     def intent(
-        self,
-        missions: Sequence[Mission],
-        memories: Sequence[QueueState],
-        waypoint: Array,
-        result: ControlResult,
+        self, missions: list[Mission], memories: Sequence[QueueState], result: ControlResult
     ) -> Intent:
         """Say what all robots intend.
 
         Args:
             missions: of all robots.
             memories: of all queues.
-            waypoint: ``(N, 2)`` next waypoints [m], nan: none.
             result: of the controller.
         """
-        numbers = np.array(
-            [
-                [int(mission.phase) for mission in missions],
-                [len(mission.itinerary) for mission in missions],
-                [queue_place(mission.activity) for mission in missions],
-            ],
-            dtype=np.int64,
-        )
-        phase, tasks_left, place = numbers
+        if missions != self._declared.missions:  # by identity
+            self._declared = _declared(missions)
+            self._goals = self._final_goals(missions)
+        now = self._declared
         return Intent(
-            phase=phase,
-            goal=self._final_goals(missions),
-            waypoint=waypoint,
-            path=tuple(mission.way.path for mission in missions),
+            phase=now.phase,
+            goal=self._goals.points,
+            waypoint=now.waypoint,
+            path=now.path,
             cluster=result.cluster,
             leader=result.leader,
             slack=result.slack,
-            tasks_left=tasks_left,
-            queue=place,
+            tasks_left=now.tasks_left,
+            queue=now.place,
             waits_for=self._waited_for(len(missions), memories),
         )
 
-    def _final_goals(self, missions: Sequence[Mission]) -> Array:
-        """Where the robots finally head ``(N, 2)`` [m]; the same object if nothing changed."""
+    def _final_goals(self, missions: Sequence[Mission]) -> _Goals:
+        """Where the robots finally head; the same object if nothing changed."""
         about = tuple(
             (m.itinerary[0].room if m.itinerary else -1, m.activity, m.parking.spot)
             for m in missions
         )
-        if about != self._goals.about:
-            points = np.array([self._goal_of(*robot) for robot in about])
-            self._goals = _Goals(about, points)
-        return self._goals.points
+        if about == self._goals.about:
+            return self._goals
+        return _Goals(about, np.array([self._goal_of(*robot) for robot in about]))
 
     def _goal_of(
         self, room: int, activity: Activity, parking_spot: tuple[float, float] | None
@@ -104,3 +106,21 @@ class Declaration:
             for waiter in memory.waiters:
                 names[waiter.robot] = names[waiter.robot] or queue.resource.name
         return tuple(names)
+
+
+def _declared(missions: Sequence[Mission]) -> _Declared:
+    numbers = [
+        (int(mission.phase), len(mission.itinerary), queue_place(mission.activity))
+        for mission in missions
+    ]
+    phase, tasks_left, place = np.array(numbers, dtype=np.int64).reshape(-1, 3).T.copy()
+    routes = [mission.way.route for mission in missions]
+    waypoint = np.array([route[0] if len(route) else NOT_A_POINT for route in routes])
+    return _Declared(
+        missions=list(missions),
+        phase=phase,
+        tasks_left=tasks_left,
+        place=place,
+        waypoint=waypoint.reshape(-1, 2),
+        path=tuple(mission.way.path for mission in missions),
+    )

@@ -15,12 +15,12 @@ from mrta_falsify.core.world import Task
 from mrta_falsify.stack.activity import Activity, Idle, Off
 from mrta_falsify.stack.dispatcher import DispatcherState
 from mrta_falsify.stack.fingerprint import fingerprint
+from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.resources.passage import CLEAR, Passage
 from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.route import Way
 
-PROGRESS = 0.2  # m, moving this far counts as progress
 _DRIVING, _PLANNING = Phase.DRIVING, Phase.PLANNING
 
 
@@ -49,8 +49,6 @@ class Mission:
     passage: Passage = CLEAR
     parking: ParkingMemory = ParkingMemory()
     has_delivered: bool = False  #: anything yet
-    anchor: tuple[float, float] = (math.inf, math.inf)  #: where it made progress last [m]
-    moved_at: float = 0.0  #: last time it was PROGRESS away from where it was
 
     @property
     def phase(self) -> Phase:
@@ -75,13 +73,6 @@ class Mission:
         """Stay here without a stop to work on."""
         return replace(self, activity=Idle(), way=self.way.stopped())
 
-    def following(self, x: float, y: float, time: float) -> Mission:
-        """Note at ``time`` [s] whether the robot, now at (x, y) [m], made progress."""
-        dx, dy = x - self.anchor[0], y - self.anchor[1]
-        if dx * dx + dy * dy <= PROGRESS * PROGRESS:
-            return self
-        return replace(self, anchor=(x, y), moved_at=time)
-
     def next_deadline(self, tasks: Sequence[Task]) -> float:
         """Deadline [s] of what is delivered next; infinity: nothing is."""
         for stop in self.itinerary:
@@ -95,6 +86,7 @@ class StackState:
     """The memory of the whole stack."""
 
     missions: list[Mission]
+    headway: Headway
     queues: list[QueueState]
     dispatcher: DispatcherState
     service: ServiceState

@@ -28,8 +28,9 @@ from mrta_falsify.stack.activity import Idle, Off, Waiting
 from mrta_falsify.stack.comms import Links, LinkTimetable
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
 from mrta_falsify.stack.driving import Driving
+from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.intent import Declaration
-from mrta_falsify.stack.itinerary import ItineraryFollower, who_is_at_rest
+from mrta_falsify.stack.itinerary import ItineraryFollower
 from mrta_falsify.stack.lookahead import Views
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.planning_service import ServiceState
@@ -76,7 +77,7 @@ class Stack:
         )
         self._replanning = Replanning(world, config, costmaps)
         self._corridors = CorridorTraffic(self._rooms.queues)
-        self._nowhere = np.full((len(world.robots), 2), np.nan)
+        self._joins_at = [robot.joins_at for robot in world.robots]
         # What these remember only saves work: the memory says it as well.
         self._driving = Driving(world, config)
         self._declaration = Declaration(world, self._rooms)
@@ -92,6 +93,7 @@ class Stack:
         missions, queues = self._rooms.start([robot.pose[:2] for robot in self._world.robots])
         return StackState(
             missions=missions,
+            headway=Headway.of_fleet(len(missions)),
             queues=queues,
             dispatcher=DispatcherState(),
             service=ServiceState(),
@@ -112,12 +114,13 @@ class Stack:
             happened and why.
         """
         links, told = self._current_links(state, fleet.time)
+        state.headway.note(fleet.pose, fleet.time)
         missions, joined = self._join(state.missions, fleet)
         missions, assigned = self._dispatch(missions, state.dispatcher, fleet, links)
         missions, left = self._rooms.leave(missions, state.queues, fleet)
-        missions, served = self._pursue(missions, state, fleet)
+        missions, served = self._follower.step(missions, state, fleet)
         missions, granted = self._rooms.grant(missions, state.queues, fleet)
-        missions, parked = self._parking.step(missions, state.queues, fleet)
+        missions, parked = self._parking.step(missions, state, fleet)
         missions, planned = self._replanning.step(missions, state, fleet, links)
         views = self._driving.views(missions, fleet.pose)
         missions, views = self._stop_short(missions, views, fleet)
@@ -138,16 +141,12 @@ class Stack:
     def _join(
         self, missions: Sequence[Mission], fleet: FleetState
     ) -> tuple[list[Mission], list[StackEvent]]:
-        """Let robots take part from their time on, and note who makes progress."""
-        known, events = [], []
-        for robot, (mission, (x, y, _)) in enumerate(
-            zip(missions, fleet.pose.tolist(), strict=True)
-        ):
-            now = mission
-            if isinstance(now.activity, Off) and fleet.time >= self._world.robots[robot].joins_at:
-                now = replace(now, activity=Idle())
+        """Let robots take part from their time on."""
+        known, events = list(missions), []
+        for robot, mission in enumerate(missions):
+            if isinstance(mission.activity, Off) and fleet.time >= self._joins_at[robot]:
+                known[robot] = replace(mission, activity=Idle())
                 events.append(StackEvent(time=fleet.time, kind="joined", robot=robot))
-            known.append(now.following(x, y, fleet.time))
         return known, events
 
     # --- tasks --------------------------------------------------------------------------
@@ -177,27 +176,10 @@ class Stack:
             ]
 
         orders = self._dispatcher.dispatch(memory, fleet.time, reports)
-        given = [
-            replace(mission, itinerary=orders.itineraries[robot])
-            if robot in orders.itineraries
-            else mission
-            for robot, mission in enumerate(missions)
-        ]
+        given = list(missions)
+        for robot, itinerary in orders.itineraries.items():
+            given[robot] = replace(missions[robot], itinerary=itinerary)
         return given, orders.events
-
-    def _pursue(
-        self, missions: Sequence[Mission], state: StackState, fleet: FleetState
-    ) -> tuple[list[Mission], list[StackEvent]]:
-        """Let each robot work on its next stop."""
-        pursued, events = [], []
-        at_rest = who_is_at_rest(fleet.velocity)
-        for robot, mission in enumerate(missions):
-            now, happened = self._follower.pursue(
-                robot, mission, state, fleet, is_at_rest=at_rest[robot]
-            )
-            pursued.append(now)
-            events += happened
-        return pursued, events
 
     # --- how far robots may drive ---------------------------------------------------------
 
@@ -252,13 +234,8 @@ class Stack:
     def _control(
         self, state: StackState, views: Views, fleet: FleetState, links: Links
     ) -> tuple[Command, Intent]:
-        missions = state.missions
-        waypoint = self._nowhere.copy()
-        for robot, mission in enumerate(missions):
-            if len(mission.way.route):
-                waypoint[robot] = mission.way.route[0]
-        result = self._driving.control(state.controller, missions, views, fleet, links)
-        return result.command, self._declaration.intent(missions, state.queues, waypoint, result)
+        result = self._driving.control(state, views, fleet, links)
+        return result.command, self._declaration.intent(state.missions, state.queues, result)
 
 
 def _way_ahead(way: Way, rest: Array) -> Array:

@@ -41,9 +41,15 @@ class ServiceState:
                 if known is not None:
                     del self.parked[robot]
                     self.parked_number += 1
-            elif known is None or np.abs(position[robot] - known).max() > PARKED_MOVED:
+            elif known is None or _has_moved(known, position[robot]):
                 self.parked[robot] = position[robot].copy()
                 self.parked_number += 1
+
+
+def _has_moved(known: Array, position: Array) -> bool:
+    """Whether a robot at rest is not any more where it was."""
+    dx, dy = position[0] - known[0], position[1] - known[1]
+    return bool(max(abs(dx), abs(dy)) > PARKED_MOVED)
 
 
 class PlanningService:

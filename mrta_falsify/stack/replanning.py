@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import is_near
@@ -18,7 +18,9 @@ from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.stack.comms import Links
+from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.mission_table import MissionTable, Rows, record_of
 from mrta_falsify.stack.planning_service import PlanningService, ServiceState
 from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED, WAYPOINT_REACHED, Way
 
@@ -26,10 +28,20 @@ PLANS_PER_TICK = 6  # so many a tick of 50 ms has time for
 CHECK_TICKS = 10  # between two checks of a path, 2 Hz at 20 Hz control
 OFF_PATH = 0.5  # m beside the path, then the robot plans again
 
+#: what a mission says of the planning of its way
+WAY_RECORD = record_of(
+    ("going", np.bool_),  # there is somewhere to go
+    ("must_plan", np.bool_),
+    ("plan_at", np.float64),  # no plan before this time [s]
+    ("waypoint", np.float64, (2,)),  # dropped as soon as it is reached [m], nan: none
+)
+NOWHERE = (np.nan, np.nan)
+
 
 class PlanningMemory(Protocol):
     """What is remembered of planning, wherever it is kept."""
 
+    headway: Headway
     service: ServiceState
     next_planner: int  #: robot whose plan is computed first
     map_epoch: int  #: changes of blockages seen so far
@@ -46,9 +58,10 @@ class Replanning:
         )
         blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
+        self._table = MissionTable(WAY_RECORD, _way_of)
 
     def step(
-        self, missions: Sequence[Mission], state: PlanningMemory, fleet: FleetState, links: Links
+        self, missions: list[Mission], state: PlanningMemory, fleet: FleetState, links: Links
     ) -> tuple[list[Mission], list[StackEvent]]:
         """Drop waypoints that are reached, then plan for robots that need it.
 
@@ -58,16 +71,13 @@ class Replanning:
             fleet: what the robots' sensors say.
             links: a robot without a link to the planner gets no new path.
         """
-        planned, events = _past_waypoints(missions, fleet)
+        planned, events = self._past_waypoints(missions, fleet)
         state.service.note_parked(fleet.pose[:, :2], fleet.parked_for)
         if self._map_has_changed(state, fleet.time):
             planned = [_planning_anew(mission) for mission in planned]
-        plans, count = 0, len(planned)
-        for k in range(count):
-            robot = (state.next_planner + k) % count
+        plans = 0
+        for robot in self._who_may_plan(planned, state.next_planner, fleet, links):
             mission = planned[robot]
-            if not mission.way.is_going or not links.planner[robot]:
-                continue
             way = self._checked(robot, mission, state, fleet)
             if way.must_plan and fleet.time >= way.plan_at:
                 if plans == PLANS_PER_TICK:
@@ -80,6 +90,29 @@ class Replanning:
                 events += _news(robot, before, way, fleet.time)
             planned[robot] = _with_way(mission, way)
         return planned, events
+
+    def _past_waypoints(
+        self, missions: list[Mission], fleet: FleetState
+    ) -> tuple[list[Mission], list[StackEvent]]:
+        """Drop waypoints that are reached."""
+        reached = np.empty(len(missions), dtype=np.bool_)
+        _fill_reached(self._table.rows(missions), fleet.pose, reached)
+        beyond, events = list(missions), []
+        for robot in reached.nonzero()[0].tolist():
+            beyond[robot] = _with_way(beyond[robot], beyond[robot].way.beyond_waypoint())
+            events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
+        return beyond, events
+
+    def _who_may_plan(
+        self, missions: list[Mission], first: int, fleet: FleetState, links: Links
+    ) -> list[int]:
+        """List the robots that may plan now, or whose path is to be checked, from ``first`` on."""
+        may_plan = np.empty(len(missions), dtype=np.bool_)
+        rows = self._table.rows(missions)
+        _fill_may_plan(rows, links.planner, fleet.tick, fleet.time, may_plan)
+        robots: list[int] = may_plan.nonzero()[0].tolist()
+        split = bisect.bisect_left(robots, first)
+        return robots[split:] + robots[:split]
 
     def _map_has_changed(self, state: PlanningMemory, time: float) -> bool:
         """Whether a blockage began or ended since the last tick."""
@@ -95,39 +128,51 @@ class Replanning:
         way = mission.way
         if way.must_plan or (fleet.tick + robot) % CHECK_TICKS != 0:
             return way
-        if self._is_outdated(mission, state, fleet.pose[robot, :2], fleet.time):
+        if self._is_outdated(robot, mission, state, fleet):
             return replace(way, must_plan=True)
         return way
 
     def _is_outdated(
-        self, mission: Mission, state: PlanningMemory, position: Array, time: float
+        self, robot: int, mission: Mission, state: PlanningMemory, fleet: FleetState
     ) -> bool:
-        way = mission.way
+        way, position, time = mission.way, fleet.pose[robot, :2], fleet.time
         if not len(way.path):
             return True
         rest, _, _, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
         if length <= 2.0 * SPOT_REACHED or mission.passage.standing is not None:
             return False  # it stands where it is to stand
-        stuck = time - mission.moved_at > RETRY and time >= way.plan_at
+        stuck = time - state.headway.moved_at[robot] > RETRY and time >= way.plan_at
         off_path = np.hypot(rest[0, 0] - position[0], rest[0, 1] - position[1]) > OFF_PATH
         return bool(
             stuck or off_path or self._service.is_obstructed(state.service, way, position, time)
         )
 
 
-def _past_waypoints(
-    missions: Sequence[Mission], fleet: FleetState
-) -> tuple[list[Mission], list[StackEvent]]:
-    """Drop waypoints that are reached."""
-    beyond, events = list(missions), []
-    for robot, mission in enumerate(missions):
-        way = mission.way
-        if len(way.route) < 2 or len(way.halt):
-            continue
-        if is_near(way.route[0], fleet.pose[robot], WAYPOINT_REACHED):
-            beyond[robot] = replace(mission, way=way.beyond_waypoint())
-            events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
-    return beyond, events
+def _way_of(robot: int, mission: Mission) -> tuple[object, ...]:
+    """Describe a mission by a WAY_RECORD."""
+    del robot
+    way = mission.way
+    leads_on = len(way.route) > 1 and not len(way.halt)
+    waypoint = tuple(way.route[0].tolist()) if leads_on else NOWHERE
+    return way.is_going, way.must_plan, way.plan_at, waypoint
+
+
+@njit(cache=True)
+def _fill_reached(rows: Rows, pose: Array, reached: BoolArray) -> None:
+    """Say who is at its waypoint."""
+    for i in range(rows.shape[0]):
+        reached[i] = is_near(rows[i].waypoint, pose[i], WAYPOINT_REACHED)
+
+
+@njit(cache=True)
+def _fill_may_plan(
+    rows: Rows, link: BoolArray, tick: int, time: float, may_plan: BoolArray
+) -> None:
+    """Say whose plan is due, or whose path is to be checked; ``link`` ``(N,)`` to the planner."""
+    for i in range(rows.shape[0]):
+        robot = rows[i]
+        due = time >= robot.plan_at if robot.must_plan else (tick + i) % CHECK_TICKS == 0
+        may_plan[i] = robot.going and link[i] and due
 
 
 def _planning_anew(mission: Mission) -> Mission:

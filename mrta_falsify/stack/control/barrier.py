@@ -72,6 +72,22 @@ class Rows(NamedTuple):
     component: IntArray  #: (N,) smallest number of the robots coupled by rows
 
 
+def room_for_rows(robots: int, things: int) -> Rows:
+    """Make rows that can be filled, for so many robots that keep clear of so many things."""
+    pairs = robots * (robots - 1) // 2
+    figures = np.zeros((2, robots, things))
+    return Rows(
+        np.zeros((robots, things, 2)),
+        figures[0],
+        figures[1],
+        np.zeros(robots, dtype=np.int64),
+        np.empty((pairs, 2), dtype=np.int64),
+        np.empty((pairs, 4)),
+        np.empty(pairs),
+        np.arange(robots),
+    )
+
+
 #: how a kind of thing is kept clear of
 KIND = np.dtype(
     (
@@ -161,9 +177,9 @@ def _asked(bound: float, least: float, most: float) -> float:
 
 
 @njit(cache=True)
-def own_rows(
-    movers: Movers, low: Array, high: Array, things: Things, kinds: Kinds
-) -> tuple[Array, Array, IntArray]:
+def fill_own_rows(
+    movers: Movers, low: Array, high: Array, things: Things, kinds: Kinds, rows: Rows
+) -> None:
     """Write the rows that concern one robot.
 
     Args:
@@ -172,14 +188,9 @@ def own_rows(
         high: ``(N, 2)`` largest inputs.
         things: what they keep clear of.
         kinds: how.
-
-    Returns:
-        ``own``; ``own_bound`` and ``own_coupling`` ``(2, N, T)``; ``own_count``, of :class:`Rows`.
+        rows: none so far.
     """
     n, t = things.kind.shape
-    own, figures = np.zeros((n, t, 2)), np.zeros((2, n, t))
-    own_bound, own_coupling = figures
-    count = np.zeros(n, dtype=np.int64)
     for i in range(n):
         if movers.group[i] < 0:
             continue
@@ -201,31 +212,23 @@ def own_rows(
             least, most = _reach(first, second, low[i], high[i])
             if least >= bound or most - least < GRIP:
                 continue
-            c = count[i]
-            own[i, c, 0], own[i, c, 1] = first, second
-            own_bound[i, c] = _asked(bound, least, most)
-            own_coupling[i, c] = kind.coupling
-            count[i] = c + 1
-    return own, figures, count
+            c = rows.own_count[i]
+            rows.own[i, c, 0], rows.own[i, c, 1] = first, second
+            rows.own_bound[i, c] = _asked(bound, least, most)
+            rows.own_coupling[i, c] = kind.coupling
+            rows.own_count[i] = c + 1
 
 
 @njit(cache=True)
-def pair_rows(
-    movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float
-) -> tuple[IntArray, Array, Array, IntArray]:
-    """Write the rows that concern two robots of one group.
+def fill_pair_rows(
+    movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float, rows: Rows
+) -> int:
+    """Write the rows that concern two robots of one group, and say how many they are.
 
-    ``movers``, ``low`` and ``high`` are as for :func:`own_rows`.
-
-    Returns:
-        ``pair``, ``pair_row``, ``pair_bound`` and ``component`` of :class:`Rows`.
+    ``movers``, ``low``, ``high`` and ``rows`` are as for :func:`fill_own_rows`.
     """
-    n = movers.group.shape[0]
-    pair = np.empty((n * (n - 1) // 2, 2), dtype=np.int64)
-    pair_row = np.empty((n * (n - 1) // 2, 4))
-    pair_bound = np.empty(n * (n - 1) // 2)
-    component = np.arange(n)
-    p = 0
+    n, p = movers.group.shape[0], 0
+    pair, pair_row, pair_bound = rows.pair, rows.pair_row, rows.pair_bound
     for i in range(n):
         for j in range(i + 1, n):
             if movers.group[i] < 0 or movers.group[i] != movers.group[j]:
@@ -252,8 +255,8 @@ def pair_rows(
             pair_row[p, 2], pair_row[p, 3] = third, fourth
             pair_bound[p] = _asked(bound, least, most)
             p += 1
-            _fill_joined(component, i, j)
-    return pair[:p], pair_row[:p], pair_bound[:p], component
+            _fill_joined(rows.component, i, j)
+    return p
 
 
 @njit(cache=True)
@@ -283,11 +286,13 @@ def input_box(
 
 
 @njit(cache=True)
-def violated_components(inputs: Array, rows: Rows) -> BoolArray:
-    """Whether ``inputs`` ``(N, 2)`` break a row of the component of that number ``(N,)``."""
-    n = inputs.shape[0]
-    broken = np.zeros(n, dtype=np.bool_)
-    for i in range(n):
+def fill_violated(inputs: Array, rows: Rows, broken: BoolArray) -> bool:
+    """Say whether ``inputs`` ``(N, 2)`` break a row of any component.
+
+    ``broken`` ``(N,)``, false so far, is filled with whether they break one of the component of
+    that number.
+    """
+    for i in range(inputs.shape[0]):
         for k in range(rows.own_count[i]):
             value = rows.own[i, k, 0] * inputs[i, 0] + rows.own[i, k, 1] * inputs[i, 1]
             if value < rows.own_bound[i, k] - BROKEN:
@@ -300,4 +305,4 @@ def violated_components(inputs: Array, rows: Rows) -> BoolArray:
         value += row[2] * inputs[j, 0] + row[3] * inputs[j, 1]
         if value < rows.pair_bound[p] - BROKEN:
             broken[rows.component[i]] = True
-    return broken
+    return bool(broken.any())

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command
+from mrta_falsify.core.polyline import packed
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
@@ -28,9 +28,7 @@ from mrta_falsify.stack.control.state import (
     remember_points,
 )
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
-from mrta_falsify.stack.control.wishes import settle_wishes
-
-NO_PATHS = np.zeros((0, 2))
+from mrta_falsify.stack.control.wishes import Wishes, fill_wishes
 
 
 class Rules(NamedTuple):
@@ -118,25 +116,27 @@ class ClusterCbf:
         last = self._state
         if last is None or len(last.crew) != len(view.pose):
             last = ControllerState.fresh(view.pose, view.time)
-        first = np.array([0, *itertools.accumulate(map(len, view.path))], dtype=np.int64)
-        crew, all_told, seen, numbers, target, figures, reverse = _decide_crew(
-            last.crew,
+        crew, wishes = last.crew.copy(), Wishes.room_for(len(view.pose))
+        point, seen_at = np.empty_like(last.point), np.empty_like(last.seen_at)
+        all_told = _decide_crew(
+            crew,
             crew_view(view),
             Seen(last.point, last.seen_at, view.obstacle_points),
-            Ways(np.concatenate(view.path) if first[-1] else NO_PATHS, first),
+            Ways(*packed(view.path)),
             people_in(view),
-            self._rules,
-            last.tick == 0,
+            (self._rules, last.tick == 0),
+            (point, seen_at),
+            wishes,
         )
-        (point, seen_at), (group, cluster, leader) = seen, numbers
-        speed, turn_first, weight = figures
+        group, cluster, leader = wishes.numbers
+        speed, turn_first, weight = wishes.figures
         scene = Scene(
             pose=view.pose if all_told else np.ascontiguousarray(crew["pose"]),
             points=point,
             known=view.present,
             group=group,
             share=_equal_shares(len(group)),
-            wish=Wish(target=target, speed=speed, reverse=reverse, turn_first=turn_first),
+            wish=Wish(wishes.target, speed, wishes.reverse, turn_first),
             weight=weight,
         )
         state = ControllerState(crew=crew, point=point, seen_at=seen_at, tick=last.tick + 1)
@@ -159,20 +159,38 @@ def _equal_shares(n: int) -> Array:
 
 @njit(cache=True)
 def _decide_crew(
-    last: Crew, told: CrewView, seen: Seen, ways: Ways, people: People, rules: Rules, is_first: bool
-) -> tuple[Crew, bool, tuple[Array, Array], IntArray, Array, Array, BoolArray]:
+    crew: Crew,
+    told: CrewView,
+    seen: Seen,
+    ways: Ways,
+    people: People,
+    law: tuple[Rules, bool],
+    memory: tuple[Array, Array],
+    wishes: Wishes,
+) -> bool:
     """Bring the crew to this tick: perception, manoeuvres, wishes.
 
+    Args:
+        crew: of the last tick; written.
+        told: what the view says.
+        seen: obstacle points.
+        ways: paths ahead.
+        people: who is about.
+        law: options, and whether this is the first tick.
+        memory: obstacle points and their times, filled.
+        wishes: filled.
+
     Returns:
-        The crew; whether all poses are those told; obstacle points and their times; then as
-        :func:`~mrta_falsify.stack.control.wishes.settle_wishes`.
+        Whether all poses are those told.
     """
-    crew, all_told = hear_robots(last, told, is_first)
+    rules, is_first = law
+    all_told = hear_robots(crew, told, is_first)
     order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
     position = np.empty((crew.shape[0], 2))
     for i in range(crew.shape[0]):
         position[i, 0], position[i, 1] = crew[i].pose[0], crew[i].pose[1]
-    points, seen_at = remember_points(
+    points, seen_at = memory
+    points[:], seen_at[:] = remember_points(
         seen.point,
         seen.seen_at,
         seen.hits,
@@ -187,10 +205,8 @@ def _decide_crew(
         choices = choose_manoeuvres(
             crew, order, ways, points, people, rules.clearances, rules.yield_margin
         )
-    numbers, target, figures, reverse = settle_wishes(
-        crew, choices, told, rules.patience, rules.leader_weight
-    )
-    return crew, all_told, (points, seen_at), numbers, target, figures, reverse
+    fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)
+    return all_told
 
 
 @njit(cache=True)

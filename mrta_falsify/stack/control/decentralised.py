@@ -71,7 +71,8 @@ class DecentralisedCbf:
         last = self._state
         if last is None or len(last.crew) != n:
             last = ControllerState.fresh(view.pose, view.time)
-        crew, all_told = hear_robots(last.crew, crew_view(view), last.tick == 0)
+        crew = last.crew.copy()
+        all_told = hear_robots(crew, crew_view(view), last.tick == 0)
         pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,

@@ -87,21 +87,30 @@ class Unicycle:
 
     def linearise(self, view: ControlView) -> Motion:
         """See :class:`Dynamics`."""
-        (velocity, direction, limit), speed, effect = _unicycle_motion(
-            view.pose, view.velocity, view.max_acceleration, view.max_turn_rate
-        )
-        return Motion(
+        n = len(view.pose)
+        velocity, direction, limit = np.empty((3, n, 2))
+        motion = Motion(
             velocity=velocity,
             direction=direction,
-            speed=speed,
-            effect=effect,
+            speed=np.empty(n),
+            effect=np.empty((n, 2, 2)),
             limit=limit,
             drives_along=True,
         )
+        _fill_unicycle_motion(
+            (view.pose, view.velocity, view.max_acceleration, view.max_turn_rate),
+            velocity,
+            direction,
+            limit,
+            motion.speed,
+            motion.effect,
+        )
+        return motion
 
     def reference(self, view: ControlView, wish: Wish) -> Array:
         """See :class:`Dynamics`."""
-        return _unicycle_reference(
+        inputs = np.zeros((len(view.pose), 2))
+        _fill_unicycle_reference(
             view.pose,
             view.velocity,
             wish,
@@ -109,20 +118,24 @@ class Unicycle:
             view.max_turn_rate,
             view.dt,
             self._gains,
+            inputs,
         )
+        return inputs
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
         """See :class:`Dynamics`."""
-        return _unicycle_twist(
+        after = np.zeros((len(view.pose), 3))
+        _fill_unicycle_twist(
             view.velocity,
             inputs,
-            low,
-            high,
+            (low, high),
             view.max_speed,
             view.max_acceleration,
             view.max_turn_rate,
             view.dt,
+            after,
         )
+        return after
 
 
 class Holonomic:
@@ -217,16 +230,17 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 
 
 @njit(cache=True)
-def _unicycle_motion(
-    pose: Array, twist: Array, max_acceleration: Array, max_turn_rate: Array
-) -> tuple[Array, Array, Array]:
-    """Give velocity, heading and limit ``(3, N, 2)``, speed ``(N,)``, effect ``(N, 2, 2)``."""
-    n = pose.shape[0]
-    speed = np.empty(n)
-    pairs = np.empty((3, n, 2))
-    velocity, direction, limit = pairs
-    effect = np.empty((n, 2, 2))
-    for i in range(n):
+def _fill_unicycle_motion(
+    told: tuple[Array, Array, Array, Array],
+    velocity: Array,
+    direction: Array,
+    limit: Array,
+    speed: Array,
+    effect: Array,
+) -> None:
+    """Fill the fields of a :class:`Motion` from poses, twists and limits."""
+    pose, twist, max_acceleration, max_turn_rate = told
+    for i in range(pose.shape[0]):
         cos, sin, v = np.cos(pose[i, 2]), np.sin(pose[i, 2]), twist[i, 0]
         speed[i] = v
         limit[i, 0], limit[i, 1] = max_acceleration[i], max_turn_rate[i]
@@ -234,11 +248,10 @@ def _unicycle_motion(
         velocity[i, 0], velocity[i, 1] = v * cos, v * sin
         effect[i, 0, 0], effect[i, 1, 0] = cos, sin
         effect[i, 0, 1], effect[i, 1, 1] = -v * sin, v * cos
-    return pairs, speed, effect
 
 
 @njit(cache=True)
-def _unicycle_reference(
+def _fill_unicycle_reference(
     pose: Array,
     twist: Array,
     wish: Wish,
@@ -246,11 +259,10 @@ def _unicycle_reference(
     max_turn_rate: Array,
     dt: float,
     gains: UnicycleGains,
-) -> Array:
-    """Compute nominal inputs ``(N, 2)``; braking stops within a tick if the limit allows it."""
-    n = pose.shape[0]
-    inputs = np.zeros((n, 2))
-    for i in range(n):
+    inputs: Array,
+) -> None:
+    """Fill nominal inputs ``(N, 2)``, 0 so far; who brakes stops within a tick if it can."""
+    for i in range(pose.shape[0]):
         v = twist[i, 0]
         limit, turn_limit = max_acceleration[i], max_turn_rate[i]
         brake = min(limit, max(-limit, -v / dt))
@@ -271,24 +283,22 @@ def _unicycle_reference(
         if wish.reverse[i]:
             wanted = -wanted
         inputs[i, 0] = min(limit, max(-limit, gains.k_v * (wanted - v)))
-    return inputs
 
 
 @njit(cache=True)
-def _unicycle_twist(
+def _fill_unicycle_twist(
     twist: Array,
     inputs: Array,
-    low: Array,
-    high: Array,
+    speeds: tuple[Array, Array],
     max_speed: Array,
     max_acceleration: Array,
     max_turn_rate: Array,
     dt: float,
-) -> Array:
-    """Compute the twist ``(N, 3)`` one period later, within speed range and limits."""
-    n = twist.shape[0]
-    after = np.zeros((n, 3))
-    for i in range(n):
+    after: Array,
+) -> None:
+    """Fill the twist ``(N, 3)``, 0 so far, one period later: within ``speeds`` and limits."""
+    low, high = speeds
+    for i in range(twist.shape[0]):
         v, step = twist[i, 0], max_acceleration[i] * dt
         wanted = v + min(step, max(-step, inputs[i, 0] * dt))
         if wanted > high[i]:
@@ -297,4 +307,3 @@ def _unicycle_twist(
             wanted = min(low[i], v + step)
         after[i, 0] = min(max_speed[i], max(-max_speed[i], wanted))
         after[i, 2] = min(max_turn_rate[i], max(-max_turn_rate[i], inputs[i, 1]))
-    return after

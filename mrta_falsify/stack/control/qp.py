@@ -18,7 +18,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.stack.control.barrier import Rows, violated_components
+from mrta_falsify.stack.control.barrier import Rows, fill_violated
 from mrta_falsify.stack.control.solvers import (
     UNBOUNDED,
     QuadraticProgram,
@@ -72,12 +72,13 @@ def solve_fleet(
     """
     reference = demand.reference
     n = len(reference)
-    broken = violated_components(reference, rows)
+    broken = np.zeros(n, dtype=np.bool_)
+    any_broken = fill_violated(reference, rows, broken)
     if always:
         broken = rows.component == np.arange(n)
-    heads = [robot for robot, is_broken in enumerate(broken.tolist()) if is_broken]
-    if not heads:
+    elif not any_broken:
         return FleetInputs(inputs=reference, slack=np.zeros(n), usable=~broken, solved=0)
+    heads: list[int] = broken.nonzero()[0].tolist()
     inputs = reference.copy()
     slack = np.zeros(n)
     usable = np.ones(n, dtype=np.bool_)

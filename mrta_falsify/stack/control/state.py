@@ -127,13 +127,12 @@ class ControllerState:
 
 
 @njit(cache=True)
-def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]:
-    """Copy the crew and bring it to this tick; says whether all poses are those told.
+def hear_robots(crew: Crew, told: CrewView, is_first: bool) -> bool:
+    """Bring the crew to this tick; says whether all poses are those told.
 
     A robot that is no longer heard is taken to brake along its heading, as it does. At the
     first tick all poses are told.
     """
-    crew = last.copy()
     all_told = True
     for i in range(crew.shape[0]):
         robot = crew[i]
@@ -154,7 +153,7 @@ def hear_robots(last: Crew, told: CrewView, is_first: bool) -> tuple[Crew, bool]
         robot.pose[1] += v * told.dt * np.sin(robot.pose[2])
         step = robot.max_acceleration * told.dt
         robot.speed = max(v - step, 0.0) if v >= 0.0 else min(v + step, 0.0)
-    return crew, all_told
+    return all_told
 
 
 @njit(cache=True)

@@ -22,10 +22,11 @@ from mrta_falsify.stack.control.barrier import (
     Kinds,
     Movers,
     Rows,
+    fill_own_rows,
+    fill_pair_rows,
     input_box,
     kind_table,
-    own_rows,
-    pair_rows,
+    room_for_rows,
 )
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
@@ -145,27 +146,32 @@ class Steering:
             known=scene.known,
             group=scene.group,
         )
-        (low, high), (low_speed, high_speed), (halt, tight), fields = _constraints(
+        people, (n, sectors, _) = people_in(view), scene.points.shape
+        limits = _room_for_limits(n)
+        rows = room_for_rows(n, sectors + len(people.radius) + n)
+        pairs = _fill_constraints(
             movers,
             scene.points,
-            people_in(view),
+            people,
             scene.share,
-            self._law,
-            motion.drives_along,
-            view.dt,
+            (self._law, motion.drives_along, view.dt),
+            limits,
+            rows,
         )
-        limits = InputLimits(low, high, low_speed, high_speed, halt, tight)
-        own, (own_bound, own_coupling), own_count, pair, pair_row, pair_bound, component = fields
         wanted = self._dynamics.reference(view, scene.wish)
+        reference = np.empty((n, 2))
+        _fill_within_reach(wanted, limits, motion.speed, view.dt, motion.drives_along, reference)
         return BarrierProgram(
             view=view,
             wish=scene.wish,
             motion=motion,
-            reference=_within_reach(wanted, limits, motion.speed, view.dt, motion.drives_along),
+            reference=reference,
             weight=scene.weight,
             limits=limits,
-            rows=Rows(
-                own, own_bound, own_coupling, own_count, pair, pair_row, pair_bound, component
+            rows=rows._replace(
+                pair=rows.pair[:pairs],
+                pair_row=rows.pair_row[:pairs],
+                pair_bound=rows.pair_bound[:pairs],
             ),
         )
 
@@ -188,54 +194,63 @@ class Steering:
         )
 
 
-_RowFields = tuple[Array, Array, IntArray, IntArray, Array, Array, IntArray]
+def _room_for_limits(n: int) -> InputLimits:
+    """Make limits of ``n`` robots that can be filled."""
+    low, high = np.empty((2, n, 2))
+    low_speed, high_speed = np.empty((2, n))
+    halt, tight = np.empty((2, n), dtype=np.bool_)
+    return InputLimits(low, high, low_speed, high_speed, halt, tight)
 
 
 @njit(cache=True)
-def _constraints(
+def _fill_constraints(
     movers: Movers,
     points: Array,
     people: People,
     share: Array,
-    law: Law,
-    drives_along: bool,
-    dt: float,
-) -> tuple[Array, Array, BoolArray, _RowFields]:
+    law: tuple[Law, bool, float],
+    limits: InputLimits,
+    rows: Rows,
+) -> int:
     """Find what limits the robots; one entry, because each call from Python costs.
 
+    Args:
+        movers: all robots.
+        points: ``(N, S, 2)`` obstacle points [m], inf: none.
+        people: who is about.
+        share: ``(N, N)`` as in :class:`Scene`.
+        law: what is kept clear of; whether the first input drives along; the control period [s].
+        limits: filled.
+        rows: filled.
+
     Returns:
-        Smallest and largest inputs ``(2, N, 2)``; lowest and highest speeds ``(2, N)``; who
-        must halt and who stands tight ``(2, N)``; fields of :class:`Rows`.
+        How many rows concern two robots.
     """
-    n = points.shape[0]
-    things = list_things(movers, points, people, share, law.clearances)
-    if law.rows_of_wrong_robot:
+    (kinds, clearances, margins, of_wrong_robot), drives_along, dt = law
+    things = list_things(movers, points, people, share, clearances)
+    if of_wrong_robot:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
         things.seen_from[:] = wrong
-    speeds, box = np.empty((2, n)), np.empty((2, n, 2))
-    claims = np.empty((2, n), dtype=np.bool_)
-    gap = law.clearances.robot
-    limits = speed_limits(movers, things, people.radius, gap, law.margins, dt)
-    speeds[0], speeds[1], claims[0] = limits.low, limits.high, limits.halt
-    for i in range(n):
-        claims[1, i] = limits.nearest[i] < law.margins.body_radius + TIGHT
-    box[0], box[1] = input_box(
-        movers.limit, movers.speed, limits.low, limits.high, dt, drives_along
-    )
-    own, bounds, count = own_rows(movers, box[0], box[1], things, law.kinds)
-    pair, pair_row, pair_bound, component = pair_rows(movers, box[0], box[1], law.kinds[ROBOT], gap)
-    return box, speeds, claims, (own, bounds, count, pair, pair_row, pair_bound, component)
+    gap = clearances.robot
+    speeds = speed_limits(movers, things, people.radius, gap, margins, dt)
+    limits.low_speed[:], limits.high_speed[:] = speeds.low, speeds.high
+    for i in range(points.shape[0]):
+        limits.halt[i] = speeds.halt[i]
+        limits.tight[i] = speeds.nearest[i] < margins.body_radius + TIGHT
+    low, high = input_box(movers.limit, movers.speed, speeds.low, speeds.high, dt, drives_along)
+    limits.low[:], limits.high[:] = low, high
+    fill_own_rows(movers, low, high, things, kinds, rows)
+    return fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
 
 
 @njit(cache=True)
-def _within_reach(
-    wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool
-) -> Array:
-    """Bring wanted inputs ``(N, 2)`` within their limits.
+def _fill_within_reach(
+    wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool, inputs: Array
+) -> None:
+    """Fill inputs ``(N, 2)``: the wanted ones, brought within their limits.
 
     Robots that have no room to turn on the spot turn while they drive.
     """
-    inputs = np.empty_like(wanted)
     low, high = limits.low, limits.high
     for i in range(wanted.shape[0]):
         first, second = wanted[i, 0], wanted[i, 1]
@@ -247,7 +262,6 @@ def _within_reach(
             first = (-TIGHT_SPEED - speed[i]) / dt
         inputs[i, 0] = min(max(first, low[i, 0]), high[i, 0])
         inputs[i, 1] = min(max(second, low[i, 1]), high[i, 1])
-    return inputs
 
 
 @njit(cache=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
@@ -15,10 +17,34 @@ TURN_ALONE = np.pi / 4  # rad, MRTA-Sim's
 TURN_IN_CLUSTER = np.pi / 2  # rad, MRTA-Sim's
 
 
+class Wishes(NamedTuple):
+    """What robots would do, and who decides with whom; few arrays, since each costs."""
+
+    numbers: IntArray  #: (3, N) group, cluster and leader
+    target: Array  #: (N, 2) [m], nan: brake
+    figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its wish
+    reverse: BoolArray  #: (N,) who drives backwards
+
+    @classmethod
+    def room_for(cls, n: int) -> Wishes:
+        """Make wishes of ``n`` robots that can be filled."""
+        return cls(
+            np.empty((3, n), dtype=np.int64),
+            np.empty((n, 2)),
+            np.empty((3, n)),
+            np.empty(n, dtype=np.bool_),
+        )
+
+
 @njit(cache=True)
-def settle_wishes(
-    crew: Crew, choices: Choices, told: CrewView, patience: float, leader_weight: float
-) -> tuple[IntArray, Array, Array, BoolArray]:
+def fill_wishes(
+    crew: Crew,
+    choices: Choices,
+    told: CrewView,
+    patience: float,
+    leader_weight: float,
+    wishes: Wishes,
+) -> None:
     """Turn choices to wishes, groups and prices; robots outside go their own way.
 
     Args:
@@ -27,20 +53,13 @@ def settle_wishes(
         told: what the view says.
         patience: a lead without progress is suspended for so long after so long [s].
         leader_weight: price of slowing a leader; others cost 1.
-
-    Returns:
-        Group, cluster and leader ``(3, N)``; target of the wishes ``(N, 2)``; their speed and
-        turn threshold, and the price of moving a robot from its wish ``(3, N)``; who drives
-        backwards ``(N,)``. Few arrays: each that leaves compiled code costs as much as
-        filling ten.
+        wishes: filled.
     """
     n = crew.shape[0]
     size = np.zeros(n, dtype=np.int64)
-    numbers = np.empty((3, n), dtype=np.int64)
-    group, cluster, leader = numbers
-    target, figures = np.empty((n, 2)), np.empty((3, n))
-    speed, turn_first, weight = figures
-    reverse = np.empty(n, dtype=np.bool_)
+    group, cluster, leader = wishes.numbers
+    speed, turn_first, weight = wishes.figures
+    target, reverse = wishes.target, wishes.reverse
     for i in range(n):
         size[crew[i].cluster] += 1
     for i in range(n):
@@ -65,7 +84,6 @@ def settle_wishes(
         elif told.leader_link[i]:
             robot.remote_at = -np.inf
         _fill_progress(robot, robot.wants and does in (GO, PASS), told.time, patience)
-    return numbers, target, figures, reverse
 
 
 @njit(cache=True)

@@ -13,7 +13,8 @@ from mrta_falsify.core.plane import NO_POINTS, distance_of, is_within
 from mrta_falsify.core.polyline import cut_path, look_along
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.activity import Idle, Parking
-from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.headway import Headway
+from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.resources.clear_ways import APART, ClearWays
 from mrta_falsify.stack.resources.parking_spots import choose_spot, parking_spots_of
 from mrta_falsify.stack.resources.queue import QueueState
@@ -55,28 +56,23 @@ class ParkingTraffic:
         self._is_careless = is_careless
 
     def step(
-        self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
+        self, missions: Sequence[Mission], state: StackState, fleet: FleetState
     ) -> tuple[list[Mission], list[StackEvent]]:
         """Let robots that arrived at their spot rest, and send away those in the way."""
-        missions = [
-            self._arrived(mission, fleet.pose[robot, :2])
-            if isinstance(mission.activity, Parking)
-            else mission
-            for robot, mission in enumerate(missions)
-        ]
-        resting = [
-            robot
-            for robot, mission in enumerate(missions)
-            if isinstance(mission.activity, Idle)
-            and not mission.itinerary
-            and fleet.time >= mission.parking.not_before
-        ]
-        events: list[StackEvent] = []
+        memories, resting = state.queues, []
+        missions, events = list(missions), []
+        for robot, mission in enumerate(missions):
+            if isinstance(mission.activity, Parking):
+                missions[robot] = self._arrived(mission, fleet.pose[robot, :2])
+            now = missions[robot]
+            is_resting = isinstance(now.activity, Idle) and not now.itinerary
+            if is_resting and fleet.time >= now.parking.not_before:
+                resting.append(robot)
         wanted = self._wanted_queues(missions, memories) if resting else {}
         for robot in resting:
             reason = self._occupied(memories, wanted, robot, fleet.pose[robot, :2])
             if reason is None and (fleet.tick + robot) % LOOK_TICKS == 0:
-                reason = self._blocked(missions, robot, fleet)
+                reason = self._blocked(missions, state.headway, robot, fleet)
                 if reason is None and missions[robot].has_delivered:
                     reason = self._in_crossing(fleet.pose[robot, :2])
             if reason is not None:
@@ -129,7 +125,7 @@ class ParkingTraffic:
         return None
 
     def _blocked(
-        self, missions: Sequence[Mission], robot: int, fleet: FleetState
+        self, missions: Sequence[Mission], headway: Headway, robot: int, fleet: FleetState
     ) -> _Reason | None:
         """Find a robot whose destination an idle robot covers, or that is stuck before it."""
         if self._is_careless:
@@ -140,7 +136,7 @@ class ParkingTraffic:
             if other == robot or not way.is_going:
                 continue
             end = way.halt[0] if len(way.halt) else way.route[-1]
-            stuck = fleet.time - mission.moved_at > IN_THE_WAY_AFTER and len(way.path) > 0
+            stuck = fleet.time - headway.moved_at[other] > IN_THE_WAY_AFTER and len(way.path) > 0
             ahead = NO_POINTS
             if stuck:
                 x, y, _ = fleet.pose[other]

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import NO_POINTS, distance_of, inside, is_within
+from mrta_falsify.core.polyline import packed
 from mrta_falsify.core.protocols import Waiter, WaypointGenerator
 from mrta_falsify.core.world import Lane, Resource, World
 from mrta_falsify.stack.activity import Heading, Idle, Parking, Stalled, Waiting
 from mrta_falsify.stack.mission import Mission
+from mrta_falsify.stack.mission_table import MissionTable, record_of
 from mrta_falsify.stack.resources.clear_ways import ClearWays
 from mrta_falsify.stack.resources.queue import Queue, QueueState, WaitingSpots
 from mrta_falsify.stack.route import SPOT_REACHED
@@ -24,6 +28,21 @@ from mrta_falsify.stack.waypoints import join
 NEAR_SPOT = 0.9  # m, a robot this near to a waiting spot drives on from the spot
 
 _OUTSIDE = (Waiting, Parking, Stalled)  # activities of holders that do not use the room any more
+
+#: what a mission says of rooms
+ROOM_RECORD = record_of(
+    ("next", np.int64),  # number of the first stop's room, -1: none
+    ("kept", np.int64),  # the same, if the robot does not let go of it wherever it is
+)
+
+
+class Grounds(NamedTuple):
+    """Where the resources of Q queues are asked for."""
+
+    corner: Array  #: (sum V, 2) of all request areas, one after the other [m]
+    first_corner: IntArray  #: (Q + 1,) where each area begins
+    spot: Array  #: (sum S, 2) waiting spots of all queues [m]
+    first_spot: IntArray  #: (Q + 1,) where those of each queue begin
 
 
 class RoomTraffic:
@@ -36,6 +55,10 @@ class RoomTraffic:
             Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
             for resource in world.resources
         ]
+        self.grounds = Grounds(
+            *packed([np.asarray(queue.resource.request_area) for queue in self.queues]),
+            *packed([queue.spots.reshape(-1, 2) for queue in self.queues]),
+        )
         self.queue_of_room = {
             queue.resource.room: i
             for i, queue in enumerate(self.queues)
@@ -52,6 +75,7 @@ class RoomTraffic:
         }
         self._points = [np.asarray(room.point) for room in world.rooms]
         self._tasks = world.tasks
+        self._table = MissionTable(ROOM_RECORD, _room_of)
         self._frees_early = "room_freed_while_parked" in defects
 
     def start(self, positions: Sequence[Array]) -> tuple[list[Mission], list[QueueState]]:
@@ -87,11 +111,7 @@ class RoomTraffic:
             from_spot = isinstance(activity, Waiting) and activity.place is not None
             return self._head_for_room(mission, position, from_spot=from_spot), []
         events: list[StackEvent] = []
-        near = (
-            mission.passage.asks_for_room
-            or queue.is_asked_from(position)
-            or _is_near_spot(queue, position)
-        )
+        near = mission.passage.asks_for_room or is_on_grounds(self.grounds, index, position)
         if near and not mission.way.failed:
             waiter = Waiter(
                 robot=robot,
@@ -200,21 +220,25 @@ class RoomTraffic:
     # --- leaving and granting -------------------------------------------------------------------
 
     def leave(
-        self, missions: Sequence[Mission], memories: Sequence[QueueState], fleet: FleetState
+        self, missions: list[Mission], memories: Sequence[QueueState], fleet: FleetState
     ) -> tuple[list[Mission], list[StackEvent]]:
         """Take back rooms that were left, and requests of robots that head elsewhere now."""
         missions = list(missions)
         events: list[StackEvent] = []
+        rows = self._table.rows(missions)
+        kept, next_room = rows["kept"].tolist(), rows["next"].tolist()
         for index, queue in self._of_rooms:
-            memory = memories[index]
+            memory, room = memories[index], queue.resource.room
             for robot in tuple(memory.holders):
+                if kept[robot] == room:
+                    continue
                 missions[robot], lets_go = self._may_let_go(
                     queue, memory, robot, missions[robot], fleet.pose[robot, :2]
                 )
                 if lets_go:
                     events += queue.let_go(memory, robot, fleet.time)
             for waiter in tuple(memory.waiters):
-                if not _heads_for(missions[waiter.robot], queue):
+                if next_room[waiter.robot] != room:
                     queue.withdraw(memory, waiter.robot)
                     events += queue.grants(queue.careless_admission(memory), fleet.time)
         return missions, events
@@ -245,7 +269,7 @@ class RoomTraffic:
         missions = list(missions)
         events: list[StackEvent] = []
         for index, queue in self._of_rooms:
-            if not memories[index].waiters:
+            if not memories[index].waiters or not queue.has_place(memories[index]):
                 continue
             granted = queue.grant(memories[index])
             events += queue.grants(granted, fleet.time)
@@ -284,8 +308,24 @@ def _waiting_spots(resource: Resource, world: World, ways: ClearWays) -> Waiting
     return WaitingSpots(np.array(stands).reshape(-1, 2), own)
 
 
+@njit(cache=True)
+def is_on_grounds(grounds: Grounds, queue: int, position: Array) -> bool:
+    """Whether a robot is where it asks for the resource of a queue: near enough, or at a spot."""
+    corners = grounds.corner[grounds.first_corner[queue] : grounds.first_corner[queue + 1]]
+    spots = grounds.spot[grounds.first_spot[queue] : grounds.first_spot[queue + 1]]
+    return bool(inside(corners, position) or is_within(spots, position, NEAR_SPOT))
+
+
 def _is_near_spot(queue: Queue, position: Array) -> bool:
     return bool(is_within(queue.spots, position, NEAR_SPOT))
+
+
+def _room_of(robot: int, mission: Mission) -> tuple[object, ...]:
+    """Describe a mission by a ROOM_RECORD."""
+    del robot
+    room = mission.itinerary[0].room if mission.itinerary else -1
+    keeps = not mission.way.failed and not isinstance(mission.activity, _OUTSIDE)
+    return room, room if keeps else -1
 
 
 def _heads_for(mission: Mission, queue: Queue) -> bool:
