@@ -51,6 +51,8 @@ def repeats_of(specifications: Iterable[object], config: StackConfig) -> Callabl
     wanting = [one for one in specifications if isinstance(one, Repeating)]
     if not forking.can_fork() or config.engine.options.get("gui", False):
         wanting = []
+    if len(wanting) == 1:
+        return wanting[0].asks_again
     return lambda tick: any(one.asks_again(tick) for one in wanting)
 
 

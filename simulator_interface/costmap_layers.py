@@ -79,9 +79,10 @@ class BoundCostmap:
         A parked robot is a disc of ``robot_radius``. Only the surroundings of what is not
         static are computed; the same object is returned as long as nothing changed.
         """
-        active = tuple(
-            i for i, event in enumerate(self._blockages) if event.start <= time < event.end
-        )
+        active: tuple[int, ...] = ()
+        if self._blockages:
+            numbered = enumerate(self._blockages)
+            active = tuple(i for i, event in numbered if event.start <= time < event.end)
         if not active and len(parked) == 0 and not self._furniture:
             return self._static
         places = np.asarray(parked, dtype=np.float64).reshape(-1, 2)

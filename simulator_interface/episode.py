@@ -227,7 +227,9 @@ class Episode:
                         yield self._unanswered(sensed)  # no trace is without a tick
                     raise
                 yield frame
-                command = self._without_removed(frame.command)
+                command = frame.command
+                if self._removed:
+                    command = self._without_removed(command)
                 human_velocity = self.crowd.velocities(measured)
                 stage = self.crowd.stage()
                 if stage is not None:
@@ -244,12 +246,13 @@ class Episode:
             raise self._unbuilt
         if self.state is None:
             self.state = self._door.ask(self.stack.start, sensed.tick, sensed.time)
-        seen = self._without_absent(sensed)
+        seen = self._without_absent(sensed) if self.world.humans else sensed
         fleet = self._localisation.fleet(seen)
         asked_again = self._ask_again(fleet) if self.repeats(sensed.tick) else None
         answer = self._door.step(self.stack, self.state, fleet)
         self.state, command, intent, events = answer
-        intent, events = self._told.of(intent, events)
+        if self._told.keeps_back:
+            intent, events = self._told.of(intent, events)
         confirmed, refused = self.books.update(sensed, events)
         served = self._served.update(sensed, intent.goal, confirmed)
         return Frame(
@@ -361,8 +364,6 @@ class Episode:
         self._localisation.reseed(random)
 
     def _without_removed(self, command: Command) -> Command:
-        if not self._removed:
-            return command
         twist = np.array(command.twist)
         twist[self._removed] = 0.0
         return Command(twist=twist)
@@ -387,8 +388,6 @@ class Episode:
 
     def _without_absent(self, sensed: Sensed) -> Sensed:
         """Leave out the people who are not in the building."""
-        if not self.world.humans:
-            return sensed
         present = self.crowd.present(sensed.time)
         if all(present.tolist()):
             return sensed

@@ -21,7 +21,7 @@ class WhatIsTold:
     def __init__(self, withheld: Sequence[str], robots: int, tells: Tells) -> None:
         told = tells._asdict()
         self.tells = Tells(**{name: told[name] and name not in withheld for name in told})
-        self._keeps_back = bool(withheld)
+        self.keeps_back = bool(withheld)  #: whether :meth:`of` leaves out anything
         self._nowhere = np.full((robots, 2), np.nan)
         self._no_stops = np.zeros(robots, dtype=np.int64)
         self._no_paths = (NO_POINTS,) * robots
@@ -30,8 +30,6 @@ class WhatIsTold:
         self, intent: Intent, events: tuple[StackEvent, ...]
     ) -> tuple[Intent, tuple[StackEvent, ...]]:
         """Leave out what is withheld."""
-        if not self._keeps_back:
-            return intent, events
         if not self.tells.deliveries:
             events = tuple(event for event in events if event.kind not in STOP_KINDS)
         if not self.tells.goals:

@@ -15,7 +15,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.interruption import heard
+from mrta_falsify.core.interruption import heard, pass_on
 from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
 from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.trace import Trace, TraceRecorder
@@ -232,23 +232,30 @@ class EpisodeRun:
         Returns:
             As :meth:`advance`.
         """
-        with heard():
-            try:
-                return next(self._frames)
-            except StackFailed as failed:
-                return self._stack_failed(failed.failure)
+        try:
+            return next(self._frames)
+        except StackFailed as failed:
+            return self._stack_failed(failed.failure)
+        except SystemError as error:
+            pass_on(error)
+            raise
 
     def take_in(self, frame: Frame) -> None:
         """Record and judge the tick that was looked at last."""
-        with heard():
+        try:
             self._recorder.add(frame)
             self._contacts.update(frame)
             for specification in self._specifications:
                 specification.update(frame)
             if self._speculation is not None:
                 self._speculation.note(frame)
+        except SystemError as error:
+            pass_on(error)
+            raise
         self.frame = frame
-        self.end(_end_of(self.episode, frame) or (self._stop(frame) if self._stop else ""))
+        reason = _end_of(self.episode, frame) or (self._stop(frame) if self._stop else "")
+        if reason:
+            self.end(reason)
 
     def _stack_failed(self, failure: StackFailure) -> Frame:
         assert self.frame is not None, "an episode has a frame before its stack fails"

@@ -37,23 +37,24 @@ def is_interruption(error: BaseException) -> bool:
     return found is not None
 
 
-class _Heard:
-    """See :func:`heard`; a class, since it is entered several times a tick."""
+def pass_on(error: SystemError) -> None:
+    """Do nothing, unless compiled code has made ``error`` of Ctrl-C.
 
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, SystemError) and is_interruption(error):
-            raise KeyboardInterrupt from error
-
-
-_HEARD = _Heard()
+    Raises:
+        KeyboardInterrupt: it has.
+    """
+    if is_interruption(error):
+        raise KeyboardInterrupt from error
 
 
-def heard() -> _Heard:
+@contextlib.contextmanager
+def heard() -> Iterator[None]:
     """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
-    return _HEARD
+    try:
+        yield
+    except SystemError as error:
+        pass_on(error)
+        raise
 
 
 @contextlib.contextmanager

@@ -132,11 +132,13 @@ class TraceRecorder:
         """Take in one frame."""
         tick = frame.sensed.tick
         time, *rest = _frame_values(frame)
-        row = b"".join([np.asarray(time).tobytes(), *[array.tobytes() for array in rest]])
+        row = b"".join([np.asarray(time).tobytes(), *map(_bytes_of, rest)])
         self._hash.update(row)
         for event in frame.events:
             self._hash.update(repr(event).encode())
-        self._add_paths(tick, frame.intent.path)
+        paths, known = frame.intent.path, self._last_paths
+        if len(paths) != len(known) or not all(map(operator.is_, paths, known)):
+            self._add_paths(tick, paths)
         if self.keep:
             self._store = self._store or ColumnStore(_layout_of(frame))
             self._store.add(row)
@@ -186,6 +188,7 @@ class TraceRecorder:
 _FRAME_COLUMNS = (*SENSED_COLUMNS, "command", *INTENT_COLUMNS)
 _sensed_values = operator.attrgetter(*SENSED_COLUMNS)
 _intent_values = operator.attrgetter(*INTENT_COLUMNS)
+_bytes_of = operator.methodcaller("tobytes")
 
 
 def _frame_values(frame: Frame) -> tuple[Any, ...]:

@@ -108,7 +108,7 @@ class ApproachMargin:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
-        self._missing = frame.tells.lacking("goals", "paths")
+        self._missing = "" if all(frame.tells) else frame.tells.lacking("goals", "paths")
         if sensed.tick % self._stride or self._missing:
             return
         self._approach.update(frame)

@@ -5,15 +5,16 @@ Robustness is a distance [m]; gaps beyond 10 m and "nothing to judge" give the c
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.fleet import Frame, Sensed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.running_min import RunningMin
@@ -22,6 +23,41 @@ GAP_CAP = 10.0  # m; wider gaps count as this wide
 TOUCH_GAP = -1e-3  # m, robustness of a contact whose measured gap is not negative
 CONTACT_PAUSE = 0.5  # s without contact that end a contact episode
 DRIVING_SPEED = 0.05  # m/s; slower robots count as at rest
+
+
+class Closest(NamedTuple):
+    """What came nearest in a tick, over all robots."""
+
+    robot: float  #: least surface gap to another robot [m], >= 0
+    human: float  #: the same to a person
+    static: float  #: the same to a solid
+    touched: bool  #: whether any robot touched anything; then the gaps alone do not tell
+
+
+@functools.lru_cache(maxsize=1)
+def closest(sensed: Sensed) -> Closest:
+    """Find what came nearest in a tick; all who ask about it share the answer."""
+    gaps = sensed.gap_robot, sensed.gap_human, sensed.gap_static
+    return Closest(*_closest(*gaps, sensed.contact))
+
+
+@njit(cache=True)
+def _closest(
+    robot: Array, human: Array, static: Array, contact: BoolArray
+) -> tuple[float, float, float, bool]:
+    touched = False
+    for i in range(len(contact)):
+        touched = touched or contact[i, 0] or contact[i, 1] or contact[i, 2]
+    return _least(robot), _least(human), _least(static), touched
+
+
+@njit(cache=True)
+def _least(gap: Array) -> float:
+    """Find the least gap [m]; below 0 without a contact is rounding."""
+    least = np.inf
+    for one in gap:
+        least = min(least, one)
+    return max(least, 0.0)
 
 
 @dataclass(slots=True)
@@ -84,10 +120,10 @@ class ContactCounter:
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        contact = frame.sensed.contact
-        if not contact.any():
+        if not closest(frame.sensed).touched:
             self._moving.skip(frame)
             return
+        contact = frame.sensed.contact
         moving = self._moving.update(frame)
         for i, kind in zip(*np.nonzero(contact), strict=True):
             robot, other = int(i), -1
@@ -117,19 +153,30 @@ class _NarrowestGap:
 
     name = ""
     limit = 0.0  #: gap that must be kept [m]
-    _kind = 0  #: column of ``Sensed.contact``
+    _kind = 0  #: column of ``Sensed.contact``, and place in :class:`Closest`
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         del dt
         self._world = world
         self._narrowest = RunningMin(self.name, GAP_CAP, {"nearest": {}, "between": []})
+        self._news_below = GAP_CAP + self.limit  # m; without a contact, wider gaps change nothing
+        self._quiet: Frame | None = None  # the last tick, if nothing in it was new
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        gaps = self._gaps(frame)
-        if not len(gaps):
+        near = closest(frame.sensed)
+        if not near.touched and near[self._kind] >= self._news_below:
+            self._quiet = frame
             return
+        gaps = self._gaps(frame)
+        self._quiet = None
+        if len(gaps):
+            self._note(frame, gaps)
+        self._news_below = self._least_news()
+
+    def _note(self, frame: Frame, gaps: Array) -> None:
+        """Keep the narrowest of ``gaps`` ``(N,)`` [m], if it is narrower than all before."""
         i = int(gaps.argmin())
         gap = float(gaps[i]) - self.limit
         if gap >= self._narrowest.margin:
@@ -153,6 +200,9 @@ class _NarrowestGap:
 
     def _gaps(self, frame: Frame) -> Array:
         raise NotImplementedError
+
+    def _least_news(self) -> float:
+        return self._narrowest.margin + self.limit
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         return (self._world.robots[i].name,)
@@ -194,6 +244,7 @@ class NoRobotStaticContact(_NarrowestGap):
     """No robot touches a solid. Robustness: narrowest surface gap [m], negative after a contact."""
 
     name = "no_robot_static_contact"
+    _kind = 2
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
@@ -209,6 +260,8 @@ class NoRobotStaticContact(_NarrowestGap):
 class _HumanGap(_NarrowestGap):
     """Narrowest gap to people over moving robots; robots at rest are counted apart."""
 
+    _kind = 1
+
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
         """Which robots count."""
@@ -223,12 +276,16 @@ class _HumanGap(_NarrowestGap):
         super().start(world, dt)
         self._moving = _MovingBeforeContact()
         self._at_rest = GAP_CAP
+        self._news_below = self._least_news()
         self._counter = ContactCounter()
         self._counter.start(world, dt)
 
     def _gaps(self, frame: Frame) -> Array:
         if not len(self._world.humans):
             return np.zeros(0)
+        if self._quiet is not None:
+            self._counter.update(self._quiet)
+            self._moving.skip(self._quiet)
         sensed = frame.sensed
         gaps = _with_contacts(sensed.gap_human, sensed.contact[:, 1])
         self._counter.update(frame)
@@ -240,6 +297,9 @@ class _HumanGap(_NarrowestGap):
         if self._options.count_at_rest:
             return gaps
         return np.where(moving, gaps, np.inf)
+
+    def _least_news(self) -> float:
+        return max(super()._least_news(), self._at_rest)
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         human = int(frame.sensed.nearest_human[i])

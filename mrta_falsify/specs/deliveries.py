@@ -29,8 +29,9 @@ class ByTheBooks:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         self._time = frame.sensed.time
-        self._missing = frame.tells.lacking("deliveries")
-        self._ledger.enter(frame.confirmed, frame.sensed.time)
+        self._missing = "" if all(frame.tells) else frame.tells.lacking("deliveries")
+        if frame.confirmed:
+            self._ledger.enter(frame.confirmed, frame.sensed.time)
         self._claims += frame.refused
 
 

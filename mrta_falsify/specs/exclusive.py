@@ -9,7 +9,7 @@ import numpy as np
 from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
@@ -59,10 +59,9 @@ class ExclusiveUse:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         pose = frame.sensed.pose
-        margins = _margins(self._spaces, pose)
-        self._judged |= margins >= 0.0
-        if not (self._judged & (margins < self._closest.margin)).any():
+        if not _is_news(self._spaces, pose, self._judged, self._closest.margin):
             return
+        margins = _margins(self._spaces, pose)
         for k, resource in enumerate(self._resources):
             margin = float(margins[k])
             if self._judged[k] and margin < self._closest.margin:
@@ -104,6 +103,17 @@ class _Spaces(NamedTuple):
     corners: Array  #: (V, 2) [m] of all
     first: IntArray  #: (R + 1,) corner of each
     capacity: IntArray  #: (R,) robots
+
+
+@njit(cache=True)
+def _is_news(spaces: _Spaces, pose: Array, judged: BoolArray, least: float) -> bool:
+    """Say whether a margin is below ``least`` [m]; bring ``judged`` ``(R,)`` up to date."""
+    news = False
+    margins = _margins(spaces, pose)
+    for k in range(len(margins)):
+        judged[k] = judged[k] or margins[k] >= 0.0
+        news = news or (judged[k] and margins[k] < least)
+    return news
 
 
 @njit(cache=True)

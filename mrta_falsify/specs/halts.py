@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,14 @@ TRAIL_POINTS = 16  # kept per robot; five times what leads out of a place on a s
 SHOVED_FOR = 0.5  # s after a touch in which motion may still come from it
 
 
+class _Trails(NamedTuple):
+    """What is remembered of each robot's places."""
+
+    trail: Array  #: (N, P, 3)
+    last: Array  #: (N, 2)
+    touched: Array  #: (N,)
+
+
 @dataclass(slots=True)
 class Halts:
     """The last places of each of N robots, and when each came to rest there.
@@ -30,6 +39,7 @@ class Halts:
     _trail: Array = field(init=False)  #: (N, P, 3) x, y [m], first stop there [s]; newest first
     _last: Array = field(init=False)  #: (N, 2) where each was at the last tick [m]
     _touched: Array = field(init=False)  #: (N,) last time each was touched [s]
+    _trails: _Trails = field(init=False)  #: the three of them
     _before: float = (
         0.0  #: time of the last tick [s]; who rests now may have stopped right after it
     )
@@ -38,6 +48,7 @@ class Halts:
         self._trail = np.full((self.robots, TRAIL_POINTS, 3), np.inf)
         self._last = np.full((self.robots, 2), np.nan)
         self._touched = np.full(self.robots, -np.inf)
+        self._trails = _Trails(self._trail, self._last, self._touched)
 
     def update(self, pose: Array, velocity: Array, contact: BoolArray, time: float) -> None:
         """Take in a tick.
@@ -48,9 +59,7 @@ class Halts:
             contact: ``(N, 3)`` touched a robot, a person, a solid.
             time: [s].
         """
-        _note_touches(contact, time, self._touched)
-        shoved = time - self._touched <= SHOVED_FOR
-        _fill_trail(pose, velocity, shoved, self._before, self._trail, self._last)
+        _fill_trail(self._trails, pose, velocity, contact, time, self._before)
         self._before = time
 
     def may_be_shoved(self, robot: int, time: float) -> bool:
@@ -68,16 +77,15 @@ class Halts:
 
 @njit(cache=True)
 def _fill_trail(
-    pose: Array,
-    velocity: Array,
-    shoved: BoolArray,
-    before: float,
-    trail: Array,
-    last: Array,
+    trails: _Trails, pose: Array, velocity: Array, contact: BoolArray, time: float, before: float
 ) -> None:
+    """Bring trails to ``time`` [s]; the last tick was at ``before`` [s]."""
+    trail, last, touched = trails.trail, trails.last, trails.touched
     for i in range(len(pose)):
+        if contact[i, 0] or contact[i, 1] or contact[i, 2]:
+            touched[i] = time
         x, y = pose[i, 0], pose[i, 1]
-        if shoved[i]:
+        if time - touched[i] <= SHOVED_FOR:
             trail[i, :, 0] += x - last[i, 0]
             trail[i, :, 1] += y - last[i, 1]
         last[i, 0], last[i, 1] = x, y
@@ -87,10 +95,3 @@ def _fill_trail(
             trail[i, 0, 0], trail[i, 0, 1], trail[i, 0, 2] = x, y, np.inf
         if np.hypot(velocity[i, 0], velocity[i, 1]) <= STOPPED:
             trail[i, 0, 2] = min(trail[i, 0, 2], before)
-
-
-@njit(cache=True)
-def _note_touches(contact: BoolArray, time: float, touched: Array) -> None:
-    for i in range(len(touched)):
-        if contact[i, 0] or contact[i, 1] or contact[i, 2]:
-            touched[i] = time

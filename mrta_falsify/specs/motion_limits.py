@@ -45,7 +45,6 @@ class KinematicLimits:
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
-        self._dt = dt
         self._names = tuple(robot.name for robot in world.robots)
         self._limit = np.array(
             [[r.max_speed, r.max_acceleration, r.max_turn_rate] for r in world.robots]
@@ -53,8 +52,8 @@ class KinematicLimits:
         slips = np.array([r.wheel_slip > 0.0 for r in world.robots], dtype=np.bool_)
         self._limit[slips, 1:] = np.inf
         ticks = max(1, round(WINDOW / dt))
-        #: (ticks + 1, N, 3) twists between ticks, body frame, a ring
-        self._twists = np.zeros((ticks + 1, len(world.robots), 3))
+        twists = np.zeros((ticks + 1, len(world.robots), 3))
+        self._ring = _Ring(twists, self._limit, dt)
         self._pose = np.zeros((len(world.robots), 3))
         self._touched = np.full(len(world.robots), NEVER)
         self._seen = 0  #: ticks
@@ -65,8 +64,8 @@ class KinematicLimits:
         """Take in one tick."""
         sensed, share = frame.sensed, self._share
         pose, before = np.ascontiguousarray(sensed.pose, dtype=np.float64), self._pose
-        ring = _Ring(self._twists, self._limit, self._dt, self._seen)
-        worst = _take_in(pose, before, sensed.contact, sensed.time, ring, self._touched, share)
+        ring, contact, touched = self._ring, sensed.contact, self._touched
+        worst = _take_in(pose, before, contact, sensed.time, ring, self._seen, touched, share)
         self._pose = pose
         self._seen += 1
         if worst < 0:
@@ -98,10 +97,9 @@ class KinematicLimits:
 class _Ring(NamedTuple):
     """The last twists of all robots, and what they are judged by."""
 
-    twists: Array  #: (K + 1, N, 3)
+    twists: Array  #: (K + 1, N, 3) between ticks, body frame
     limit: Array  #: (N, 3) speed [m/s], acceleration [m/s^2], turn rate [rad/s]
     dt: float  #: control period [s]
-    last: int  #: number of the twist of this tick, counted from 1
 
 
 @njit(cache=True)
@@ -111,6 +109,7 @@ def _take_in(
     contact: BoolArray,
     time: float,
     ring: _Ring,
+    last: int,
     touched: Array,
     share: Array,
 ) -> int:
@@ -122,15 +121,16 @@ def _take_in(
         contact: ``(N, 3)``.
         time: [s].
         ring: gets the twists of this tick.
+        last: number of the twist of this tick, counted from 1.
         touched: ``(N,)`` last time each was touched [s]; brought up to date.
         share: ``(N, 3)`` receives the shares, 0 of robots that are not judged.
 
     Returns:
         The largest of ``share``, flat; -1: nobody is judged.
     """
-    if ring.last:
-        _fill_twists(pose, before, ring.dt, ring.twists[ring.last % len(ring.twists)])
-    is_full = _fill_shares(ring.twists, ring.last, ring.dt, ring.limit, share)
+    if last:
+        _fill_twists(pose, before, ring.dt, ring.twists[last % len(ring.twists)])
+    is_full = _fill_shares(ring.twists, last, ring.dt, ring.limit, share)
     is_any = False
     for i in range(len(touched)):
         if contact[i, 0] or contact[i, 1] or contact[i, 2]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,14 @@ MOTOR = np.dtype(
 )
 
 
+class Motors(NamedTuple):
+    """The drives of all robots, with what they are about to do."""
+
+    motor: NDArray[np.void]  #: (N,) of ``MOTOR``
+    pipeline: Array  #: (D, N, 3) commands on their way, a ring
+    set_point: Array  #: (N, 3) twist to be had now: forward, left [m/s], turn rate [rad/s]
+
+
 class Actuation:
     """Set points of all robots; advance it once per sub-step."""
 
@@ -56,15 +65,13 @@ class Actuation:
         motor["turn_change"] = fleet.max_turn_acceleration * step
         motor["delay"] = [round(robot.command_latency / step) for robot in robots]
         motor["holonomic"] = fleet.holonomic
-        self._motor = motor
-        self._pipeline = np.zeros((int(motor["delay"].max(initial=0)) + 1, n, 3))
-        self._count = 0
+        pipeline = np.zeros((int(motor["delay"].max(initial=0)) + 1, n, 3))
+        self.motors = Motors(motor, pipeline, np.zeros((n, 3)))
+        self.count = 0  #: sub-steps that set points were moved for; to be counted on by the engine
         self._spread = np.array([robot.wheel_slip for robot in robots])
         self._slipping = np.flatnonzero(self._spread).tolist()
         self._random = [stream(seed, f"wheel_slip/{robot.name}") for robot in robots]
         self._slip = np.zeros((n, 2))
-        #: (N, 3) twist to be had now: forward, left [m/s], turn rate [rad/s]
-        self.set_point = np.zeros((n, 3))
         #: (N, 2) share of speed lost: left and right wheel, or translation and rotation
         self.loss = np.zeros((n, 2))
 
@@ -76,34 +83,21 @@ class Actuation:
             self._slip[i] = keep * self._slip[i] + math.sqrt(1.0 - keep**2) * fresh
             self.loss[i] = np.minimum(np.abs(self._slip[i]), MAX_LOSS)
 
-    def advance(self, command: Array, time: float) -> Array:
-        """Move the set points for the sub-step that begins at ``time`` [s].
-
-        Args:
-            command: ``(N, 3)`` body twists that arrive now.
-            time: robots that join later stand still.
-
-        Returns:
-            ``set_point``.
-        """
-        _advance(command, time, self._motor, self._pipeline, self._count, self.set_point)
-        self._count += 1
-        return self.set_point
-
 
 @njit(cache=True)
-def _advance(
-    command: Array,
-    time: float,
-    motors: NDArray[np.void],
-    pipeline: Array,
-    count: int,
-    set_point: Array,
-) -> None:
-    """Take in ``command`` and move ``set_point`` towards the one that is due."""
+def move_set_points(command: Array, time: float, motors: Motors, count: int) -> None:
+    """Take in a command and move the set points towards the one that is due.
+
+    Args:
+        command: ``(N, 3)`` body twists that arrive now.
+        time: when the sub-step begins [s]; robots that join later stand still.
+        motors: their pipeline and set points are brought up to date.
+        count: sub-steps before this one.
+    """
+    pipeline, set_point = motors.pipeline, motors.set_point
     slots = len(pipeline)
     for i in range(len(command)):
-        motor = motors[i]
+        motor = motors.motor[i]
         for k in range(3):
             pipeline[count % slots, i, k] = command[i, k]
         forward, left, turn = 0.0, 0.0, 0.0

@@ -21,7 +21,13 @@ from simulator_interface.engines.bodies import check_start_footprints, gather_fl
 from simulator_interface.engines.bullet_client import GHOST, ROBOT, SOLID, BulletClient, pybullet
 from simulator_interface.engines.bullet_people import BulletPeople
 from simulator_interface.engines.bullet_robots import BulletRobots
-from simulator_interface.engines.pedestrians import move_people
+from simulator_interface.engines.bullet_substeps import (
+    Bases,
+    SubStep,
+    fill_observed,
+    fill_prepared,
+    nothing_prepared,
+)
 from simulator_interface.engines.rays import ray_directions
 from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
 from simulator_interface.engines.substeps import count_substeps
@@ -108,6 +114,9 @@ class BulletEngine:
         client.column.update(dict.fromkeys(self._pieces, gaps.STATIC))
         self._place_pieces()
         self._blocks: dict[int, int] = {}  # blockage number -> body
+        actuation, holonomic = self._actuation, self._fleet.holonomic
+        self._bases = Bases(actuation.motors, actuation.loss, self._robots.wheels, holonomic)
+        self._prepared = nothing_prepared(len(world.robots), len(world.humans))
 
     def _build_solids(self, world: World) -> None:
         polygons = world.solid_polygons()
@@ -168,6 +177,11 @@ class BulletEngine:
             self.client.column[body] = gaps.STATIC
         self._people.note_arrivals(self._human)
 
+    def _things(self) -> gaps.Obstructions:
+        """Gather what a robot may run into now."""
+        around = self._around
+        return gaps.Obstructions(self._observer.prints, around.solids, around.people(self._human))
+
     def _is_taken(self, polygon: Array) -> bool:
         velocity = self._robots.read_velocity(self._pose)
         return self._observer.is_taken(polygon, self._pose, velocity, self._human)
@@ -179,31 +193,31 @@ class BulletEngine:
         around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
-        walked_from = self._human.copy()
-        touched = np.zeros(len(self._pose), dtype=np.bool_)
+        prepared, walked_from = self._prepared, self._human.copy()
+        prepared.touched[:] = False
+        things = self._things()
         for k in range(self._substeps):
             time = (self._tick + k / self._substeps) * self._dt
-            if around.update(time, self._is_taken):
+            if not around.is_settled(time) and around.update(time, self._is_taken):
                 self._note_changes()
-            set_point = self._actuation.advance(command.twist, time)
-            self._robots.drive(set_point, self._actuation.loss, self._pose)
-            move_people(
-                around.people(self._human),
-                human_velocity,
-                self._step,
-                self._pose,
-                observer.prints,
-                around.solids,
-                touched,
+                things = self._things()
+            step = SubStep(time, self._step, self._actuation.count)
+            self._actuation.count += 1
+            are_near = fill_prepared(
+                step, command.twist, human_velocity, self._pose, self._bases, things, prepared
             )
-            self._people.place(self._human, self._pose)
-            self._people.release_overlaps(self._human)
+            self._robots.drive(prepared.targets)
+            if are_near:
+                self._people.place(self._human, prepared)
+            if self._people.overlaps:
+                self._people.release_overlaps(self._human)
             pybullet.stepSimulation(self.client.number)
-            self._pose = self._robots.read_pose()
-            if observer.observe(self._pose, self._human) <= NEAR_CONTACT:
+            raw, inertial = self._robots.read_raw(), self._robots.inertial
+            least = fill_observed(raw, inertial, self._pose, things, observer.gap, observer.nearest)
+            if least <= NEAR_CONTACT:
                 near = np.flatnonzero(observer.gap.min(axis=1) <= NEAR_CONTACT)
                 self._robots.fill_contact(near, observer.contact)
-        observer.contact[:, gaps.HUMAN] |= touched
+        observer.contact[:, gaps.HUMAN] |= prepared.touched
         self._tick += 1
         if around.update(self._tick * self._dt, self._is_taken):
             self._note_changes()
@@ -214,16 +228,16 @@ class BulletEngine:
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt
         velocity = self._robots.read_velocity(self._pose)
-        self._robots.update_brakes(velocity, self._actuation.set_point, self._dt)
-        parked = self._observer.parked(self._pose, time)
+        self._robots.update_brakes(velocity, self._actuation.motors.set_point, self._dt)
         if self._options.rays == "bullet":
+            parked = self._observer.parked(self._pose, time)
             distances = self._bullet_distances(np.flatnonzero(parked))
         else:
-            distances = self._observer.exact_distances(self._pose, parked)
+            distances = self._observer.exact_distances(self._pose, time)
         return self._observer.sensed(
             tick=self._tick,
             time=time,
-            pose=self._pose,
+            pose=self._pose.copy(),
             velocity=velocity,
             human_position=self._human.copy(),
             human_velocity=human_velocity,

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
+
+
+class Inertial(NamedTuple):
+    """The inertial frames of all robots, in the robots' own frames."""
+
+    offset: Array  #: (N, 3) [m]
+    turned: Array  #: (N, 4) quaternions x, y, z, w
+    holonomic: IntArray  #: (N,) 1: it has three joints along the map's axes instead
 
 
 @njit(cache=True)
@@ -40,12 +49,12 @@ def motor_targets(
 
 
 @njit(cache=True)
-def floor_poses(raw: Array, offset: Array, turned: Array, holonomic: IntArray) -> Array:
+def floor_poses(raw: Array, inertial: Inertial) -> Array:
     """Convert poses of inertial frames to poses ``(N, 3)`` of the robot frames.
 
-    ``raw`` ``(N, 7)`` is position and quaternion (x, y, z, w), or joint positions;
-    ``offset``, ``turned`` are position and quaternion of the inertial in the robot frame.
+    ``raw`` ``(N, 7)`` is position and quaternion (x, y, z, w), or joint positions.
     """
+    offset, turned, holonomic = inertial.offset, inertial.turned, inertial.holonomic
     out = np.zeros((len(raw), 3))
     for i in range(len(raw)):
         yaw = raw[i, 2]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
-from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
 from simulator_interface.engines.bodies import Fleet
@@ -20,9 +18,8 @@ from simulator_interface.engines.bullet_client import (
     BulletClient,
 )
 from simulator_interface.engines.bullet_robots import BulletRobots
+from simulator_interface.engines.bullet_substeps import Prepared
 from simulator_interface.engines.sensing import Observer, Surroundings
-
-NEAR_PERSON = 1.0  # m between surfaces, below which a person stands in Bullet's world
 
 
 class _Overlap(NamedTuple):
@@ -52,27 +49,20 @@ class BulletPeople:
         n = len(world.humans)
         self._bodies = [client.add_person(human.radius) for human in world.humans]
         client.column.update(dict.fromkeys(self._bodies, gaps.HUMAN))
-        self._is_in = np.zeros(n, dtype=np.bool_)  # stands in Bullet's world
-        self._near = np.zeros(n, dtype=np.bool_)
         self._was_present = np.zeros(n, dtype=np.bool_)
-        self._overlaps: list[_Overlap] = []
+        self.overlaps: list[_Overlap] = []  #: of people who appeared on top of a robot
 
-    def place(self, human: Array, pose: Array) -> None:
-        """Put people at ``human`` ``(H, 2)`` [m]; robots are at ``pose`` ``(N, 3)``.
+    def place(self, human: Array, prepared: Prepared) -> None:
+        """Put people at ``human`` ``(H, 2)`` [m].
 
         Only people near a robot stand in Bullet's world: to move all of them costs too much.
         """
-        if not self._bodies:
-            return
-        around, near = self._around, self._near
-        radius, present, reach = around.human_radius, around.present, self._fleet.reach
-        if not _fill_near_people(human, radius, present, pose, reach, self._is_in, near):
-            return
-        for h in np.flatnonzero(near | self._is_in):
+        near, was_in = prepared.near, prepared.was_in
+        for h in (near | was_in).nonzero()[0].tolist():
             z = 0.5 * (BODY_HEIGHT - CAPSULE_DEPTH) if near[h] else AWAY
             x, y = human[h].tolist()
             self._client.place(self._bodies[h], (x, y, z), NO_TURN)
-        self._is_in[:] = near
+        was_in[:] = near
 
     # --- overlaps ------------------------------------------------------------------------
 
@@ -87,20 +77,20 @@ class BulletPeople:
             for i in range(len(self._robots)):
                 pair = _Overlap(i, int(h))
                 if self._gap(pair, human) < 0.0:
-                    self._overlaps.append(pair)
+                    self.overlaps.append(pair)
                     self._collide(pair, enable=False)
         self._was_present = present
 
     def release_overlaps(self, human: Array) -> None:
         """Let pairs collide that have come apart; the others are in contact."""
         overlapping = []
-        for pair in self._overlaps:
+        for pair in self.overlaps:
             if self._gap(pair, human) >= 0.0:
                 self._collide(pair, enable=True)
             else:
                 overlapping.append(pair)
                 self._observer.contact[pair.robot, gaps.HUMAN] = True
-        self._overlaps = overlapping
+        self.overlaps = overlapping
 
     def _gap(self, pair: _Overlap, human: Array) -> float:
         """Gap of a pair's surfaces [m], negative: they overlap."""
@@ -112,25 +102,3 @@ class BulletPeople:
 
     def _collide(self, pair: _Overlap, *, enable: bool) -> None:
         self._robots.collide_with(pair.robot, self._bodies[pair.human], enable=enable)
-
-
-@njit(cache=True)
-def _fill_near_people(
-    position: Array,
-    radius: Array,
-    present: BoolArray,
-    pose: Array,
-    reach: Array,
-    was_in: BoolArray,
-    near: BoolArray,
-) -> bool:
-    """Write whether people ``(H,)`` are present and near a robot; say whether any body moves."""
-    news = False
-    for h in range(len(position)):
-        near[h] = False
-        for i in range(len(pose)):
-            apart = math.hypot(position[h, 0] - pose[i, 0], position[h, 1] - pose[i, 1])
-            near[h] = near[h] or apart < radius[h] + NEAR_PERSON + reach[i]
-        near[h] = near[h] and present[h]
-        news = news or near[h] or was_in[h]
-    return news

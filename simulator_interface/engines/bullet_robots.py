@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
@@ -23,7 +24,7 @@ from simulator_interface.engines.bullet_client import (
     native_output_muted,
     pybullet,
 )
-from simulator_interface.engines.bullet_frames import body_twists, floor_poses, motor_targets
+from simulator_interface.engines.bullet_frames import Inertial, body_twists, floor_poses
 from simulator_interface.engines.robot_models import RobotModel
 
 TOUCH = 1e-3  # m; a contact point nearer than this is a touch (Bullet reports some that are apart)
@@ -38,6 +39,16 @@ class _Body(NamedTuple):
     number: int  #: body
     joints: tuple[int, ...]  #: driven, in the model's order
     forces: tuple[float, ...]  #: limits of their motors [N] or [N m]
+
+
+class _Holding(NamedTuple):
+    """Which robots stand, and who is to be held or let go."""
+
+    standing_for: Array  #: (N,) [s]
+    may_brake: BoolArray  #: (N,)
+    is_braked: BoolArray  #: (N,)
+    pushed: BoolArray  #: (N,) held, and moves all the same
+    due: BoolArray  #: (N,) is to be held
 
 
 class BulletRobots:
@@ -56,18 +67,24 @@ class BulletRobots:
             _load_robot(client, model, robot.pose)
             for robot, model in zip(world.robots, fleet.models, strict=True)
         ]
-        self._offset = np.zeros((n, 3))  # of the inertial frame in the robot frame [m]
-        self._turned = np.tile(NO_TURN, (n, 1))  # of the inertial frame, quaternions
+        #: position and turn of the inertial frames in the robot frames
+        self.inertial = Inertial(np.zeros((n, 3)), np.tile(NO_TURN, (n, 1)), fleet.holonomic)
         for i, body in enumerate(self._bodies):
             info = pybullet.getDynamicsInfo(body.number, -1, **client.call)
-            self._offset[i], self._turned[i] = info[3], info[4]
+            self.inertial.offset[i], self.inertial.turned[i] = info[3], info[4]
             client.column[body.number] = gaps.ROBOT
-        self._wheels = np.array(
+        #: (N, 2) radius and separation [m]
+        self.wheels = np.array(
             [[model.wheel_radius, model.wheel_separation] for model in fleet.models]
         ).reshape(n, 2)
         self._targets: list[list[float]] = [[] for _ in range(n)]
-        self._standing_for = np.zeros(n)  # s
-        self._is_braked = np.zeros(n, dtype=np.bool_)
+        self._holding = _Holding(
+            standing_for=np.zeros(n),
+            may_brake=fleet.holonomic == 0,
+            is_braked=np.zeros(n, dtype=np.bool_),
+            pushed=np.zeros(n, dtype=np.bool_),
+            due=np.zeros(n, dtype=np.bool_),
+        )
         for i in range(n):
             self._brake(i, hold=False)
 
@@ -76,20 +93,13 @@ class BulletRobots:
 
     # --- motors and brakes ---------------------------------------------------------------
 
-    def drive(self, set_point: Array, loss: Array, pose: Array) -> None:
-        """Set the motors to body twists.
-
-        Args:
-            set_point: ``(N, 3)`` forward, left [m/s], turn [rad/s].
-            loss: ``(N, 2)`` shares of speed that slip takes (see ``Actuation.loss``).
-            pose: ``(N, 3)``.
-        """
-        wheels, holonomic = self._wheels, self._fleet.holonomic
-        targets = motor_targets(set_point, loss, pose, wheels, holonomic).tolist()
+    def drive(self, speeds: Array) -> None:
+        """Set the motors to joint speeds ``(N, 3)``; only two count for two wheels."""
+        targets = speeds.tolist()
         for i, body in enumerate(self._bodies):
             if targets[i] == self._targets[i]:
                 continue  # a motor keeps its target
-            if self._is_braked[i]:
+            if self._holding.is_braked[i]:
                 self._brake(i, hold=False)
             pybullet.setJointMotorControlArray(
                 body.number,
@@ -107,7 +117,7 @@ class BulletRobots:
         A standing robot creeps by 0.3 mm/s, as far as the solver is from convergence. Held, it
         sleeps in Bullet's sense: what runs into it wakes it, and it costs no time.
         """
-        self._is_braked[robot] = hold
+        self._holding.is_braked[robot] = hold
         state = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING + pybullet.ACTIVATION_STATE_WAKE_UP
         if hold:
             state = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING + pybullet.ACTIVATION_STATE_SLEEP
@@ -124,43 +134,46 @@ class BulletRobots:
             set_point: ``(N, 3)`` of the same.
             dt: since the last call [s].
         """
-        stands = (np.abs(velocity) < AT_REST).all(axis=1)
-        stands &= ~set_point.any(axis=1)
-        self._standing_for = np.where(stands, self._standing_for + dt, 0.0)
-        pushed = self._is_braked & velocity.any(axis=1)
-        for i in np.flatnonzero(pushed):
-            self._brake(int(i), hold=False)
-        due = (self._standing_for >= BRAKE_AFTER) & ~self._is_braked
-        for i in np.flatnonzero(due & (self._fleet.holonomic == 0)):
-            self._brake(int(i), hold=True)
+        holding = self._holding
+        if not _fill_brakes(velocity, set_point, dt, holding):
+            return
+        for i in holding.pushed.nonzero()[0].tolist():
+            self._brake(i, hold=False)
+        for i in holding.due.nonzero()[0].tolist():
+            self._brake(i, hold=True)
 
     # --- where they are ------------------------------------------------------------------
 
     def read_pose(self) -> Array:
         """Read poses ``(N, 3)`` x, y [m], yaw [rad]."""
+        return floor_poses(self.read_raw(), self.inertial)
+
+    def read_raw(self) -> Array:
+        """Read what Bullet says of the poses ``(N, 7)``; see :func:`.bullet_frames.floor_poses`."""
         client, raw = self._client.number, []
         for body in self._bodies:
             if len(body.joints) == CARRIED:
                 states = pybullet.getJointStates(body.number, body.joints, client)
-                raw.append((*(state[0] for state in states), *NO_TURN))
+                raw += [*(state[0] for state in states), *NO_TURN]
             else:
                 position, turn = pybullet.getBasePositionAndOrientation(body.number, client)
-                raw.append(position + turn)
-        holonomic = self._fleet.holonomic
-        return floor_poses(np.array(raw).reshape(-1, 7), self._offset, self._turned, holonomic)
+                raw += position
+                raw += turn
+        return np.array(raw).reshape(-1, 7)
 
     def read_velocity(self, pose: Array) -> Array:
         """Read body twists ``(N, 3)`` forward, left [m/s], turn [rad/s] at poses ``(N, 3)``."""
         call = self._client.call
-        raw = np.zeros((len(self._bodies), 3))
-        for i, body in enumerate(self._bodies):
-            if self._fleet.holonomic[i]:
+        found: list[float] = []
+        for body in self._bodies:
+            if len(body.joints) == CARRIED:
                 states = pybullet.getJointStates(body.number, body.joints, **call)
-                raw[i] = [state[1] for state in states]
+                found += [state[1] for state in states]
             else:
                 linear, angular = pybullet.getBaseVelocity(body.number, **call)
-                raw[i] = linear[0], linear[1], angular[2]
-        return body_twists(raw, pose, self._offset, self._fleet.holonomic)
+                found += linear[0], linear[1], angular[2]
+        raw = np.array(found).reshape(-1, 3)
+        return body_twists(raw, pose, self.inertial.offset, self._fleet.holonomic)
 
     def put(self, robot: int, x: float, y: float) -> None:
         """Put a robot at (x, y) [m]."""
@@ -207,6 +220,24 @@ class BulletRobots:
         number, call = self._bodies[robot].number, self._client.call
         for link in range(-1, pybullet.getNumJoints(number, **call)):
             pybullet.setCollisionFilterPair(body, number, -1, link, int(enable), **call)
+
+
+@njit(cache=True)
+def _fill_brakes(velocity: Array, set_point: Array, dt: float, holding: _Holding) -> bool:
+    """Write who is to be let go and who is to be held; say whether anybody is."""
+    news = False
+    for i in range(len(velocity)):
+        stands, moves = True, False
+        for k in range(3):
+            stands = stands and abs(velocity[i, k]) < AT_REST[k] and set_point[i, k] == 0.0
+            moves = moves or velocity[i, k] != 0.0
+        holding.standing_for[i] = holding.standing_for[i] + dt if stands else 0.0
+        pushed = holding.is_braked[i] and moves
+        is_long = holding.standing_for[i] >= BRAKE_AFTER
+        is_held = holding.is_braked[i] and not pushed
+        holding.pushed[i], holding.due[i] = pushed, is_long and not is_held and holding.may_brake[i]
+        news = news or pushed or holding.due[i]
+    return news
 
 
 # --- from URDF to body -------------------------------------------------------------------

@@ -43,6 +43,14 @@ class Pedestrians(NamedTuple):
     present: BoolArray  #: (H,) who is in the building
 
 
+class Obstructions(NamedTuple):
+    """Everything that a robot may run into."""
+
+    prints: Footprints
+    solids: Solids
+    people: Pedestrians
+
+
 @njit(cache=True)
 def place_outline(outline: Array, corners: int, pose: Array, placed: Array) -> None:
     """Write the corners ``(V, 2)`` of a footprint at ``pose`` (x, y, yaw) to ``placed``."""

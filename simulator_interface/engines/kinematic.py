@@ -18,12 +18,10 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
-from simulator_interface.engines.actuation import Actuation, slipping
+from simulator_interface.engines.actuation import Actuation, Motors, move_set_points, slipping
 from simulator_interface.engines.bodies import check_start_footprints, gather_fleet, outside
 from simulator_interface.engines.gaps import (
-    Footprints,
-    Pedestrians,
-    Solids,
+    Obstructions,
     blocks_gap,
     place_outline,
     polygon_gap,
@@ -49,20 +47,32 @@ class Drives(NamedTuple):
     step: float  #: sub-step [s]
 
 
-class Obstructions(NamedTuple):
-    """Everything that a robot may run into."""
-
-    prints: Footprints
-    solids: Solids
-    people: Pedestrians
-
-
 class Measured(NamedTuple):
     """What is measured of a tick, sub-step after sub-step."""
 
     contact: BoolArray  #: (N, 3) touched robot, human, static
     gap: Array  #: (N, 3) least gap [m]
     nearest: IntArray  #: (N, 2) robot, human
+
+
+class _Moving(NamedTuple):
+    """The robots, and what moves them."""
+
+    pose: Array  #: (N, 3)
+    velocity: Array  #: (N, 3)
+    drives: Drives
+    motors: Motors
+
+
+class _Clock(NamedTuple):
+    """Which sub-steps of a tick are meant."""
+
+    tick: int
+    dt: float  #: of a tick [s]
+    substeps: int  #: of a tick
+    first: int
+    end: int  #: the first that is not meant any more
+    before: int  #: sub-steps before the first, since the start
 
 
 class KinematicEngine:
@@ -106,6 +116,9 @@ class KinematicEngine:
         n = len(world.robots)
         self._pose = np.array([robot.pose for robot in world.robots]).reshape(n, 3)
         self._velocity = np.zeros((n, 3))
+        observer = self._observer
+        self._moving = _Moving(self._pose, self._velocity, self._drives, self._actuation.motors)
+        self._measured = Measured(observer.contact, observer.gap, observer.nearest)
         self._human = np.array(human_position, dtype=np.float64).reshape(len(world.humans), 2)
         self._tick = 0
         self._around.update(0.0, self._is_taken)
@@ -119,20 +132,24 @@ class KinematicEngine:
         self._actuation.begin_tick(self._dt)
         observer.begin_tick()
         walked_from = self._human.copy()
-        measured = Measured(observer.contact, observer.gap, observer.nearest)
-        for k in range(self._substeps):
-            time = (self._tick + k / self._substeps) * self._dt
-            around.update(time, self._is_taken)
-            set_point = self._actuation.advance(command.twist, time)
-            _fill_substep(
-                self._pose,
-                self._velocity,
-                set_point,
-                self._drives,
-                Obstructions(observer.prints, around.solids, around.people(self._human)),
-                human_velocity,
-                measured,
+        done = 0
+        while done < self._substeps:
+            around.update((self._tick + done / self._substeps) * self._dt, self._is_taken)
+            is_settled = around.is_settled((self._tick + 1) * self._dt)
+            clock = _Clock(
+                self._tick,
+                self._dt,
+                self._substeps,
+                first=done,
+                end=self._substeps if is_settled else done + 1,
+                before=self._actuation.count,
             )
+            things = Obstructions(observer.prints, around.solids, around.people(self._human))
+            _fill_substeps(
+                clock, self._moving, command.twist, human_velocity, things, self._measured
+            )
+            self._actuation.count += clock.end - done
+            done = clock.end
         self._tick += 1
         around.update(self._tick * self._dt, self._is_taken)
         return self._sense((self._human - walked_from) / self._dt)
@@ -163,7 +180,6 @@ class KinematicEngine:
 
     def _sense(self, human_velocity: Array) -> Sensed:
         time = self._tick * self._dt
-        parked = self._observer.parked(self._pose, time)
         return self._observer.sensed(
             tick=self._tick,
             time=time,
@@ -171,7 +187,7 @@ class KinematicEngine:
             velocity=self._velocity.copy(),
             human_position=self._human.copy(),
             human_velocity=human_velocity,
-            distances=self._observer.exact_distances(self._pose, parked),
+            distances=self._observer.exact_distances(self._pose, time),
         )
 
     def close(self) -> None:
@@ -299,20 +315,23 @@ def _drive(
 
 
 @njit(cache=True)
-def _fill_substep(
-    pose: Array,
-    velocity: Array,
-    set_point: Array,
-    drives: Drives,
-    around: Obstructions,
+def _fill_substeps(
+    clock: _Clock,
+    moving: _Moving,
+    command: Array,
     human_velocity: Array,
+    around: Obstructions,
     measured: Measured,
 ) -> None:
-    """Walk the people, drive the robots, lower the gaps of the tick: one call a sub-step."""
+    """Take sub-steps: walk the people, drive the robots, lower the gaps of the tick."""
     prints, solids, people = around.prints, around.solids, around.people
+    pose, drives, motors = moving.pose, moving.drives, moving.motors
     touched = np.zeros(len(pose), dtype=np.bool_)
-    move_people(people, human_velocity, drives.step, pose, prints, solids, touched)
-    for i in range(len(pose)):
-        measured.contact[i, gaps.HUMAN] = measured.contact[i, gaps.HUMAN] or touched[i]
-    _drive(pose, velocity, set_point, drives, around, measured.contact)
-    gaps.fill_gaps(pose, prints, solids, people, measured.gap, measured.nearest)
+    for k in range(clock.first, clock.end):
+        time = (clock.tick + k / clock.substeps) * clock.dt
+        move_set_points(command, time, motors, clock.before + k - clock.first)
+        move_people(people, human_velocity, drives.step, pose, prints, solids, touched)
+        for i in range(len(pose)):
+            measured.contact[i, gaps.HUMAN] = measured.contact[i, gaps.HUMAN] or touched[i]
+        _drive(pose, moving.velocity, motors.set_point, drives, around, measured.contact)
+        gaps.fill_gaps(pose, prints, solids, people, measured.gap, measured.nearest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,8 @@ WAY_STEP = 0.05  # m between two looks on a robot's way to a stop
 
 _ANGLES = np.arange(12) * (2.0 * np.pi / 12)
 DISC = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)  # outline of a body of radius 1
+
+AT_ONCE = 1e-9  # s; a sub-step's time is a product of floats: what begins within this begins now
 
 NO_FURNITURE = np.zeros((0, 3))
 
@@ -62,18 +65,26 @@ class Surroundings:
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
         self._awaited: tuple[int, ...] = ()  #: of those to be put down once nobody is there
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
-        self.owner = np.zeros(0, dtype=np.int64)  #: (E,) -1: they belong to no robot
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
         self.solids = gaps.Solids(self.grid, self.edges)  #: walls and what stands now
+        self._people = gaps.Pedestrians(np.zeros((0, 2)), self.human_radius, self.present)
 
     def people(self, position: Array) -> gaps.Pedestrians:
         """People at ``position`` ``(H, 2)`` [m]."""
-        return gaps.Pedestrians(position, self.human_radius, self.present)
+        known = self._people
+        if known.position is not position or known.present is not self.present:
+            self._people = gaps.Pedestrians(position, self.human_radius, self.present)
+        return self._people
+
+    def is_settled(self, until: float) -> bool:
+        """Whether nothing is due to change up to ``until`` [s], and nothing waits for anybody."""
+        has_more = self._next < len(self._changes)
+        is_due = has_more and self._changes[self._next] <= until + AT_ONCE
+        return self._begun and not is_due and not self._awaited
 
     def update(self, time: float, is_taken: IsTaken) -> bool:
         """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
-        # A sub-step's time is a product of floats: what begins within a nanosecond begins now.
-        now = time + 1e-9
+        now = time + AT_ONCE
         is_due = self._next < len(self._changes) and self._changes[self._next] <= now
         if self._begun and not is_due:
             polygons = [self.blockages[k].polygon for k in self._awaited]
@@ -121,7 +132,6 @@ class Surroundings:
         outlines += [piece.at(pose) for piece, pose in poses]
         self.edges = rays.polygon_edges(outlines)
         self.solids = gaps.Solids(self.grid, self.edges)
-        self.owner = np.full(len(self.edges), -1, dtype=np.int64)
 
 
 class Observer:
@@ -129,15 +139,12 @@ class Observer:
 
     def __init__(self, fleet: Fleet, surroundings: Surroundings, options: RayOptions) -> None:
         n = len(fleet.models)
-        self._no_gap = np.full((n, 3), gaps.FAR)
-        self._nobody = np.full((n, 2), -1, dtype=np.int64)
         self._fleet = fleet
         self._surroundings = surroundings
         self._options = options
         self._noise = surroundings.world.ray_noise
         self._random = stream(surroundings.world.seed, "rays")
-        self._anchor = np.full((n, 2), np.inf)
-        self._since = np.zeros(n)
+        self._rest = _Rest(np.full((n, 2), np.inf), np.zeros(n))
         self._sweep = 0  #: of SWEEP ray directions, the one of this tick
         #: footprints, placed as observed last
         self.prints = gaps.Footprints(
@@ -154,9 +161,9 @@ class Observer:
 
     def begin_tick(self) -> None:
         """Forget the last tick's gaps and contacts."""
-        self.gap = self._no_gap.copy()
-        self.nearest = self._nobody.copy()
-        self.contact = np.zeros(self.contact.shape, dtype=np.bool_)
+        self.gap[:] = gaps.FAR
+        self.nearest[:] = -1
+        self.contact[:] = False
 
     def observe(self, pose: Array, human_position: Array) -> float:
         """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``.
@@ -200,22 +207,19 @@ class Observer:
         return False
 
     def parked(self, pose: Array, time: float) -> BoolArray:
-        """Which robots ``(N,)`` have been at rest for over 5 s; call once per tick."""
-        fill_rest(pose, time, self._anchor, self._since)
-        return np.asarray(time - self._since > PARKED_AFTER)
+        """Which robots ``(N,)`` have been at rest for over 5 s.
 
-    def exact_distances(self, pose: Array, parked: BoolArray) -> Array:
-        """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing."""
-        around = self._surroundings
-        extra, owner = around.edges, around.owner
-        if True in parked.tolist():
-            extra, owner = rays.with_bodies(
-                extra, owner, self.prints.placed, self.prints.corners, parked
-            )
-        options = self._options
-        return rays.cast_rays(
-            around.grid, extra, owner, pose, options.count, options.max_range, self._turned()
-        )
+        Call this or :meth:`exact_distances`, once per tick.
+        """
+        return _parked(pose, time, self._rest)
+
+    def exact_distances(self, pose: Array, time: float) -> Array:
+        """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing; robots at rest count."""
+        options, around = self._options, self._surroundings
+        distances = np.empty((len(pose), options.count))
+        fan = options.max_range, self._turned()
+        _fill_distances(distances, fan, pose, time, self._rest, around.solids, self.prints)
+        return distances
 
     def _turned(self) -> float:
         """Angle [rad] from the heading at which this tick's first ray leaves.
@@ -246,9 +250,10 @@ class Observer:
         if self._noise > 0.0:
             noise = self._random.normal(size=distances.shape) * self._noise
             distances = np.maximum(distances + noise, 0.0)
-        (gap_robot, gap_human, gap_static), points = _reported(
-            self.gap, pose, distances, self._turned()
-        )
+        points = np.empty((*distances.shape, 2))
+        gap_robot, gap_human, gap_static = reported = np.empty((3, len(pose)))
+        _fill_reported(self.gap, pose, distances, self._turned(), reported, points)
+        nearest_robot, nearest_human = self.nearest.T.copy()
         self._sweep = (self._sweep + 1) % SWEEP
         return Sensed(
             tick=tick,
@@ -261,22 +266,58 @@ class Observer:
             gap_robot=gap_robot,
             gap_human=gap_human,
             gap_static=gap_static,
-            nearest_robot=self.nearest[:, gaps.ROBOT],
-            nearest_human=self.nearest[:, gaps.HUMAN],
-            contact=self.contact,
+            nearest_robot=nearest_robot,
+            nearest_human=nearest_human,
+            contact=self.contact.copy(),
             furniture_pose=NO_FURNITURE,
         )
 
 
+class _Rest(NamedTuple):
+    """Where each robot came to rest."""
+
+    anchor: Array  #: (N, 2) places [m]
+    since: Array  #: (N,) [s]
+
+
 @njit(cache=True)
-def _reported(gap: Array, pose: Array, distances: Array, turned: float) -> tuple[Array, Array]:
-    """Least gaps ``(3, N)`` from those of ``fill_gaps``, inf: far; and the points that rays hit."""
-    reported = np.full((gap.shape[1], gap.shape[0]), np.inf)
+def _parked(pose: Array, time: float, rest: _Rest) -> BoolArray:
+    """Bring ``rest`` up to date, and say who ``(N,)`` counts as an obstacle by now."""
+    fill_rest(pose, time, rest.anchor, rest.since)
+    return time - rest.since > PARKED_AFTER
+
+
+@njit(cache=True)
+def _fill_distances(
+    distances: Array,
+    fan: tuple[float, float],
+    pose: Array,
+    time: float,
+    rest: _Rest,
+    solids: gaps.Solids,
+    prints: gaps.Footprints,
+) -> None:
+    """Write what the rays of ``fan``, their range [m] and turn [rad], hit to ``distances``."""
+    edges, owner = solids.extra, np.full(len(solids.extra), -1)
+    parked = _parked(pose, time, rest)
+    if parked.any():
+        edges, owner = rays.with_bodies(edges, owner, prints.placed, prints.corners, parked)
+    max_range, turned = fan
+    count = distances.shape[1]
+    distances[:] = rays.cast_rays(solids.grid, edges, owner, pose, count, max_range, turned)
+
+
+@njit(cache=True)
+def _fill_reported(
+    gap: Array, pose: Array, distances: Array, turned: float, reported: Array, points: Array
+) -> None:
+    """Write least gaps ``(3, N)`` of ``fill_gaps``, inf: far; and the points that rays hit."""
+    reported[:] = np.inf
     for i in range(gap.shape[0]):
         for k in range(gap.shape[1]):
             if gap[i, k] < gaps.FAR:
                 reported[k, i] = gap[i, k]
-    return reported, rays.hit_points(pose, distances, turned)
+    points[:] = rays.hit_points(pose, distances, turned)
 
 
 @njit(cache=True)

@@ -53,8 +53,8 @@ class Crowd:
     _resting: tuple[int, ...] = ()
     _added: tuple[Blockage, ...] = ()
     _staged: tuple[BoolArray, Array] | None = None
-    _present: BoolArray = field(init=False)  #: (H,) at ``_present_at``, with ``_present_inside``
-    _present_at: float = np.nan
+    _present: BoolArray = field(init=False)  #: (H,) as long as the next two hold
+    _present_for: tuple[float, float] = (np.inf, np.inf)  #: from, until [s]
     _present_inside: BoolArray | None = None
     _radius: Array = field(init=False)
     _reacts: BoolArray = field(init=False)
@@ -146,11 +146,16 @@ class Crowd:
 
     def present(self, time: float) -> BoolArray:
         """Say which people ``(H,)`` are in the building at ``time`` [s]."""
-        inside = self.player.inside
-        if time != self._present_at or inside is not self._present_inside:
-            self._present_at, self._present_inside = time, inside
+        inside, (first, end) = self.player.inside, self._present_for
+        if not first <= time < end or inside is not self._present_inside:
+            self._present_for, self._present_inside = (time, self._next_change(time)), inside
             self._present = present_humans(self.world, time) & inside
         return self._present
+
+    def _next_change(self, time: float) -> float:
+        """Find when a person next appears or leaves after ``time`` [s], inf: never."""
+        times = [at for human in self.world.humans for at in (human.appears_at, human.leaves_at)]
+        return min((at for at in times if at > time), default=np.inf)
 
     # --- a tick ----------------------------------------------------------------------------------
 
@@ -193,7 +198,9 @@ class Crowd:
         ways, first, speed = self._routes
         desired[:] = speed
         needs_way = all_walk_on(ways, first, self._rows, position, time, target)
-        for i in np.flatnonzero(needs_way).tolist():
+        for i, needs in enumerate(needs_way.tolist()):
+            if not needs:
+                continue
             walker, self._routes = self._walkers[i], None
             target[i] = self._walking.target(walker, position[i], time)
             desired[i] = walker.speed if len(walker.way) else 0.0
@@ -240,8 +247,10 @@ class Crowd:
 
     def _look(self, time: float) -> None:
         """Take in the map and the solids of the moment."""
-        self._furnish(time)
-        pose = self.player.furnishings.pose
+        things = self.player.furnishings
+        if things.pieces:
+            self._furnish(time)
+        pose = things.pose
         moved = len(pose) > 0 and np.abs(pose - self._drawn).max() > REDRAWN
         if self._walking.look(time) or moved:
             self._draw_edges(time)
@@ -254,8 +263,6 @@ class Crowd:
 
     def _furnish(self, time: float) -> None:
         things = self.player.furnishings
-        if not things.pieces:
-            return
         resting = things.at_rest(time)
         if resting != self._resting:
             self._resting = resting

@@ -41,10 +41,10 @@ class FreeDistance:
 
         Without a way, or nearby, it is the straight distance.
         """
-        straight = distance_of(position, goal)
-        row, col = self._cell(position)
-        way = float(self._map_to(goal)[row, col])
-        return way if np.isfinite(way) and way > DETOUR_FROM else straight
+        way = float(self._map_to(goal)[self._cell(position)])
+        if DETOUR_FROM < way < math.inf:
+            return way
+        return distance_of(position, goal)
 
     def way(self, position: Array, goal: Array, reach: float) -> Array:
         """Find the first ``reach`` metres of a shortest way, ``(L, 2)`` [m]; straight if none."""

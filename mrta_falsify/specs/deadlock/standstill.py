@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,17 @@ GOALS_KEPT = 8  # goals remembered per spot; later ones no longer count as new
 GOAL_JITTER = 0.3  # m; smaller changes of goal are jitter
 TURN_STEP = 0.5  # rad; turning this far on the spot counts as moving ...
 TURN_LIMIT = 1.1 * np.pi  # rad; ... until the robot has turned enough to face any direction
+NO_GOALS = np.zeros((0, 2))
+
+
+class _Spots(NamedTuple):
+    """What is remembered of each robot's spot."""
+
+    anchor: Array  #: (N, 3) pose at ``since``
+    since: Array  #: (N,) [s]
+    turned: Array  #: (N,) counted turning on this spot [rad]
+    last: Array  #: (N,) yaw of the last tick [rad]
+    goals: Array  #: (N, G, 2) goals had on this spot [m], nan: none
 
 
 @dataclass(slots=True)
@@ -31,17 +43,17 @@ class Standstill:
     robots: int
     radius: float = SPOT_RADIUS
     since: Array = field(init=False)  #: (N,) [s]
-    _anchor: Array = field(init=False)  #: (N, 3) pose at ``since``
-    _turned: Array = field(init=False)  #: (N,) counted turning on this spot [rad]
-    _last: Array = field(init=False)  #: (N,) yaw of the last tick [rad]
-    _goals: Array = field(init=False)  #: (N, G, 2) goals had on this spot [m], nan: none
+    _spots: _Spots = field(init=False)
 
     def __post_init__(self) -> None:
         self.since = np.zeros(self.robots)
-        self._anchor = np.full((self.robots, 3), np.inf)
-        self._turned = np.zeros(self.robots)
-        self._last = np.zeros(self.robots)
-        self._goals = np.full((self.robots, GOALS_KEPT, 2), np.nan)
+        self._spots = _Spots(
+            anchor=np.full((self.robots, 3), np.inf),
+            since=self.since,
+            turned=np.zeros(self.robots),
+            last=np.zeros(self.robots),
+            goals=np.full((self.robots, GOALS_KEPT, 2), np.nan),
+        )
 
     def update(self, pose: Array, time: float, goal: Array | None = None) -> Array:
         """Take in a tick.
@@ -54,24 +66,13 @@ class Standstill:
         Returns:
             ``since`` ``(N,)`` [s], not a copy.
         """
-        _fill_standstill(
-            pose, time, self.radius, self._anchor, self.since, self._turned, self._last
-        )
-        if goal is not None:
-            _fill_goals(goal, time, self.since, self._goals)
+        _fill_standstill(self._spots, pose, time, self.radius, NO_GOALS if goal is None else goal)
         return self.since
 
 
 @njit(cache=True)
-def _fill_standstill(
-    pose: Array,
-    time: float,
-    radius: float,
-    anchor: Array,
-    since: Array,
-    turned: Array,
-    last: Array,
-) -> None:
+def _fill_standstill(spots: _Spots, pose: Array, time: float, radius: float, goal: Array) -> None:
+    anchor, since, turned, last = spots.anchor, spots.since, spots.turned, spots.last
     for i in range(len(pose)):
         dx, dy = pose[i, 0] - anchor[i, 0], pose[i, 1] - anchor[i, 1]
         if not dx * dx + dy * dy <= radius * radius:  # also true for the first, infinite anchor
@@ -87,6 +88,7 @@ def _fill_standstill(
         if away > TURN_STEP and turned[i] < TURN_LIMIT:
             anchor[i, 2] = pose[i, 2]
             since[i] = time
+    _fill_goals(goal, time, since, spots.goals)
 
 
 @njit(cache=True)

@@ -41,6 +41,7 @@ class SuspectClock:
         self._progress = progress
         self._spot = Standstill(robots)
         self._people = Standstill(len(world.humans))
+        self._facing = np.zeros((len(world.humans), 3))  # people are taken not to turn
         self._closed_since = np.full(robots, np.inf)  # (N,) [s]
         self._people_stand = np.zeros(robots)  # (N,) since when those do that it waits for [s]
         self._edges: EdgesByRobot = {}
@@ -52,8 +53,8 @@ class SuspectClock:
         sensed = frame.sensed
         self._spot.update(sensed.pose, sensed.time, frame.intent.goal)
         if len(sensed.human_position):
-            turn = np.zeros((len(sensed.human_position), 1))
-            self._people.update(np.hstack([sensed.human_position, turn]), sensed.time)
+            self._facing[:, :2] = sensed.human_position
+            self._people.update(self._facing, sensed.time)
 
     def look(self, frame: Frame, edges: EdgesByRobot) -> None:
         """Take in the wait-for graph of a tick."""
