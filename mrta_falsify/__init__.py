@@ -58,6 +58,7 @@ _NAMES_OF = {
     "mrta_falsify.verbs.stored_trials": ("open_campaign",),
     "mrta_falsify.verbs.travel_times": ("measure_travel_times",),
     "mrta_falsify.verbs.worlds": ("find_world",),
+    "mrta_falsify.verbs.zoo": ("run_zoo",),
     "mrta_falsify.core.config": ("Choice", "StackConfig", "apply_setting", "read_config"),
     "mrta_falsify.core.errors": ("HarnessError", "InputError", "MrtaFalsifyError"),
     "mrta_falsify.core.trace": ("Trace", "read_trace", "write_trace"),
