@@ -23,6 +23,7 @@ VERBS = {
     "allocate": "mrta_falsify.verbs.allocate:allocate",
     "bench": "mrta_falsify.verbs.bench.benchmark:bench",
     "campaign": "mrta_falsify.verbs.campaign:campaign",
+    "certify": "mrta_falsify.verbs.certify.stored:certify_trials",
     "check": "mrta_falsify.verbs.check:check",
     "compare": "mrta_falsify.verbs.compare:compare",
     "corpus": "mrta_falsify.verbs.stored_failures:recheck_corpus",

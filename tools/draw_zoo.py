@@ -1,9 +1,10 @@
 """The zoo's page: a picture of each scene, and which stack survives which.
 
-    python -m tools.draw_zoo [--stacks FILE.yaml ...] [--pictures-only]
+    python -m tools.draw_zoo [--stacks FILE.yaml ...] [--only STACK ...]
 
 Writes docs/pictures/zoo/NAME.png, and the part of docs/zoo.md between its two markers. The stacks
-are the default one, each alternative layer in it, and those of the files.
+are the default one, each alternative layer in it, and those of the files. With --only, other rows
+of the table stay as they are.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ PICTURES = DOCS / "pictures" / "zoo"
 BEGIN, END = "<!-- measured by tools.draw_zoo: begin -->", "<!-- end -->"
 SCALE = 0.34  # inches per metre
 AREA = "#e07000"
+LIMIT = 900.0  # s of wall clock for one run, so that a busy machine changes nothing
 NO_MATTER = ("allocator",)  # layers that change nothing: each task names its robot
 WORDS = {"passes": "passes", "fails": "**fails**", "flaky": "*flaky*"}
 SHORT = {
@@ -107,20 +109,21 @@ def cell(row: SceneCheck) -> str:
     return f"{word}: {', '.join(kinds[:1] or ['?'])}"
 
 
-def table(scenes: Sequence[Scene], files: Sequence[str]) -> str:
-    """Run all stacks, and write the table."""
-    columns = {}
-    for name, file, settings in stacks(files):
-        print(f"{name} ...", file=sys.stderr, flush=True)
-        rows = run_zoo(stack=file, settings=settings)
-        columns[name] = {row.name: row for row in rows}
+def table(scenes: Sequence[Scene], files: Sequence[str], only: Sequence[str], old: str) -> str:
+    """Run the stacks, and write the table; rows that are not run are taken from ``old``."""
+    known = {line.split("`")[1]: line for line in old.splitlines() if line.startswith("| `")}
     lines = [
         "| Stack | as known | " + " | ".join(f"({i + 1})" for i in range(len(scenes))) + " |",
         "|---" * (len(scenes) + 2) + "|",
     ]
-    for name, rows_of in columns.items():
-        right = sum(row.is_as_known for row in rows_of.values())
-        cells = " | ".join(cell(rows_of[scene.name]) for scene in scenes)
+    for name, file, settings in stacks(files):
+        if only and name not in only:
+            lines += [known[name]] if name in known else []
+            continue
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        rows = {row.name: row for row in run_zoo(stack=file, settings=settings, time_limit=LIMIT)}
+        right = sum(row.is_as_known for row in rows.values())
+        cells = " | ".join(cell(rows[scene.name]) for scene in scenes)
         lines.append(f"| `{name}` | {right} of {len(scenes)} | {cells} |")
     return "\n".join(lines)
 
@@ -129,18 +132,19 @@ def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--stacks", nargs="*", default=[], help="YAML files of other stacks")
-    parser.add_argument("--pictures-only", action="store_true")
+    parser.add_argument("--only", nargs="*", default=[], help="stacks to run; all if none")
     arguments = parser.parse_args()
     scenes = [load_scene(name) for name in scene_names()]
     PICTURES.mkdir(parents=True, exist_ok=True)
     for scene in scenes:
         draw_scene(scene.world, PICTURES / f"{scene.name}.png")
-    if arguments.pictures_only:
-        return 0
     text = PAGE.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    measured = table(scenes, arguments.stacks)
+    old, _, _ = rest.partition(END)
+    measured = table(scenes, arguments.stacks, arguments.only, old)
+    # read again: it may have been written meanwhile
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    after = rest.partition(END)[2]
     PAGE.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}", encoding="utf-8")
     return 0
 

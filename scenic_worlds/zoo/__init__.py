@@ -26,7 +26,7 @@ from simulator_interface.formats.floor_yaml import floor_of_data
 PREFIX = "zoo/"  #: before the name of a scene where worlds of all kinds are named
 FOLDER = Path(__file__).parent
 
-#: what is known of a scene: a good stack passes; no stack can
+#: what is known of a scene: a good stack passes; even a good one fails
 Answer: TypeAlias = Literal["passes", "fails"]
 
 

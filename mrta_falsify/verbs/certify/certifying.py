@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import zipfile
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,9 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.findings import Certificate, CertifiedMember, Standing
 from mrta_falsify.verbs.certify import checker
 
+#: how the checker refuses: a claim that does not hold, or one that is not a claim at all
+REFUSALS = (ValueError, LookupError, TypeError, StopIteration)
 MOVING = "its members still move, or stood for less than 2 s before the end"
 WAIT_ELSEWHERE = "its members wait for robots that are no part of a closed circle"
 FREE_WAYS = "discs of its members' radius have free ways, and no area that they want is full"
@@ -38,8 +42,14 @@ def certify(folder: Path, members: Collection[str] = ()) -> Sought:
     Args:
         folder: of the trial, with ``world.json`` and ``trace.zip``.
         members: of the deadlock that was found; a circle with one of them is wanted. Empty: any.
+
+    Raises:
+        FormatError: a file cannot be read.
     """
-    case = checker.Case(folder)
+    try:
+        case = checker.Case(folder)
+    except (OSError, ValueError, LookupError, zipfile.BadZipFile) as error:
+        raise FormatError(f"{folder}: has no readable world.json and trace.zip: {error}") from None
     names = [robot["name"] for robot in case.world["robots"]]
     wanted = {names.index(name) for name in members}
     end = len(case.time) - 1 - int(np.ceil(checker.LEAST / case.table["dt"]))
@@ -58,7 +68,7 @@ def certify(folder: Path, members: Collection[str] = ()) -> Sought:
     found = _written(case, names, sorted(circle), reasons)
     try:
         checker.accept(folder, codec.encode(found))
-    except ValueError as error:
+    except REFUSALS as error:
         return Sought(None, str(error))
     return Sought(found)
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 STANDS, LEAST, CELL = 0.05, 2.0, 0.03  # m to stay within; s to have stood at least; m of the grid
-REACH, SAME, RIM = 1.0 + CELL, 1e-6, 0.1  # m; so near its goal one is served; equal; free rim
+REACH, SAME, RIM = 0.5 + CELL, 1e-6, 0.1  # m; so near its goal one is served; equal; free rim
 KINDS = ("waits-for", "granted", "released")
 
 
