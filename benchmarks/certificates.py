@@ -1,6 +1,6 @@
 """How many confirmed deadlocks have a certificate, and are edited ones refused?
 
-    python -m benchmarks.certificates [--rounds N] [--first SEED] [--edits N] -o FOLDER
+    python -m benchmarks.certificates [--kinds KIND ...] [--rounds N] [--edits N] -o FOLDER
 
 Runs cases of the oracle's benchmark until the oracle claims a deadlock, and looks for a certificate
 of it. Then it edits certificates at random: a robot left out or put in, an edge turned round, a
@@ -252,6 +252,7 @@ def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--kinds", nargs="*", choices=KINDS, help="of cases; all if none")
     parser.add_argument("--first", type=int, default=10_000)
     parser.add_argument("--edits", type=int, default=1_000)
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -262,7 +263,8 @@ def main() -> int:
     text = log.read_text() if log.is_file() else ""
     known = {row["case"]: row for row in map(json.loads, text.splitlines())}
     with log.open("a") as file:
-        for name in cases(arguments.rounds, tuple(KINDS), arguments.first):
+        kinds = tuple(arguments.kinds or KINDS)
+        for name in cases(arguments.rounds, kinds, arguments.first):
             if name not in known:
                 known[name] = {"case": name, "row": case_row(name, root)}
                 print(json.dumps(codec.encode(known[name])), file=file, flush=True)
