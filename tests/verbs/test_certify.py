@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from benchmarks.certificates import EDITS, edited, is_refused
-from mrta_falsify.campaigns.finding_files import write_finding
+from mrta_falsify.cli import main
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.geometry import rectangle
@@ -24,12 +25,13 @@ from mrta_falsify.verbs.certify import checker
 from mrta_falsify.verbs.certify.certifying import FREE_WAYS, certify
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from scenic_worlds.zoo import load_scene
+from tests.reports.planted import stored
 
 
 @pytest.fixture(scope="module")
-def ring(tmp_path_factory):
-    """A trial's files of the full ring, with its certificate."""
-    folder = tmp_path_factory.mktemp("ring")
+def ring_campaign(tmp_path_factory):
+    """A campaign of one trial, the full ring, whose deadlock is certified."""
+    directory = tmp_path_factory.mktemp("ring") / "runs"
     world = load_scene("ring_of_six_areas_full").world
     job = Job(
         world=world,
@@ -37,12 +39,16 @@ def ring(tmp_path_factory):
         specifications=("no_deadlock",),
         early_stop=True,
     )
-    write_world(world, folder / "world.json")
-    write_trace(judge(job).outcome.trace, folder / "trace.zip")
-    found = certify(folder, ("robot1",)).certificate
-    assert found is not None
-    write_finding(folder, found)
-    return folder
+    campaign = stored(directory, job, judge(job))
+    done = CliRunner().invoke(main, ["certify", str(directory), "--format", "json"])
+    assert (done.exit_code, json.loads(done.stdout)["certified"]) == (0, 1)
+    return campaign
+
+
+@pytest.fixture(scope="module")
+def ring(ring_campaign):
+    """The trial's files, with its certificate."""
+    return ring_campaign.directory / "trials" / "0000"
 
 
 def test_the_checker_needs_numpy_only_and_is_short():
@@ -64,6 +70,33 @@ def test_a_full_ring_is_certified_with_all_its_robots(ring):
     first, second, *_ = claim_sentences(found)
     assert "closed circle" in first
     assert second == "robot1 wants to enter north_west, which robot2 fills."
+
+
+def test_commands_tell_what_is_proved(ring_campaign):
+    directory = str(ring_campaign.directory)
+    shown = CliRunner().invoke(main, ["show", directory, "0000"])
+    certified = CliRunner().invoke(main, ["certify", directory, "0"])
+    assert certified.exit_code == shown.exit_code == 0
+    for text in (shown.stdout, certified.stdout):
+        assert "Certified: from 6.2 s on robot1, robot2, robot3, robot4" in text
+        assert "robot6 wants to enter west, which robot1 fills." in text
+    assert certified.stdout.endswith("1 of 1 deadlocks certified\n")
+
+
+@pytest.mark.slow
+def test_the_report_tells_what_is_proved(ring_campaign):
+    page = ring_campaign.directory / "report.html"
+    done = CliRunner().invoke(main, ["report", str(ring_campaign.directory), "-o", str(page)])
+    assert done.exit_code == 0
+    text = page.read_text()
+    assert '<span class="badge good">certified</span>' in text
+    assert "robot6 wants to enter west, which robot1 fills." in text
+
+
+def test_an_unknown_trial_is_refused(ring_campaign):
+    done = CliRunner().invoke(main, ["certify", str(ring_campaign.directory), "7"])
+    assert done.exit_code == 2
+    assert "7" in done.stderr
 
 
 def test_the_checker_runs_as_a_program_of_its_own(ring):
