@@ -51,6 +51,7 @@ class CaseContents:
     counterfactuals: tuple[Counterfactual, ...] = ()
     removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
     needs: tuple[str, ...] = ()  #: without what, and under which schedule, it fails, in sentences
+    certified: tuple[str, ...] = ()  #: what a certificate proves, in sentences
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
     parts: str = ""  #: where the first differing replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many

@@ -49,6 +49,7 @@ def _mode(number: int, mode: Mode) -> Iterator[str]:
 def _case(case: CaseContents) -> Iterator[str]:
     yield from _what_happened(case)
     yield from _what_was_checked(case)
+    yield from _bullets(case.certified)
     yield from _bullets(case.removals)
     yield from _bullets(case.needs)
     if case.minimised is not None:

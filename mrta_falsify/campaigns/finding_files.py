@@ -12,6 +12,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.findings import (
+    Certificate,
     Explanation,
     Family,
     Finding,
@@ -27,9 +28,10 @@ FILE_NAMES: dict[type[Finding], str] = {
     Minimisation: "minimize.json",
     ReplayCheck: "verify.json",
     Family: "family.json",
+    Certificate: "certificate.json",
 }
 
-F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Family)
+F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Family, Certificate)
 
 
 def write_finding(folder: Path, finding: Finding) -> None:

@@ -1,4 +1,4 @@
-"""The commands on stored failures: explain, minimize, family, corpus."""
+"""The commands on stored failures: explain, certify, minimize, family, corpus."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from mrta_falsify.cli.options import (
 
 if TYPE_CHECKING:
     from mrta_falsify.core.findings import Explanation, Recheck
+    from mrta_falsify.verbs.zoo import SceneCheck
 
 
 @main.command("explain")
@@ -83,6 +84,38 @@ def _print_explanation(found: Explanation) -> None:
             f"{found.jittered.runs} runs"
         )
     out.print(f"{found.runs} runs spent")
+
+
+@main.command("certify")
+@click.argument("directory", type=FILE)
+@click.argument("id", metavar="[ID]", required=False)
+@format_option
+def certify_command(directory: Path, id: str | None, style: str) -> int:
+    """Prove deadlocks from World and trace, and write certificate.json beside their trials.
+
+    A program of 150 lines without our stack checks it:
+    python -m mrta_falsify.verbs.certify.checker FOLDER. All trials with a confirmed deadlock
+    unless an ID is given. Exit code 0 if each has a certificate, 1 otherwise.
+    """
+    from mrta_falsify.core import codec
+    from mrta_falsify.verbs.certify.stored import certify_trials
+    from mrta_falsify.verbs.certify.telling import claim_sentences
+
+    found = certify_trials(directory, id)
+    certified = sum(trial.certificate is not None for trial in found)
+    if style == "json":
+        counts = {"deadlocks": len(found), "certified": certified}
+        output.print_json({**counts, "trials": codec.encode(found)})
+    else:
+        out = output.stdout()
+        for trial in found:
+            claim = claim_sentences(trial.certificate) if trial.certificate is not None else ()
+            first, *rest = claim or (f"No certificate: {trial.missing}.",)
+            out.print(f"{trial.id}  {first}")
+            for text in rest:
+                out.print(f"      {text}")
+        out.print(f"{certified} of {len(found)} deadlocks certified")
+    return ExitCode.DONE if certified == len(found) else ExitCode.VIOLATED
 
 
 @main.command("minimize")
@@ -194,7 +227,7 @@ def family_command(directory: Path, id: str, max_runs: int, style: str, **option
 
 
 @main.command("corpus")
-@click.argument("directory", type=FILE)
+@click.argument("directory", metavar="DIR|zoo")
 @stack_options
 @setting_option(
     TrialSettings,
@@ -207,16 +240,30 @@ def family_command(directory: Path, id: str, max_runs: int, style: str, **option
     "--time-limit",
     type=FiniteRange(min=0.0, min_open=True),
     metavar="S",
-    help="Wall clock of one run in seconds; default: the campaign's own limit.",
+    help="Wall clock of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
 )
 @format_option
-def corpus_command(directory: Path, style: str, **options: Any) -> int:
-    """Run all stored failures of a campaign on a changed stack.
+def corpus_command(directory: str, style: str, **options: Any) -> int:
+    """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
 
-    Each is fixed, still failing, flaky (only copies with small differences fail) or a timeout.
-    Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's own
-    stack is run. The recorded engine is kept unless --stack or --set names one.
+    Each failure is fixed, still failing, flaky (only copies with small differences fail) or a
+    timeout. Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's
+    own stack is run. The recorded engine is kept unless --stack or --set names one.
+
+    `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
+    kinematic engine unless told otherwise. Exit code 0 if the stack does in each what a good one
+    does. A directory of that name is ./zoo.
     """
+    from mrta_falsify.verbs.zoo import is_zoo
+
+    return (
+        _zoo(directory, style, options)
+        if is_zoo(directory)
+        else _corpus(Path(directory), style, options)
+    )
+
+
+def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.corpus import counts_by_fate
     from mrta_falsify.verbs.stored_failures import keeps_engine, recheck_corpus
@@ -251,4 +298,39 @@ def _print_rechecks(rows: tuple[Recheck, ...]) -> None:
         failing = f"{row.jittered_failures} of {row.jittered} fail"
         style = None if row.fate == "fixed" else "red"
         table.add_row(row.id, row.fate, row.signature, row.signature_now, failing, style=style)
+    output.print_table(table)
+
+
+def _zoo(name: str, style: str, options: dict[str, Any]) -> int:
+    from mrta_falsify.core import codec
+    from mrta_falsify.verbs.zoo import counts_of_scenes, run_zoo, scenes_named
+
+    done: list[SceneCheck] = []
+    with output.progress(name, len(scenes_named(name)), "scenes") as on_progress:
+
+        def on_done(row: SceneCheck) -> None:
+            done.append(row)
+            on_progress(len(done))
+
+        rows = run_zoo(name, on_done=on_done, **options)
+    counts, known = counts_of_scenes(rows), [row.is_as_known for row in rows]
+    if style == "json":
+        scenes = [
+            {**codec.encode(row), "is_as_known": right}
+            for row, right in zip(rows, known, strict=True)
+        ]
+        output.print_json({**counts, "scenes": scenes})
+    else:
+        _print_scenes(rows)
+        told = ", ".join(f"{count} {fate}" for fate, count in counts.items())
+        output.stdout().print(f"{told}; {sum(known)} of {len(rows)} as known")
+    return ExitCode.DONE if all(known) else ExitCode.VIOLATED
+
+
+def _print_scenes(rows: tuple[SceneCheck, ...]) -> None:
+    table = output.new_table("scene", "known", "this stack", "jittered", "what happened")
+    for row in rows:
+        failing = f"{row.jittered_failures} of {row.jittered} fail"
+        style = None if row.is_as_known else "red"
+        table.add_row(row.name, row.answer, row.fate, failing, row.sentence, style=style)
     output.print_table(table)

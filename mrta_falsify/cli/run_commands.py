@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 STYLES = {"violated": "red", "not_judged": "yellow"}  # of a verdict's row, by its outcome
 WORLD_HELP = (
-    "WORLD is a world file (.json), a Scenic program (.scenic), or a shipped name of either."
+    "WORLD is a world file (.json), a Scenic program (.scenic), a shipped name of either, or a "
+    "scene of the zoo (zoo/NAME)."
 )
 
 

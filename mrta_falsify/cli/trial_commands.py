@@ -80,15 +80,19 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
     from mrta_falsify.verbs.stored_trials import layer_of, open_campaign, what_happened
     from reports.stack_sentences import coupling_facts
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
     told = what_happened(campaign, record)
+    certificate = read_certificate(campaign.folder(record))
+    proved = claim_sentences(certificate) if certificate is not None else ()
     if style == "json":
         verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
-        data = {"id": record.id, "failed": record.failed, "happened": told, **codec.encode(record)}
+        data = {"id": record.id, "failed": record.failed, "happened": told, "certified": proved}
+        data |= codec.encode(record)
         output.print_json({**data, "verdicts": verdicts})
         return ExitCode.DONE
     out = output.stdout()
@@ -97,6 +101,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
     if record.signature:
         out.print(f"failure    {record.signature}")
     for text in told:
+        out.print(f"           {text}")
+    for text in proved:
         out.print(f"           {text}")
     if record.failed:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")

@@ -114,6 +114,43 @@ class Minimisation:
         return 1.0 - after / before if before else 0.0
 
 
+# --- what is proved -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """A robot that stands, and is not going to move on its own."""
+
+    name: str
+    pose: tuple[float, float]  #: x, y [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertifiedMember(Standing):
+    """A member of a certified deadlock, and why it stands."""
+
+    goal: tuple[float, float]  #: x, y [m]
+    area: str  #: resource that ``robots`` fill; empty: they cut the member off from its goal
+    robots: tuple[str, ...]  #: members and robots at rest; empty: solids alone are in the way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """A closed circle of waits that follows from a trial's World and trace.
+
+    ``mrta_falsify/verbs/certify/checker.py`` says what it claims, and checks it.
+    """
+
+    world: str  #: digest
+    trace: str  #: digest
+    read: str  #: sha256 of the columns of the trace that the claim rests on
+    since: float  #: when the last of its robots came to rest [s]
+    until: float  #: end of the trace [s]
+    members: tuple[CertifiedMember, ...]
+    resting: tuple[Standing, ...] = ()  #: robots without work that take part
+    digest: str = ""  #: of all that is above
+
+
 # --- whether it happens again ------------------------------------------------------------
 
 
@@ -214,7 +251,7 @@ class Family:
 
 # --- as data -----------------------------------------------------------------------------
 
-Finding: TypeAlias = Explanation | Minimisation | ReplayCheck | Family
+Finding: TypeAlias = Explanation | Minimisation | ReplayCheck | Family | Certificate
 
 
 def finding_data(finding: Finding) -> dict[str, Any]:

@@ -25,9 +25,12 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError, WorldError
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun, specifications_of
+from reports.sentences import violation_sentence
 from scenic_worlds.variation import jitter_world
 from simulator_interface.guard import Guard, guarded
 
@@ -105,8 +108,12 @@ def recheck(
                 found.take(one, journal.answers[key])
             else:
                 missing[one] = key
-        with contextlib.closing(_runs(settings, tuple(missing), workers)) as runs:
-            for one, run in runs:
+        left = tuple(missing)
+        jobs = [{"record": codec.encode(one.record), "copy": one.copy} for one in left]
+        with contextlib.closing(finished_jobs(settings, jobs, workers)) as finished:
+            for job in finished:
+                one = left[job.number]
+                run = run_of(job, f"trial {one.record.id}")
                 found.take(one, journal.keep(missing[one], run))
     journal.discard()
     return tuple(found.rows[record.id] for record in failures)
@@ -119,21 +126,26 @@ class _Asked(NamedTuple):
     copy: int  #: seed of the copy; ``STORED`` for the world itself
 
 
-def _runs(
-    settings: CampaignSettings, asked: Sequence[_Asked], workers: int
-) -> Generator[tuple[_Asked, RecheckRun], None, None]:
-    """Run what is asked for in workers, and yield the runs in the order in which they end."""
-    if not asked:
+def finished_jobs(
+    settings: CampaignSettings, jobs: Sequence[dict[str, Any]], workers: int
+) -> Generator[Finished, None, None]:
+    """Run jobs in workers, and yield what became of them in the order in which they end.
+
+    Args:
+        settings: whose target the workers open.
+        jobs: without their numbers, which are their places.
+        workers: processes at a time.
+    """
+    if not jobs:
         return
-    with open_executor(settings, local_workers(min(workers, len(asked)))) as opened:
-        for number, (record, copy) in enumerate(asked):
-            opened.submit({"number": number, "record": codec.encode(record), "copy": copy})
-        left = len(asked)
+    with open_executor(settings, local_workers(min(workers, len(jobs)))) as opened:
+        for number, job in enumerate(jobs):
+            opened.submit({"number": number, **job})
+        left = len(jobs)
         while left:
             for finished in opened.collect(WAIT):
                 left -= 1
-                one = asked[finished.number]
-                yield one, _run_of(finished, one.record)
+                yield finished
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,8 +188,8 @@ def _settings(
     )
 
 
-def _run_of(finished: Finished, record: TrialRecord) -> RecheckRun:
-    """Read what a worker answered.
+def run_of(finished: Finished, what: str) -> RecheckRun:
+    """Read what a worker answered about the world of ``what``.
 
     Raises:
         InputError: the world cannot be run.
@@ -187,7 +199,7 @@ def _run_of(finished: Finished, record: TrialRecord) -> RecheckRun:
         return RecheckRun(fate="timeout")
     if finished.record is None:
         reason = (finished.error.strip().splitlines() or ["no reason given"])[-1]
-        raise HarnessError(f"the re-run of trial {record.id} crashed: {reason}")
+        raise HarnessError(f"the re-run of {what} crashed: {reason}")
     run = codec.decode(RecheckRun, finished.record, where="recheck")
     if run.fate == "refused":
         raise InputError(run.error)
@@ -231,6 +243,7 @@ class RecheckRun:
     violated: tuple[str, ...] = ()  #: specifications
     not_judged: tuple[str, ...] = ()  #: specifications that the changed stack tells too little for
     signature: str = ""
+    sentence: str = ""  #: about the violation that came first
     error: str = ""  #: why it was refused
 
     @property
@@ -249,19 +262,30 @@ def open_rechecks(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[st
         A function from ``{"number": n, "record": {...}, "copy": k}`` to an encoded
         :class:`RecheckRun`.
     """
+
+    def run(job: dict[str, Any]) -> RecheckRun:
+        record = codec.decode(TrialRecord, job["record"], where="recheck")
+        return run_again(settings, record, job["copy"])
+
+    return answering(run)
+
+
+def answering(
+    run: Callable[[dict[str, Any]], RecheckRun],
+) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Make what a worker opens of a function from a job to its run: guarded, encoded."""
     guard = Guard(on_lost=lost_time.tell)
 
-    def run(job: dict[str, Any]) -> dict[str, Any]:
-        record = codec.decode(TrialRecord, job["record"], where="recheck")
+    def answer(job: dict[str, Any]) -> dict[str, Any]:
         try:
             with guarded(guard):
-                found = run_again(settings, record, job["copy"])
+                found = run(job)
         except InputError as error:
             found = RecheckRun(fate="refused", error=str(error))
         data: dict[str, Any] = codec.encode(found)
         return data
 
-    return run
+    return answer
 
 
 def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> RecheckRun:
@@ -288,10 +312,16 @@ def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> Rechec
             return RecheckRun(fate="no place")
     # A changed stack is judged by physics if that is its engine, whatever found the failure.
     record = dataclasses.replace(record, engine=settings.stack.engine.name)
-    verdicts = rerun(settings, record, world).verdicts
+    return judged_run(rerun(settings, record, world).verdicts)
+
+
+def judged_run(verdicts: Sequence[Verdict]) -> RecheckRun:
+    """Say what a run gave, by its verdicts."""
+    first = leading(verdicts)
     return RecheckRun(
         fate="ran",
         violated=tuple(verdict.spec for verdict in verdicts if verdict.violated),
         not_judged=tuple(verdict.spec for verdict in verdicts if verdict.not_judged),
         signature=signature(verdicts),
+        sentence=violation_sentence(first) if first is not None else "",
     )

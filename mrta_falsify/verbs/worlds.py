@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mrta_falsify.core.errors import FormatError, UnknownNameError
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.verbs.folders import Place, located
-from scenic_worlds import layouts, variation
+from scenic_worlds import layouts, variation, zoo
 from scenic_worlds.shipped import scenario_names
 from simulator_interface import starts
 from simulator_interface.formats import mrta_sim
@@ -40,7 +40,7 @@ def find_world(
 
     Args:
         name: a world file (``.json``), a Scenic program (``.scenic``), a shipped name of either,
-            or a world.
+            a scene of the zoo (``zoo/NAME``), or a world.
         seed: varies a fixed world (see :func:`scenic_worlds.variation.vary_world`) or
             samples a program; without, a fixed world is taken as it is and a program
             is sampled with seed 0.
@@ -73,6 +73,8 @@ def find_world_and_scene(
         world, name, fixed = name, name.name, True
     elif (name := str(name)) in layouts.world_names():
         world, fixed = layouts.load_world(name), True
+    elif name.startswith(zoo.PREFIX):
+        world, fixed = zoo.load_scene(name.removeprefix(zoo.PREFIX)).world, True
     elif name.endswith(".scenic") or name in scenario_names():
         sampled = _sample_program(name, seed or 0)
         world, scene, fixed = sampled.world, sampled.scene, False

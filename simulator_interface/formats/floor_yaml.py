@@ -78,6 +78,19 @@ def read_floor(path: Path, rooms: Path | None = None) -> Floor:
             f"{path}: names no image, so it is no Nav2 map; rooms belong to a map or SDF world "
             "(a floor file names its own)"
         )
+    return floor_of_data(data, path)
+
+
+def floor_of_data(data: Any, path: Path) -> Floor:
+    """Read a floor from the data of a floor file.
+
+    Args:
+        data: YAML-shaped.
+        path: of the file that holds it; other files are looked for beside it.
+
+    Raises:
+        InputError: a field is not allowed, or a file is missing or broken.
+    """
     described = _decoded(data, path)
     return _assembled(
         path,
@@ -206,4 +219,4 @@ def _named(names: list[str], kind: str) -> list[str]:
     return found
 
 
-__all__ = ["Floor", "FloorLane", "FloorRoom", "read_floor"]
+__all__ = ["Floor", "FloorLane", "FloorRoom", "floor_of_data", "read_floor"]

@@ -17,6 +17,8 @@ from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import (
+    Certificate,
+    CertifiedMember,
     Condition,
     CopyCount,
     Counterfactual,
@@ -25,6 +27,7 @@ from mrta_falsify.core.findings import (
     Minimisation,
     Removal,
     ReplayCheck,
+    Standing,
 )
 from mrta_falsify.core.verdict import Verdict
 
@@ -72,7 +75,21 @@ FAMILY = Family(
 )
 
 
-@pytest.mark.parametrize("finding", [EXPLANATION, MINIMISATION, CHECK, FAMILY])
+CERTIFICATE = Certificate(
+    world="ab",
+    trace="cd",
+    read="ef",
+    since=3.5,
+    until=9.0,
+    members=(CertifiedMember(name="a", pose=(0.5, 1.0), goal=(4.0, 1.0), area="", robots=("b",)),),
+    resting=(Standing(name="b", pose=(1.0, 1.0)),),
+    digest="0f",
+)
+#: kinds that the recorded campaigns have
+RECORDED_KINDS = [kind for kind in FILE_NAMES if kind is not Certificate]
+
+
+@pytest.mark.parametrize("finding", [EXPLANATION, MINIMISATION, CHECK, FAMILY, CERTIFICATE])
 def test_a_finding_comes_back_as_it_was(tmp_path, finding):
     write_finding(tmp_path, finding)
     assert read_finding(tmp_path, type(finding)) == finding
@@ -104,7 +121,7 @@ def assert_says_all(now, then):
 
 
 @pytest.mark.parametrize("campaign", ["beds", "stalls"])
-@pytest.mark.parametrize("kind", FILE_NAMES, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", RECORDED_KINDS, ids=lambda kind: kind.__name__)
 def test_findings_of_the_version_before_are_read_with_all_they_say(tmp_path, campaign, kind):
     (path,) = RECORDED.glob(f"{campaign}/trials/*/{FILE_NAMES[kind]}")
     then = json.loads(path.read_text())

@@ -19,6 +19,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
+from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
 from mrta_falsify.verbs.stacks import costmap_of
@@ -84,6 +85,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     verdicts = by_cause(record.verdicts)
     explanation = read_finding(folder, Explanation)
     check = read_finding(folder, ReplayCheck)
+    certificate = read_certificate(folder)
     case = CaseContents(
         id=record.id,
         signature=record.signature,
@@ -100,6 +102,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
         repeated=str(record.repeated) if record.repeated else "",
         family=_family(folder),
+        certified=claim_sentences(certificate) if certificate is not None else (),
     )
     if explanation is not None:
         case = _with_explanation(case, explanation)

@@ -1,0 +1,1 @@
+"""Certificates of deadlocks: found, and checked by a program of their own."""

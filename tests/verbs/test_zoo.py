@@ -1,0 +1,99 @@
+"""The zoo: its scenes, their answers, and what the default stack does in them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from mrta_falsify.cli import main
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import InputError, UnknownNameError
+from mrta_falsify.possibility import why_impossible
+from mrta_falsify.trial import campaign_specifications
+from mrta_falsify.verbs import corpus, zoo
+from mrta_falsify.verbs.worlds import find_world
+from scenic_worlds.zoo import load_scene, read_scene, scene_names
+from simulator_interface.starts import check_starts
+
+#: what the default stack does on the kinematic engine
+BREAKS = {
+    "patrol_swap_with_one_bay": "exclusive_use",
+    "two_zones_at_once": "exclusive_use",
+    "waiting_spot_before_the_door": "exclusive_use",
+    "waypoint_near_a_closed_door": "exclusive_use",
+    "ring_of_six_areas_full": "no_deadlock",
+}
+SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_once"}
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Runs in this process instead of in workers."""
+    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_scene_can_be_run_and_is_not_known_to_be_impossible(name):
+    scene = load_scene(name)
+    check_starts(scene.world)
+    assert why_impossible(scene.world, campaign_specifications(StackConfig())) == ""
+    assert scene.source.startswith(("https://", "docs/"))
+    assert all(task.robot for task in scene.world.tasks)
+
+
+def test_only_the_full_ring_cannot_be_done():
+    hopeless = [name for name in scene_names() if load_scene(name).answer == "fails"]
+    assert hopeless == ["ring_of_six_areas_full"]
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in scene_names()],
+)
+def test_the_default_stack_does_what_is_recorded(name):
+    (row,) = zoo.run_zoo(f"zoo/{name}", jittered=0)
+    if name in BREAKS:
+        assert row.fate == "fails"
+        assert BREAKS[name] in row.violated
+        assert row.sentence
+    else:
+        assert (row.fate, row.violated) == ("passes", ())
+    assert row.is_as_known == (name not in BREAKS or load_scene(name).answer == "fails")
+
+
+@pytest.mark.usefixtures("in_process")
+def test_the_command_prints_one_row_for_a_scene():
+    done = CliRunner().invoke(
+        main, ["corpus", "zoo/doorway", "--jittered", "0", "--format", "json"]
+    )
+    assert done.exit_code == 0
+    data = json.loads(done.stdout)
+    assert data["passes"] == 1
+    assert data["scenes"][0]["name"] == "doorway"
+    assert data["scenes"][0]["is_as_known"] is True
+
+
+def test_an_unknown_scene_is_named_with_the_nearest():
+    done = CliRunner().invoke(main, ["corpus", "zoo/dorway"])
+    assert done.exit_code == 2
+    assert "did you mean 'doorway'?" in done.stderr
+
+
+def test_a_scene_is_a_world_by_name():
+    assert find_world("zoo/doorway").digest() == load_scene("doorway").world.digest()
+    with pytest.raises(UnknownNameError, match="unknown scene of the zoo 'nowhere'"):
+        find_world("zoo/nowhere")
+
+
+def test_a_scene_with_an_unknown_room_is_refused(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "title: t\nsource: s\npublished: p\nanswer: passes\nwhy: w\nfree: [[0, 0, 4, 4]]\n"
+        "floor: {rooms: [{name: a, point: [1, 1]}, {name: b, point: [3, 3]}]}\n"
+        "robots: [{name: robot1, room: c}]\ntasks: []\nhorizon: 10\n"
+    )
+    with pytest.raises(InputError, match=r"robots\[0\]: unknown room 'c'"):
+        read_scene(path)
