@@ -12,6 +12,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import EngineRun, Jittered, TrialRecord
 from mrta_falsify.verbs.campaign import campaign
 from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
+from tests.quick_program import PROGRAM
 
 
 def call(*words):
@@ -43,15 +44,19 @@ def test_a_record_says_where_a_failure_fails_and_where_not(records):
 
 
 @pytest.fixture(scope="module")
-def beds(tmp_path_factory):
-    """A campaign whose fourth trial is a deadlock on the kinematic engine."""
-    folder = tmp_path_factory.mktemp("confirming") / "beds"
+def small(tmp_path_factory):
+    """A campaign in which some trials miss a deadline on the kinematic engine."""
+    folder = tmp_path_factory.mktemp("confirming") / "small"
+    program = folder.parent / "small.scenic"
+    program.write_text(PROGRAM)
     campaign(
-        "bed_in_the_doorway",
+        program,
         folder,
         budget=4,
+        seed=4,
         sampler="random",
         workers=1,
+        specs=["deadlines"],
         settings=["engine=kinematic"],
         confirm=("kinematic", "mujoco"),
     )
@@ -59,8 +64,8 @@ def beds(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def records(beds):
-    return open_campaign(beds).records
+def records(small):
+    return open_campaign(small).records
 
 
 @pytest.mark.slow
@@ -77,18 +82,18 @@ def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records
 
 
 @pytest.mark.slow
-def test_list_show_and_report_tell_on_which_engines_a_failure_fails(beds, records, monkeypatch):
+def test_list_show_and_report_tell_on_which_engines_a_failure_fails(small, records, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
     failed = next(record for record in records if record.is_sought)
-    rows = {row.id: row for row in list_trials(beds)}
+    rows = {row.id: row for row in list_trials(small)}
     assert rows[failed.id].other_engines == failed.confirmation
-    assert "other engines" in call("list", beds).output
-    assert failed.confirmation in call("show", beds, failed.id).output
-    stored = json.loads(call("show", beds, failed.id, "--format", "json").output)
+    assert "other engines" in call("list", small).output
+    assert failed.confirmation in call("show", small, failed.id).output
+    stored = json.loads(call("show", small, failed.id, "--format", "json").output)
     assert stored["confirmed"][0]["engine"] == "mujoco"
-    assert call("report", beds).exit_code == 0
-    page = (beds / "report.html").read_text()
+    assert call("report", small).exit_code == 0
+    page = (small / "report.html").read_text()
     assert f"other engines: {failed.confirmation}" in page
     assert "fail on mujoco, too" in page
 
