@@ -1,6 +1,6 @@
-# Everything runs from .venv; `make demo` on a fresh machine needs only Python 3.11 and make.
+# Everything runs from .venv; `make demo` on a fresh machine needs only Python 3.11 to 3.13 and make.
 
-PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3.11)
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3 || echo python3.11)
 BIN := .venv/bin
 STAMP := .venv/.installed
 WORKERS ?= 2
@@ -19,13 +19,13 @@ help:
 	@echo "make bench   speed of every layer as JSON"
 
 $(STAMP): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null || { \
-		echo "mrta-falsify needs Python 3.11 (PyBullet has no wheels for newer ones); found: $$($(PYTHON) --version 2>&1)." >&2; \
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
+		echo "mrta-falsify needs Python 3.11, 3.12 or 3.13; found: $$($(PYTHON) --version 2>&1)." >&2; \
 		echo "Install it (for example: apt-get install python3.11-venv, or: uv python install 3.11) and run: make PYTHON=/path/to/python3.11" >&2; \
 		exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { \
-		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3.11-venv" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,gym,mcap,qd,ros,smt,tsp,video]'
+		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,gym,mcap,mujoco,qd,ros,smt,tsp,video]'
 	@touch $@
 
 demo: $(STAMP)

@@ -16,15 +16,15 @@ import numpy as np
 from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
-from mrta_falsify.campaigns.settings import TrialSettings
+from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import Jittered, Repeats, Screening, TrialRecord, versions
+from mrta_falsify.core.record import EngineRun, Jittered, Repeats, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
@@ -126,26 +126,42 @@ class TrialRunner:
             quick = self._judge(world, quick_stack(config), scene)
             if not quick.failed:
                 return self._finish(world, record, quick, quick_stack(config).engine.name, began)
-            screening = Screening(
-                engine=quick_stack(config).engine.name,
-                failed=True,
-                violated=tuple(v.spec for v in quick.verdicts if v.violated),
-                trace_digest=quick.outcome.trace.digest,
-                sim_time=quick.outcome.sim_time,
-                wall_s=quick.outcome.wall_s,
-            )
+            screening = engine_run(quick_stack(config).engine.name, quick, failed=True)
         judged = self._judge(world, config, scene)
-        jittered = self._jitter(world, config, scene, judged) if judged.is_sought else None
+        jittered = None
+        if judged.is_sought:
+            jittered = self._jitter(world, config, scene, judged, self._settings.jittered)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
         record = dataclasses.replace(
             record, screening=screening, jittered=jittered, repeated=repeated
         )
+        if judged.is_sought and (jittered is None or jittered.robust):
+            confirmed = self._confirm(world, config, scene, judged)
+            record = dataclasses.replace(record, confirmed=confirmed)
         return self._finish(world, record, judged, config.engine.name, began)
 
-    def _jitter(
+    def _confirm(
         self, world: World, config: StackConfig, scene: Any, judged: Judged
+    ) -> tuple[EngineRun, ...]:
+        """Run a failing world and copies of it on other engines, each with the whole time limit."""
+        settings, runs = self._settings, []
+        others = [name for name in settings.confirm if name != config.engine.name]
+        if others:
+            lost_time.tell(judged.outcome.wall_s)
+        for name in others:
+            began = time.perf_counter()
+            there = dataclasses.replace(config, engine=Choice(name))
+            run = self._judge(world, there, scene, keep_trace=False)
+            copies = settings.jittered or CONFIRMING_COPIES
+            jittered = self._jitter(world, there, scene, run, copies)
+            runs.append(engine_run(name, run, failed=run.is_sought, jittered=jittered))
+            lost_time.tell(time.perf_counter() - began)
+        return tuple(runs)
+
+    def _jitter(
+        self, world: World, config: StackConfig, scene: Any, judged: Judged, most: int
     ) -> Jittered | None:
-        copies = jittered_worlds(world, self._settings.jittered)
+        copies = jittered_worlds(world, most)
         if not copies:
             return None
         runs: list[Judged] = []
@@ -229,6 +245,21 @@ class TrialRunner:
         if outcome.told is not None:
             write_told(outcome.told, folder / TOLD_NAME)
         return str((folder / "trace.zip").relative_to(root))
+
+
+def engine_run(
+    engine: str, judged: Judged, *, failed: bool, jittered: Jittered | None = None
+) -> EngineRun:
+    """Sum up what a run on another engine gave."""
+    return EngineRun(
+        engine=engine,
+        failed=failed,
+        violated=tuple(v.spec for v in judged.verdicts if v.violated),
+        trace_digest=judged.outcome.trace.digest,
+        sim_time=judged.outcome.sim_time,
+        wall_s=judged.outcome.wall_s,
+        jittered=jittered,
+    )
 
 
 def is_decided(failed: int, runs: int, most: int) -> bool:

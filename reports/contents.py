@@ -56,6 +56,7 @@ class CaseContents:
     parts: str = ""  #: where the first differing replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many
     repeated: str = ""  #: how often the same run failed again, in words
+    confirmed: str = ""  #: on which other engines it fails, in words
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
     minimised: CaseContents | None = None

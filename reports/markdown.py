@@ -90,6 +90,8 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
     if case.jittered:
         failed, runs = case.jittered
         yield from (f"With small differences it fails in {failed} of {runs} runs.", "")
+    if case.confirmed:
+        yield from (f"Other engines, of the run and its copies: {case.confirmed}.", "")
     if case.counterfactuals:
         gone = [row.change for row in case.counterfactuals if row.failure_gone]
         changes = f": {'; '.join(gone)}" if gone else ""

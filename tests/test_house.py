@@ -83,11 +83,11 @@ def _source_files() -> list[Path]:
     return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
 
 
-def test_scenic_and_pybullet_stay_behind_their_doors():
+def test_scenic_and_physics_stay_behind_their_doors():
     for path in _source_files():
         top = path.relative_to(ROOT).parts[0]
         for name in _imported(path):
-            if name == "pybullet":
+            if name in ("pybullet", "mujoco"):
                 assert top == "simulator_interface", path
             if name == "scenic":
                 assert top in ("simulator_interface", "scenic_worlds"), path

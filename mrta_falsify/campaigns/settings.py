@@ -17,6 +17,7 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 
 FORMAT_VERSION = 2
+CONFIRMING_COPIES = 4  # of a failure on another engine, where the campaign asks for none
 MOST_COPIES = 100  # copies of one failing world
 #: runs again of one failure. Four of four say that it comes again in at least 47 % of runs (Blaker,
 #: 95 %), and a failure of half of the runs is taken for one of all in 1 of 16 cases only.
@@ -53,6 +54,7 @@ class TrialSettings:
         text="Runs of each failing world with small differences, at most; then the search goes "
         "for failures that most of them share, and only these count for --stop-after.",
     )
+    confirm: tuple[str, ...] = later(())  #: engines that robust failures are run on as well
     verify: int = quantity(
         low=0,
         high=MOST_COPIES,

@@ -16,6 +16,7 @@ from mrta_falsify.cli.options import (
     FILE,
     RUN_OPTIONS,
     campaign_options,
+    confirm_option,
     format_option,
     output_option,
     param_option,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 @stack_options
 @spec_option
 @then_option
+@confirm_option
 @param_option
 @click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
 @format_option

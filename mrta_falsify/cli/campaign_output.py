@@ -50,6 +50,7 @@ class CampaignWatch:
         if kind and kind not in announced and "failure" not in announced:
             announced.add(kind)
             counted = [str(one) for one in (record.repeated, record.jittered) if one]
+            counted += [record.confirmation] if record.confirmation else []
             copies = f" ({'; '.join(counted)})" if counted else ""
             self._say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
             place = shlex.quote(str(self._directory))
@@ -160,6 +161,8 @@ def print_campaign(result: CampaignResult) -> None:
             f"screening: physics confirmed {data.screening.confirmed} of "
             f"{data.screening.failed_in_screening} failures of the kinematic engine"
         )
+    for engine in data.confirmed:
+        out.print(f"on {engine.engine}: {engine.fails} of {engine.asked} robust failures fail, too")
     if data.robust is not None:
         sought = data.failed - data.afterthoughts
         out.print(

@@ -212,6 +212,18 @@ def then_option(command: Command) -> Command:
     )(command)
 
 
+def confirm_option(command: Command) -> Command:
+    """Add ``--confirm ENGINE,ENGINE``, engines for failures, as ``confirm``."""
+    return click.option(
+        "--confirm",
+        type=Listing(str, "names of engines, as bullet,mujoco"),
+        default=(),
+        metavar="ENGINE,...",
+        help="Run each robust failure on these engines as well, with copies: where else does it "
+        "fail?",
+    )(command)
+
+
 def param_option(command: Command) -> Command:
     """Add repeatable ``-p NAME=VALUE`` for Scenic's global parameters, as ``params``."""
     return click.option(

@@ -56,6 +56,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     columns += ["copies that fail"] if with_copies else []
     with_repeats = any(row.repeats for row in rows)
     columns += ["came again"] if with_repeats else []
+    with_engines = any(row.other_engines for row in rows)
+    columns += ["other engines"] if with_engines else []
     table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
     for row in rows:
         cells = [
@@ -71,6 +73,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             cells.append(f"{row.jittered_failures} of {row.jittered}" if row.jittered else "")
         if with_repeats:
             cells.append(f"{row.repeats_failed} of {row.repeats}" if row.repeats else "")
+        if with_engines:
+            cells.append(row.other_engines)
         table.add_row(*cells, style="red" if row.failed else None)
     output.print_table(table)
 
@@ -108,7 +112,7 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
     for name, text in coupling_facts(record.coupling):
         out.print(f"{name:<11}{text}")
-    for counted in filter(None, (record.repeated, record.jittered)):
+    for counted in filter(None, (record.repeated, record.jittered, record.confirmation)):
         out.print(f"           {counted}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")

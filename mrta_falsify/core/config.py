@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,21 @@ class Choice:
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
+def default_engine() -> str:
+    """Name the engine that judges unless another is chosen: PyBullet wherever it is installed.
+
+    It has wheels for few machines; MuJoCo takes its place on the others.
+    """
+    return "bullet" if _is_importable("pybullet") else "mujoco"
+
+
+def _is_importable(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ValueError:  # it is blocked
+        return False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StackConfig:
     """The whole stack under test; YAML in and out."""
@@ -37,7 +53,7 @@ class StackConfig:
     costmap: Choice = Choice("layered")
     controller: Choice = Choice("cluster_cbf")
     human_model: Choice = Choice("social_force")
-    engine: Choice = Choice("bullet")
+    engine: Choice = Choice(default_engine())
     control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
     defects: tuple[str, ...] = ()  #: planted defects switched on, sorted
     withheld: tuple[str, ...] = later(())  #: fields of ``Tells`` kept from all observers, sorted

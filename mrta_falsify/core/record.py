@@ -20,18 +20,6 @@ Status = Literal["ok", "rejected", "impossible", "crashed", "timeout"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Screening:
-    """What the quick engine said before physics was asked."""
-
-    engine: str
-    failed: bool
-    violated: tuple[str, ...] = ()  #: specifications
-    trace_digest: str = ""
-    sim_time: float = 0.0  #: [s]
-    wall_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Jittered:
     """What became of copies of a failing world with small differences."""
 
@@ -53,6 +41,39 @@ class Jittered:
     def share(self) -> float:
         """Of all runs that fail, the world itself included: above 0, at most 1."""
         return (self.failed + 1) / (self.runs + 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineRun:
+    """How a world fares on another engine than the one its verdicts come from."""
+
+    engine: str
+    failed: bool
+    violated: tuple[str, ...] = ()  #: specifications
+    trace_digest: str = ""
+    sim_time: float = 0.0  #: [s]
+    wall_s: float = 0.0
+    #: copies of the world on that engine; not of a screening
+    jittered: Jittered | None = later(None)
+
+    @property
+    def runs(self) -> int:
+        """Runs of the world and its copies."""
+        return 1 + (self.jittered.runs if self.jittered else 0)
+
+    @property
+    def failures(self) -> int:
+        """Of the runs."""
+        return int(self.failed) + (self.jittered.failed if self.jittered else 0)
+
+    @property
+    def fails(self) -> bool:
+        """Whether most runs fail."""
+        return 2 * self.failures > self.runs
+
+    def __str__(self) -> str:
+        """Write it as in ``mujoco 4 of 4``."""
+        return f"{self.engine} {self.failures} of {self.runs}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +124,9 @@ class TrialRecord:
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
     engine: str = ""  #: that the verdicts come from
-    screening: Screening | None = None
+    screening: EngineRun | None = None  #: on the quick engine, before physics was asked
     jittered: Jittered | None = None  #: of a failure, where the campaign asks for copies
+    confirmed: tuple[EngineRun, ...] = later(())  #: of a robust failure, on other engines
     #: of a failure of a stack in a process of its own
     repeated: Repeats | None = later(None)
     coupling: Coupling | None = later(None)  #: of a stack in a process of its own
@@ -145,6 +167,17 @@ class TrialRecord:
         return self.is_sought and (self.jittered is None or self.jittered.robust)
 
     @property
+    def confirmation(self) -> str:
+        """Write on how many of how many runs it fails on other engines, empty: not asked."""
+        if not self.confirmed:
+            return ""
+        fails = [str(run) for run in self.confirmed if run.fails]
+        holds = [str(run) for run in self.confirmed if not run.fails]
+        parts = [f"fails on {', '.join(fails)}"] if fails else []
+        parts += [f"not on {', '.join(holds)}"] if holds else []
+        return "; ".join(parts)
+
+    @property
     def is_sought(self) -> bool:
         """Whether it fails in what the campaign looks for first, robust or not."""
         return self.failed and not self.is_afterthought
@@ -152,7 +185,10 @@ class TrialRecord:
 
 @functools.cache
 def _versions() -> tuple[tuple[str, str], ...]:
-    names = ("mrta-falsify", "scenic", "pybullet", "numpy", "scipy", "numba", "osqp", "ompl")
+    names = (
+        *("mrta-falsify", "scenic", "pybullet", "mujoco"),
+        *("numpy", "scipy", "numba", "osqp", "ompl"),
+    )
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in names:
         try:

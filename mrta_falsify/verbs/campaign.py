@@ -72,6 +72,7 @@ def campaign(
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
     verify: int = DEFAULTS.trials.verify,
+    confirm: Sequence[str] = (),
     window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
@@ -102,6 +103,7 @@ def campaign(
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
         verify: runs again of each failure of a stack in a process of its own, nothing changed.
+        confirm: engines that robust failures are run on as well, with copies.
         window: trials that may run before the sampler knows their results, and so at a time.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
@@ -128,6 +130,7 @@ def campaign(
         screen=screen,
         jittered=jittered,
         verify=verify,
+        confirm=confirm,
         window=window,
         tick_limit=tick_limit,
         memory_limit=memory_limit,

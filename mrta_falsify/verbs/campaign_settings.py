@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.rare_events import is_estimating
 from mrta_falsify.campaigns.settings import DEFAULTS, CampaignSettings, Mode, TrialSettings
+from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
@@ -38,6 +39,7 @@ def new_settings(
     screen: bool = DEFAULTS.trials.screen,
     jittered: int = DEFAULTS.trials.jittered,
     verify: int = DEFAULTS.trials.verify,
+    confirm: Sequence[str] = (),
     window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
@@ -59,6 +61,7 @@ def new_settings(
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
         verify: runs again of each failure of a stack in a process of its own.
+        confirm: engines that robust failures are run on as well.
         window: how far trials may run ahead of what the sampler knows.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
@@ -80,6 +83,7 @@ def new_settings(
         screen=screen,
         jittered=jittered,
         verify=verify,
+        confirm=_known_engines(confirm),
         tick_limit=tick_limit,
         memory_limit=memory_limit,
         directory=str(Path(output).resolve()),
@@ -102,6 +106,17 @@ def new_settings(
             f"{made.sampler.name} takes no copies; it must be 0"
         )
     return made
+
+
+def _known_engines(names: Sequence[str]) -> tuple[str, ...]:
+    """Refuse engines that are not known, or not installed.
+
+    Raises:
+        InputError: names the engine.
+    """
+    for name in names:
+        registry.load("engine", name, where="confirm")
+    return tuple(names)
 
 
 def _check_first_scene(program: Program, trials: TrialSettings) -> None:

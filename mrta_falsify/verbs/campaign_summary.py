@@ -43,6 +43,15 @@ class ScreeningAgreement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EngineAgreement:
+    """How many robust failures are failures on another engine, too."""
+
+    engine: str
+    asked: int
+    fails: int  #: of them, in most runs of the world and its copies
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RepeatCounts:
     """Failures that were run again, nothing changed, by how often they came again."""
 
@@ -85,6 +94,7 @@ class CampaignSummary:
     afterthoughts: int = later(0)  #: of the failures, those only in what is looked for last
     then: tuple[str, ...] = later(())  #: what is looked for last
     unseen: Unseen | None = later(None)  #: None without uniform trials
+    confirmed: tuple[EngineAgreement, ...] = later(())  #: of robust failures, by engine
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
@@ -115,6 +125,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         ended=result.ended,
         directory=str(campaign.directory),
         repeated=repeat_counts(campaign),
+        confirmed=engine_agreement(campaign),
         deadlocks=deadlock_count(campaign),
         afterthoughts=progress.afterthoughts,
         then=campaign.settings.trials.then,
@@ -272,4 +283,16 @@ def screening_agreement(campaign: Campaign) -> ScreeningAgreement | None:
     screened = [record for record in campaign.records if record.screening is not None]
     return ScreeningAgreement(
         failed_in_screening=len(screened), confirmed=sum(record.failed for record in screened)
+    )
+
+
+def engine_agreement(campaign: Campaign) -> tuple[EngineAgreement, ...]:
+    """Count the robust failures that other engines share, in the order they were asked for."""
+    counts: dict[str, list[bool]] = {}
+    for record in campaign.records:
+        for run in record.confirmed:
+            counts.setdefault(run.engine, []).append(run.fails)
+    return tuple(
+        EngineAgreement(engine=name, asked=len(fails), fails=sum(fails))
+        for name, fails in counts.items()
     )

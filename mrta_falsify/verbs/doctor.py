@@ -15,10 +15,15 @@ from pathlib import Path
 from typing import Literal
 
 from mrta_falsify.core import registry
+from mrta_falsify.core.config import default_engine
 from mrta_falsify.core.errors import MrtaFalsifyError
+
+OLDEST, NEWEST = (3, 11), (3, 13)  # Pythons
 
 State = Literal["ok", "missing", "failed"]
 
+#: default engine -> its module, which is also its distribution
+ENGINES = {"bullet": "pybullet", "mujoco": "mujoco"}
 #: module to import -> distribution it comes in; what a default run needs
 REQUIRED = {
     "click": "click",
@@ -37,7 +42,6 @@ REQUIRED = {
     "osqp": "osqp",
     "pandas": "pandas",
     "PIL": "pillow",
-    "pybullet": "pybullet",
     "pysat": "python-sat",
     "rich": "rich",
     "scenic": "scenic",
@@ -49,8 +53,10 @@ REQUIRED = {
 }
 #: extra -> the modules it brings
 EXTRAS = {
+    "bullet": ("pybullet",),
     "dask": ("distributed", "dask"),
     "mcap": ("mcap", "mcap_ros2", "rosbags"),
+    "mujoco": ("mujoco",),
     "qd": ("ribs",),
     "ros": ("cyclonedds", "rosbags"),
     "smt": ("z3",),
@@ -82,7 +88,7 @@ class HealthCheck:
 
 def doctor() -> tuple[HealthCheck, ...]:
     """Check this machine; each check is independent of the others."""
-    checks = [_check_python()]
+    checks = [_check_python(), _check_default_engine()]
     checks += [_check_module(module, name) for module, name in REQUIRED.items()]
     checks += [_check_extra(extra, modules) for extra, modules in EXTRAS.items()]
     checks += [_check_library(name, package) for name, package in SYSTEM_LIBRARIES.items()]
@@ -97,9 +103,18 @@ def is_healthy(checks: tuple[HealthCheck, ...]) -> bool:
 
 def _check_python() -> HealthCheck:
     found = ".".join(map(str, sys.version_info[:3]))
-    if sys.version_info[:2] == (3, 11):
+    if OLDEST <= sys.version_info[:2] <= NEWEST:
         return HealthCheck("python", "ok", found)
-    return HealthCheck("python", "failed", f"{found}; install 3.11: PyBullet has no other wheels")
+    return HealthCheck("python", "failed", f"{found}; install Python 3.11, 3.12 or 3.13")
+
+
+def _check_default_engine() -> HealthCheck:
+    """Say which engine judges here, and why."""
+    name = default_engine()
+    found = _check_module(ENGINES[name], ENGINES[name])
+    why = "" if name == "bullet" else ", since PyBullet is not installed"
+    detail = f"{name} ({ENGINES[name]} {found.detail}){why}"
+    return HealthCheck("default engine", found.state, detail)
 
 
 def _check_module(module: str, distribution: str) -> HealthCheck:

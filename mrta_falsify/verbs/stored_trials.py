@@ -52,6 +52,7 @@ class TrialRow:
     not_judged: tuple[str, ...] = later(())  #: specifications
     repeats: int = later(0)  #: runs of a failure again, nothing changed
     repeats_failed: int = later(0)  #: of them, in the same way
+    other_engines: str = later("")  #: on which a robust failure was run, and what came of it
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -99,6 +100,7 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
         trace_digest=record.trace_digest,
         error=record.error,
         not_judged=tuple(verdict.spec for verdict in record.verdicts if verdict.not_judged),
+        other_engines=record.confirmation,
         repeats=record.repeated.runs if record.repeated else 0,
         repeats_failed=record.repeated.same.failures if record.repeated else 0,
     )

@@ -11,13 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
-from simulator_interface.engines.actuation import Actuation
-from simulator_interface.engines.bodies import check_start_footprints, gather_fleet, outside
 from simulator_interface.engines.bullet_client import GHOST, ROBOT, SOLID, BulletClient, pybullet
 from simulator_interface.engines.bullet_people import BulletPeople
 from simulator_interface.engines.bullet_robots import BulletRobots
@@ -28,17 +25,14 @@ from simulator_interface.engines.bullet_substeps import (
     fill_prepared,
     nothing_prepared,
 )
+from simulator_interface.engines.physics import PhysicsEngine
 from simulator_interface.engines.rays import ray_directions
-from simulator_interface.engines.sensing import Observer, RayOptions, Surroundings
-from simulator_interface.engines.substeps import count_substeps
-from simulator_interface.staging import Stage
 
-NEAR_CONTACT = 0.02  # m; contact points are asked for below this gap
 RAY_HEIGHT = 0.2  # m, at which Bullet's own rays leave a robot
 GHOST_HEIGHT = 0.5  # m, of the solids that stand for parked robots in Bullet's own rays
 
 
-class BulletEngine:
+class BulletEngine(PhysicsEngine):
     """Wheeled robots on a floor with solids and people."""
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,38 +50,10 @@ class BulletEngine:
         ray_range: float = quantity(above=0.0, unit="m", default=10.0)
 
     def __init__(self, options: Options) -> None:
-        self._options = options
+        super().__init__(options)
         self._client: BulletClient | None = None
 
     # --- start ---------------------------------------------------------------------------
-
-    def start(self, world: World, dt: float, human_position: Array) -> Sensed:
-        """See :class:`mrta_falsify.core.protocols.Engine`.
-
-        Raises:
-            WorldError: a robot's start is taken.
-            UnknownNameError: unknown robot model.
-            InputError: a model's URDF cannot be used.
-        """
-        check_start_footprints(world)
-        options = self._options
-        self._fleet = gather_fleet(world.robots)
-        self._dt = dt
-        self._substeps = count_substeps(dt, options.step_size)
-        self._step = dt / self._substeps
-        self._actuation = Actuation(self._fleet, world.robots, world.seed, self._step)
-        self._around = Surroundings(world)
-        rays = RayOptions(count=options.ray_count, max_range=options.ray_range)
-        self._observer = Observer(self._fleet, self._around, rays)
-        self._human = np.array(human_position, dtype=np.float64).reshape(len(world.humans), 2)
-        self._tick = 0
-        self._build(world)
-        self._pose = self._robots.read_pose()
-        self._around.update(0.0, self._is_taken)
-        self._observer.begin_tick()
-        self._observer.observe(self._pose, self._human)
-        self._note_changes()
-        return self._sense(np.zeros_like(self._human))
 
     def _connect(self) -> BulletClient:
         options = self._options
@@ -131,32 +97,50 @@ class BulletEngine:
         assert self._client is not None, "the engine has not been started"
         return self._client
 
-    # --- between steps -------------------------------------------------------------------
+    # --- bodies --------------------------------------------------------------------------
 
-    def arrange(self, stage: Stage) -> None:
-        """See :class:`simulator_interface.staging.StagedEngine`."""
-        moved = np.isfinite(stage.placed[:, 0])
-        self._human[moved] = stage.placed[moved]
-        self._around.arrange(stage, self._tick * self._dt, self._is_taken)
-        self._place_pieces()
-        self._note_changes()
+    def _read_pose(self) -> Array:
+        return self._robots.read_pose()
 
-    def forget_after(self, time: float) -> None:
-        """See :class:`simulator_interface.staging.ForgettingPart`."""
-        self._around.forget_after(time)
+    def _read_velocity(self) -> Array:
+        return self._robots.read_velocity(self._pose)
 
-    def remove(self, robot: int) -> None:
-        """See :class:`simulator_interface.staging.RemovingEngine`."""
-        x, y, _ = outside(self._around.world, robot)
+    def _begin_tick(self) -> None:
+        self._gather_things()
+
+    def _gather_things(self) -> None:
+        """Gather what a robot may run into now."""
+        around, prints = self._around, self._observer.prints
+        self._things = gaps.Obstructions(prints, around.solids, around.people(self._human))
+
+    def _run_substep(
+        self, command: Array, human_velocity: Array, time: float, touched: BoolArray
+    ) -> float:
+        prepared, things, observer = self._prepared, self._things, self._observer
+        step = SubStep(time, self._step, self._actuation.count)
+        prepared = prepared._replace(touched=touched)
+        are_near = fill_prepared(
+            step, command, human_velocity, self._pose, self._bases, things, prepared
+        )
+        self._robots.drive(prepared.targets)
+        if are_near:
+            self._people.place(self._human, prepared)
+        self._people.release_overlaps(self._human)
+        pybullet.stepSimulation(self.client.number)
+        raw, inertial = self._robots.read_raw(), self._robots.inertial
+        return fill_observed(raw, inertial, self._pose, things, observer.gap, observer.nearest)
+
+    def _fill_contact(self, robots: IntArray, contact: BoolArray) -> None:
+        self._robots.fill_contact(robots, contact)
+
+    def _put(self, robot: int, x: float, y: float) -> None:
         self._robots.put(robot, x, y)
-        self._pose = self._robots.read_pose()
-        self._observer.observe(self._pose, self._human)
 
-    def shift(self, offset: Array) -> None:
-        """See :class:`simulator_interface.staging.ShiftingEngine`."""
+    def _shift(self, offset: Array) -> None:
         self._robots.shift(offset)
-        self._pose = self._robots.read_pose()
-        self._observer.observe(self._pose, self._human)
+
+    def _end_tick(self, velocity: Array) -> None:
+        self._robots.update_brakes(velocity, self._actuation.motors.set_point, self._dt)
 
     def _place_pieces(self) -> None:
         """Put movable furniture where people have pushed it."""
@@ -176,73 +160,15 @@ class BulletEngine:
             self._blocks[number] = body
             self.client.column[body] = gaps.STATIC
         self._people.note_arrivals(self._human)
-
-    def _things(self) -> gaps.Obstructions:
-        """Gather what a robot may run into now."""
-        around = self._around
-        return gaps.Obstructions(self._observer.prints, around.solids, around.people(self._human))
-
-    def _is_taken(self, polygon: Array) -> bool:
-        velocity = self._robots.read_velocity(self._pose)
-        return self._observer.is_taken(polygon, self._pose, velocity, self._human)
-
-    # --- step ----------------------------------------------------------------------------
-
-    def step(self, command: Command, human_velocity: Array) -> Sensed:
-        """See :class:`mrta_falsify.core.protocols.Engine`."""
-        around, observer = self._around, self._observer
-        self._actuation.begin_tick(self._dt)
-        observer.begin_tick()
-        prepared, walked_from = self._prepared, self._human.copy()
-        prepared.touched[:] = False
-        things = self._things()
-        for k in range(self._substeps):
-            time = (self._tick + k / self._substeps) * self._dt
-            if not around.is_settled(time) and around.update(time, self._is_taken):
-                self._note_changes()
-                things = self._things()
-            step = SubStep(time, self._step, self._actuation.count)
-            self._actuation.count += 1
-            are_near = fill_prepared(
-                step, command.twist, human_velocity, self._pose, self._bases, things, prepared
-            )
-            self._robots.drive(prepared.targets)
-            if are_near:
-                self._people.place(self._human, prepared)
-            if self._people.overlaps:
-                self._people.release_overlaps(self._human)
-            pybullet.stepSimulation(self.client.number)
-            raw, inertial = self._robots.read_raw(), self._robots.inertial
-            least = fill_observed(raw, inertial, self._pose, things, observer.gap, observer.nearest)
-            if least <= NEAR_CONTACT:
-                near = np.flatnonzero(observer.gap.min(axis=1) <= NEAR_CONTACT)
-                self._robots.fill_contact(near, observer.contact)
-        observer.contact[:, gaps.HUMAN] |= prepared.touched
-        self._tick += 1
-        if around.update(self._tick * self._dt, self._is_taken):
-            self._note_changes()
-        return self._sense((self._human - walked_from) / self._dt)
+        self._gather_things()
 
     # --- sense ---------------------------------------------------------------------------
 
-    def _sense(self, human_velocity: Array) -> Sensed:
-        time = self._tick * self._dt
-        velocity = self._robots.read_velocity(self._pose)
-        self._robots.update_brakes(velocity, self._actuation.motors.set_point, self._dt)
+    def _distances(self, time: float) -> Array:
         if self._options.rays == "bullet":
             parked = self._observer.parked(self._pose, time)
-            distances = self._bullet_distances(np.flatnonzero(parked))
-        else:
-            distances = self._observer.exact_distances(self._pose, time)
-        return self._observer.sensed(
-            tick=self._tick,
-            time=time,
-            pose=self._pose.copy(),
-            velocity=velocity,
-            human_position=self._human.copy(),
-            human_velocity=human_velocity,
-            distances=distances,
-        )
+            return self._bullet_distances(np.flatnonzero(parked))
+        return super()._distances(time)
 
     def _bullet_distances(self, parked: IntArray) -> Array:
         """Distances ``(N, A)`` [m] by Bullet's own rays; no robot meets its own ghost.

@@ -32,8 +32,14 @@ def native_output_muted() -> Iterator[None]:
         os.close(nowhere)
 
 
-with native_output_muted():  # importing it prints a greeting
-    import pybullet as pybullet  # noqa: PLC0414 - the other modules import it from here
+try:
+    with native_output_muted():  # importing it prints a greeting
+        import pybullet as pybullet  # noqa: PLC0414 - the other modules import it from here
+except ModuleNotFoundError as missing:
+    raise ConfigError(
+        "engine bullet needs PyBullet, which has wheels for Linux x86-64 with Python 3.11 only; "
+        "take --set engine=mujoco, or install it with: pip install 'mrta-falsify[bullet]'"
+    ) from missing
 
 # Collision groups; ROBOT is also the group that Bullet gives to its rays.
 ROBOT, SOLID, FLOOR, WHEEL, HUMAN, GHOST = 1, 2, 64, 128, 256, 512

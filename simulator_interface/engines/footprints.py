@@ -30,19 +30,16 @@ def read_footprint(urdf: Path, *, without: Sequence[str] = ()) -> Array:
     Raises:
         FormatError: not a URDF, a joint is missing, or there is no shape to outline.
     """
-    try:
-        robot = ET.parse(urdf).getroot()
-    except (OSError, ET.ParseError) as error:
-        raise FormatError(f"{urdf}: is not a readable URDF: {error}") from None
+    robot = parse_urdf(urdf)
     joints = robot.findall("joint")
     known = {joint.get("name", "") for joint in joints}
     for name in without:
         if name not in known:
             raise UnknownNameError("joint", name, known, where=str(urdf))
-    frames = _link_frames(robot, urdf)
+    frames = link_frames(robot, urdf)
     left_out = {_child(joint) for joint in joints if joint.get("name") in without}
     points = [
-        _moved(_shape_points(collision, urdf), frames[name] @ _origin(collision))
+        _moved(_shape_points(collision, urdf), frames[name] @ origin_frame(collision))
         for link in robot.findall("link")
         if (name := link.get("name", "")) not in left_out
         for collision in link.findall("collision")
@@ -67,19 +64,31 @@ def convex_outline(points: Array, where: str) -> Array:
     return frozen_array(ring)
 
 
+def parse_urdf(urdf: Path) -> ET.Element:
+    """Read a URDF's root element.
+
+    Raises:
+        FormatError: not a URDF.
+    """
+    try:
+        return ET.parse(urdf).getroot()
+    except (OSError, ET.ParseError) as error:
+        raise FormatError(f"{urdf}: is not a readable URDF: {error}") from None
+
+
 def _child(joint: ET.Element) -> str:
     child = joint.find("child")
     return "" if child is None else child.get("link", "")
 
 
-def _link_frames(robot: ET.Element, urdf: Path) -> dict[str, Array]:
-    """Frame ``(4, 4)`` of each link in the frame of the root link."""
+def link_frames(robot: ET.Element, urdf: Path) -> dict[str, Array]:
+    """Find the frame ``(4, 4)`` of each link in the frame of the root link."""
     parents: dict[str, tuple[str, Array]] = {}
     for joint in robot.findall("joint"):
         parent = joint.find("parent")
         parents[_child(joint)] = (
             "" if parent is None else parent.get("link", ""),
-            _origin(joint),
+            origin_frame(joint),
         )
     frames: dict[str, Array] = {}
     for link in robot.findall("link"):
@@ -100,8 +109,8 @@ def _numbers(text: str | None, default: str) -> Array:
     return np.array([float(word) for word in (text or default).split()])
 
 
-def _origin(element: ET.Element) -> Array:
-    """Transform ``(4, 4)`` of the ``origin`` of a joint or collision."""
+def origin_frame(element: ET.Element) -> Array:
+    """Read the transform ``(4, 4)`` of the ``origin`` of a joint, collision or inertial."""
     origin = element.find("origin")
     frame = np.eye(4)
     if origin is None:

@@ -270,7 +270,9 @@ def test_doctor_finds_this_machine_in_order(cli):
     result = cli("doctor", "--format", "json")
     data = json.loads(result.stdout)
     assert data["ok"], data
-    assert {"python", "pybullet", "determinism"} <= {check["name"] for check in data["checks"]}
+    assert {"python", "default engine", "determinism"} <= {
+        check["name"] for check in data["checks"]
+    }
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from mrta_falsify.core import codec
@@ -9,6 +11,7 @@ from mrta_falsify.core.config import (
     StackConfig,
     apply_setting,
     decode_config,
+    default_engine,
     read_config,
 )
 from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError
@@ -96,3 +99,9 @@ def test_a_typo_in_a_layer_names_the_nearest(tmp_path):
 def test_equal_configurations_have_equal_digests():
     assert StackConfig().digest() == StackConfig().digest()
     assert apply_setting(StackConfig(), "planner=ompl").digest() != StackConfig().digest()
+
+
+def test_the_default_engine_is_mujoco_only_where_pybullet_is_not_installed(monkeypatch):
+    assert default_engine() == StackConfig().engine.name
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    assert default_engine() == "mujoco"

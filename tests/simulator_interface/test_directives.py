@@ -27,6 +27,7 @@ from scenic_worlds.layouts import load_layout
 from simulator_interface.costmap_layers import build_costmap
 from simulator_interface.engines.bullet import BulletEngine
 from simulator_interface.engines.kinematic import KinematicEngine
+from simulator_interface.engines.mujoco import MujocoEngine
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
 from simulator_interface.staging import Stage
@@ -287,7 +288,7 @@ def test_rays_see_a_bed_where_it_is_now():
     assert not np.isclose(pose[beside][:, 0], 6.0).any()
 
 
-@pytest.mark.parametrize("engine", [KinematicEngine, BulletEngine])
+@pytest.mark.parametrize("engine", [KinematicEngine, BulletEngine, MujocoEngine])
 def test_a_moved_bed_counts_where_it_stands_now(engine):
     world = ward(person(StandStill()), furniture=[BED], robots=((8.5, 2.0),))
     moving = engine(engine.Options())

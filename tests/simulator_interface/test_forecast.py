@@ -20,7 +20,7 @@ from simulator_interface.forecast import EpisodeForecast
 from simulator_interface.simulate import simulate
 from simulator_interface.watched_copy import run_in_watched_copy
 
-ENGINES = ("bullet", "kinematic")
+ENGINES = ("bullet", "kinematic", "mujoco")
 DRIVE = Task(arrival=0.0, start=0, end=1, deadline=900.0)
 
 

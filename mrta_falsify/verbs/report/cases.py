@@ -100,6 +100,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
+        confirmed=record.confirmation,
         repeated=str(record.repeated) if record.repeated else "",
         family=_family(folder),
         certified=claim_sentences(certificate) if certificate is not None else (),

@@ -10,6 +10,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_summary import (
     NoProbability,
     deadlock_count,
+    engine_agreement,
     probability_of,
     screening_agreement,
     unseen_in,
@@ -56,6 +57,9 @@ def facts_of(
     if agreed is not None:
         text = f"{agreed.confirmed} of {agreed.failed_in_screening} kinematic failures"
         facts.append(("confirmed by physics", text))
+    for engine in engine_agreement(campaign):
+        text = f"{engine.fails} of {engine.asked} robust failures"
+        facts.append((f"fail on {engine.engine}, too", text))
     return tuple(facts)
 
 
