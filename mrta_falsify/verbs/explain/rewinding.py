@@ -46,7 +46,7 @@ from simulator_interface.watched_copy import CopyFailed
 REWINDS = 160  # copies, unless the caller says otherwise
 FEW, MANY = 3, 12  # copies of a time: alike, they settle its side; at most
 FINEST = 0.5  # s, or a hundredth of the run if that is more: times are not halved further
-FOR_THE_STACK, FOR_A_CHANGE = 24, 40  # copies set aside for each curve
+FOR_A_CHANGE = 40  # copies set aside for the curve of a change
 STACK = "the stack as it is"
 
 
@@ -148,15 +148,17 @@ def rewind(
     if job.config.stack is not None and branches:
         branches = []
         left_out = "the layers of a stack in a process of its own, which do not change in mid-run"
-    room = max(0, (count.left - FOR_THE_STACK) // FOR_A_CHANGE)
-    stack = Branch(replaced="nothing", text=STACK)
     told = _Told(job, verdict, found, count, journal)
-    rewound = [stack, *branches[:room]]
+    waiting = list(branches)
     try:
-        told.find_turns(rewound)
+        told.find_turn_of_stack()
+        while waiting and count.left >= FOR_A_CHANGE:
+            room = count.left // FOR_A_CHANGE
+            told.find_turns(waiting[:room])
+            waiting = waiting[room:]
     except CannotRewindError as cannot:
         left_out = str(cannot)
-    curves = told.curves(rewound)
+    curves = told.curves()
     first = decisive(curves)
     return Inevitability(
         onset=min(cause_begins(verdict), found),
@@ -165,7 +167,7 @@ def rewind(
         decided_at=decision(curves),
         by=first.name if first is not None else "",
         runs=count.done - begun,
-        left_out=left_out or _without_room(branches[room:]),
+        left_out=left_out or _without_room(waiting),
     )
 
 
@@ -189,29 +191,29 @@ class _Told:
         self._count, self._journal = count, journal
         self._finest = max(FINEST, found / 100.0)
         self._asked = [job.world, job.config, job.specifications, verdict]
-        self._chances: dict[Branch, dict[float, Probability]] = {}
+        self._stack = Branch(replaced="nothing", text=STACK)
+        self._chances: dict[Branch, dict[float, Probability]] = {self._stack: {}}
         self._counted: set[str] = set()  # copies
 
-    def find_turns(self, branches: Sequence[Branch]) -> None:
-        """Ask until the turns of all branches are known, or the copies are used up.
+    def find_turn_of_stack(self) -> None:
+        """Ask about the stack as it is until its turn is known, or the copies are used up.
 
         Raises:
             CannotRewindError: no copy of the run can go on with small differences.
         """
-        stack, *changed = branches
-        self._ask([(stack, time) for time in self._grid()], settled=True)
-        self._ask([(branch, branch.since) for branch in changed])
-        self._ask([(b, 0.0) for b in changed if b.since > 0.0 and self._turn(b).open_until is None])
-        while halves := [(b, half) for b in branches if (half := self._half(b)) is not None]:
-            if not self._ask(halves):
-                return
-        beside = [(b, time) for b in branches for time in self._beside_the_turn(b)]
-        self._ask(beside, settled=True)
-        # the chance of the stack as it is, where a change still helped
-        times = {self._turn(b).open_until for b in changed} - {None}
-        self._ask([(stack, time) for time in times if time is not None])
+        half = self._tick(self._found / 2.0)
+        self._ask([(self._stack, time) for time in (0.0, half)], settled=True)
+        self._halve([self._stack])
 
-    def curves(self, branches: Sequence[Branch]) -> tuple[ChanceCurve, ...]:
+    def find_turns(self, changed: Sequence[Branch]) -> None:
+        """Ask about changes until their turns are known, or the copies are used up."""
+        self._ask([(b, b.since) for b in changed])
+        self._ask([(b, 0.0) for b in changed if b.since > 0.0 and self._turn(b).open_until is None])
+        self._halve(changed)
+        helped = {self._turn(branch).open_until for branch in changed}
+        self._ask([(self._stack, time) for time in helped if time is not None])
+
+    def curves(self) -> tuple[ChanceCurve, ...]:
         """Say what is known of each branch."""
         return tuple(
             ChanceCurve(
@@ -223,18 +225,22 @@ class _Told:
                 open_until=self._turn(branch).open_until,
                 lost_from=self._turn(branch).lost_from,
             )
-            for branch in branches
+            for branch in self._chances
         )
 
-    def _grid(self) -> list[float]:
-        return [0.0, self._tick(self._found / 2.0)]
+    def _halve(self, branches: Sequence[Branch]) -> None:
+        """Halve the times around each turn, then make sure of those next to it."""
+        while halves := [(b, half) for b in branches if (half := self._half(b)) is not None]:
+            if not self._ask(halves):
+                return
+        self._ask([(b, time) for b in branches for time in self._beside_the_turn(b)], settled=True)
 
     def _tick(self, time: float) -> float:
         rate = self._job.config.control_rate
         return round(time * rate) / rate
 
     def _points(self, branch: Branch) -> list[RewoundTo]:
-        chances = sorted(self._chances.get(branch, {}).items())
+        chances = sorted(self._chances[branch].items())
         points = [RewoundTo(time=time, chance=chance) for time, chance in chances]
         return [point for point in points if point.is_tried]
 
@@ -284,15 +290,15 @@ class _Told:
         """Run copies until the caller has enough; those in the journal are not run again."""
         for number in range(1, MANY + 1):
             key = codec.digest([self._asked, branch, time, number])
+            is_new = key not in self._counted
+            if is_new and self._count.left <= 0:
+                return
             known = self._journal.answers.get(key)
             if known is None:
-                if self._count.left <= 0:
-                    return
                 known = self._journal.keep(key, self._run(run.at(time), branch, number))
+            if is_new:
+                self._counted.add(key)
                 self._count.add()
-            elif key not in self._counted:
-                self._count.add()
-            self._counted.add(key)
             yield known
 
     def _run(self, running: Running, branch: Branch, number: int) -> RewoundCopy:
