@@ -122,7 +122,10 @@ def turn_of(points: Sequence[RewoundTo], found: float) -> Turn:
 
 def moves_the_turn(curve: ChanceCurve, stack: ChanceCurve) -> bool:
     """Whether a replacement lowers the chance of failure at a time, beyond both intervals."""
-    return any(p.chance.high < stack.band(p.time).low for p in curve.points)
+    if curve.open_until is None:
+        return False
+    still_open = (point for point in curve.points if point.time <= curve.open_until)
+    return any(point.chance.high < stack.band(point.time).low for point in still_open)
 
 
 def decisive(curves: Sequence[ChanceCurve]) -> ChanceCurve | None:

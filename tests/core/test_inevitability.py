@@ -73,6 +73,9 @@ def test_a_turn_lies_between_the_last_open_time_and_the_first_that_is_lost(rows,
 def test_a_change_moves_the_turn_only_beyond_both_intervals():
     assert moves_the_turn(_curve((0.0, 0, 6), (30.0, 6, 6)), ALWAYS)
     assert not moves_the_turn(_curve((0.0, 1, 3), (30.0, 6, 6)), ALWAYS)
+    odd = _curve((0.0, 12, 12), (10.0, 0, 6), (30.0, 6, 6))
+    assert odd.open_until is None
+    assert not moves_the_turn(odd, ALWAYS)
     unsure = _curve((0.0, 2, 12), (20.0, 12, 12), replaced="nothing", name="")
     assert not moves_the_turn(_curve((0.0, 0, 12), (20.0, 12, 12)), unsure)
     assert moves_the_turn(_curve((0.0, 0, 12), (22.0, 0, 12)), unsure)
