@@ -226,9 +226,11 @@ def test_a_crash_is_minimised_explained_rechecked_and_reported(place):
     assert small.exit_code == 0, small.output
     found = json.loads((place / "c" / "trials" / record.id / "minimize.json").read_text())
     assert found["signature"] == record.signature
-    why = call("explain", "c", record.id, "--max-runs", "5", "--format", "json")
+    why = call("explain", "c", record.id, "--max-runs", "5", "--rewinds", "16", "--format", "json")
     assert why.exit_code == 0, why.output
-    assert json.loads(why.stdout)["guess"] == "controller"
+    told = json.loads(why.stdout)
+    assert told["guess"] == "controller"
+    assert told["inevitability"]["found"] == 2.0
     cured = call(
         "corpus", "c", "--set", "controller=cluster_cbf", "--jittered", "0", "--workers", "1"
     )
