@@ -18,6 +18,7 @@ from mrta_falsify.core.wait_account import WaitAccount, first_deadlock, tick_of,
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import cause_begins
 from reports import floor_drawings, packing, time_charts
+from reports.chance_curves import draw_chances
 from reports.colours import costmap_colours
 from reports.contents import CaseContents
 from reports.floor_scene import costmap_extent
@@ -60,6 +61,7 @@ class DrawnRun:
     moment: Markup | None  #: the floor when the violation was found
     graph: Markup | None
     timelines: Markup
+    chances: Markup | None  #: of failure, by the time from which the run is repeated
     signals: tuple[tuple[str, Markup], ...]  #: name and plot
     costmap: CostmapPicture | None
 
@@ -67,6 +69,7 @@ class DrawnRun:
     def size(self) -> int:
         """Bytes of the drawings and data."""
         parts = [self.replay, self.moment or "", self.graph or "", self.timelines]
+        parts.append(self.chances or "")
         parts += [plot for _, plot in self.signals]
         return sum(map(len, parts)) + (len(self.costmap.uri) if self.costmap else 0)
 
@@ -118,6 +121,9 @@ def _draw_run(case: CaseContents) -> DrawnRun:
         else None,
         graph=draw_wait_graph(account, world) if account.arrows else None,
         timelines=draw_timelines(told, times.marks),
+        chances=draw_chances(case.inevitability, trace.duration)
+        if case.inevitability is not None
+        else None,
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
@@ -52,6 +53,8 @@ class CaseContents:
     removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
     needs: tuple[str, ...] = ()  #: without what, and under which schedule, it fails, in sentences
     certified: tuple[str, ...] = ()  #: what a certificate proves, in sentences
+    inevitability: Inevitability | None = None  #: None: the run was not rewound
+    decided: tuple[str, ...] = ()  #: when it was decided, and by which layer, in sentences
     identical: tuple[int, int] | None = None  #: replays with the same digest, of how many
     parts: str = ""  #: where the first differing replay parts from the stored trace
     jittered: tuple[int, int] | None = None  #: failures among jittered copies, of how many

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -48,6 +49,16 @@ class Running:
         data = run_in_watched_copy(answer)
         return codec.decode(kind, data, where="re-run")
 
+    def at(self, time: float) -> Running:
+        """Go on to the first tick not before ``time`` [s]; what was here before is used up."""
+        frame = self.last
+        with heard():
+            while frame.sensed.time < time:
+                frame = next(self.frames)
+                for specification in self.specifications:
+                    specification.update(frame)
+        return dataclasses.replace(self, last=frame)
+
 
 @contextmanager
 def run_to(
@@ -70,12 +81,11 @@ def run_to(
     offer_forecasts(specifications, episode, frames)
     try:
         with heard():
-            for frame in frames:
-                for specification in specifications:
-                    specification.update(frame)
-                if frame.sensed.time >= time:
-                    break
-        yield Running(episode=episode, frames=frames, specifications=specifications, last=frame)
+            first = next(frames)
+        for specification in specifications:
+            specification.update(first)
+        begun = Running(episode=episode, frames=frames, specifications=specifications, last=first)
+        yield begun.at(time)
     finally:
         frames.close()
         episode.close()

@@ -293,7 +293,8 @@ class Episode:
         """Let another stack continue from the same memory; call it between two frames.
 
         Everything but engine, people and control rate may differ. A controller that differs
-        starts anew; all other layers keep their memory in the stack's state.
+        starts anew; all other layers keep their memory in the stack's state. At the first tick
+        all of it starts anew, so that nothing is left of what the replaced stack had decided.
 
         Raises:
             StackFailed: the other stack cannot be built.
@@ -307,9 +308,12 @@ class Episode:
         time = self.tick * self.dt
         built = self._door.ask(functools.partial(self._build, kept), self.tick, time)
         self._source, self.stack = built
-        if has_other:
+        if has_other or self.tick == 0:
             started = self._door.ask(self.stack.start, self.tick, time)
-            self.state.controller = started.controller
+            if self.tick == 0:
+                self.state = started
+            else:
+                self.state.controller = started.controller
 
     def forget_events(self) -> None:
         """Let nothing new come from outside any more; call it between two frames.

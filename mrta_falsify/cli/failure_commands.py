@@ -39,18 +39,31 @@ if TYPE_CHECKING:
     text="Re-runs at most: one per changed layer, the rest with small differences. Of a stack in a "
     "process of its own: under other schedules, and without single things, too.",
 )
+@count_option(
+    "--rewinds",
+    0,
+    10000,
+    default=160,
+    text="Copies at most, beside these, that repeat the run from earlier and earlier; 0: none.",
+)
 @format_option
-def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
+def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style: str) -> int:
     """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
+
+    Then ask when it was decided, by repeating the run from earlier and earlier.
 
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
     from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
 
-    with output.progress(f"explain {id}", max_runs, "runs") as on_progress:
+    with output.progress(f"explain {id}", max_runs + rewinds, "runs") as on_progress:
         found = explain_trial(
-            directory, id, max_runs, on_done=lambda done, total: on_progress(done)
+            directory,
+            id,
+            max_runs,
+            rewinds=rewinds,
+            on_done=lambda done, total: on_progress(done),
         )
     if style == "json":
         output.print_json(found)
@@ -63,7 +76,7 @@ def explain_command(directory: Path, id: str, max_runs: int, style: str) -> int:
 
 
 def _print_explanation(found: Explanation) -> None:
-    from mrta_falsify.verbs.explain import needs_sentences, removal_text
+    from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
 
     out = output.stdout()
     out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
@@ -76,7 +89,7 @@ def _print_explanation(found: Explanation) -> None:
     output.print_table(table)
     for removal in found.removals:
         out.print(removal_text(removal))
-    for text in needs_sentences(found):
+    for text in (*needs_sentences(found), *decided_sentences(found.inevitability)):
         out.print(text)
     if found.jittered.runs:
         out.print(

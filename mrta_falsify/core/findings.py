@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
+from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
 
@@ -83,6 +84,7 @@ class Explanation:
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
     absences: tuple[ChangedRun, ...] = later(())  #: runs without some things
     schedules: tuple[ChangedRun, ...] = later(())  #: runs with other thinking times and orders
+    inevitability: Inevitability | None = later(None)  #: None: the run was not rewound
 
 
 # --- how small it gets -------------------------------------------------------------------

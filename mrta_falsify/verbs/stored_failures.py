@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.core.findings import Explanation, Family, Minimisation, Recheck
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
-from mrta_falsify.verbs.explain import explain
+from mrta_falsify.verbs.explain import REWINDS, explain
 from mrta_falsify.verbs.family import find_family
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.minimize import minimize
@@ -27,6 +27,7 @@ def explain_trial(
     id: str | int,
     max_runs: int = 40,
     *,
+    rewinds: int = REWINDS,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
     """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
@@ -37,13 +38,15 @@ def explain_trial(
         directory: of the campaign.
         id: of the trial.
         max_runs: re-runs at most.
+        rewinds: copies at most, beside these, that tell when the failure was decided; 0: none.
         on_done: called after each re-run with how many are done, and how many there will be.
 
     Raises:
         InputError: no such trial, or it did not fail.
     """
     campaign = open_campaign(directory)
-    return explain(campaign, campaign.record(str(id)), max_runs=max_runs, on_done=on_done)
+    record = campaign.record(str(id))
+    return explain(campaign, record, max_runs=max_runs, rewinds=rewinds, on_done=on_done)
 
 
 def minimize_trial(

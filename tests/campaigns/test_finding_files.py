@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from mrta_falsify.core.findings import (
     Standing,
 )
 from mrta_falsify.core.verdict import Verdict
+from tests.reports.decided import DECIDED as INEVITABILITY
 
 RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
 EXPLANATION = Explanation(
@@ -42,6 +44,7 @@ EXPLANATION = Explanation(
     runs=33,
     removals=(Removal(robot="a", time=22.5, go_on=("b",), stay=("c",)),),
 )
+DECIDED = dataclasses.replace(EXPLANATION, inevitability=INEVITABILITY)
 MINIMISATION = Minimisation(
     signature="no_deadlock/1:stalled",
     removed=("2 of 3 robots",),
@@ -89,12 +92,29 @@ CERTIFICATE = Certificate(
 RECORDED_KINDS = [kind for kind in FILE_NAMES if kind is not Certificate]
 
 
-@pytest.mark.parametrize("finding", [EXPLANATION, MINIMISATION, CHECK, FAMILY, CERTIFICATE])
+@pytest.mark.parametrize(
+    "finding", [EXPLANATION, DECIDED, MINIMISATION, CHECK, FAMILY, CERTIFICATE]
+)
 def test_a_finding_comes_back_as_it_was(tmp_path, finding):
     write_finding(tmp_path, finding)
     assert read_finding(tmp_path, type(finding)) == finding
     data = json.loads((tmp_path / FILE_NAMES[type(finding)]).read_text())
     assert data["version"] == FINDING_VERSION
+
+
+def test_an_explanation_without_rewinding_is_written_as_before(tmp_path):
+    write_finding(tmp_path, EXPLANATION)
+    assert "inevitability" not in json.loads((tmp_path / "explain.json").read_text())
+
+
+def test_programs_find_when_and_by_what_a_failure_was_decided(tmp_path):
+    write_finding(tmp_path, DECIDED)
+    told = json.loads((tmp_path / "explain.json").read_text())["inevitability"]
+    assert (told["decided_at"], told["by"]) == (31.4, "queue_policy")
+    assert [curve["replaced"] for curve in told["curves"]] == ["nothing", "layer"]
+    point = told["curves"][1]["points"][1]
+    assert point["time"] == 31.0
+    assert (point["chance"]["failures"], point["chance"]["trials"]) == (1, 6)
 
 
 def test_what_follows_from_a_finding_is_written_for_readers(tmp_path):

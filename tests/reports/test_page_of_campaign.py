@@ -23,6 +23,7 @@ from reports.markdown import render_markdown
 from reports.page import render_page
 from reports.sentences import violation_sentence, wait_sentence
 from tests import browser
+from tests.reports.decided import DECIDED
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +48,8 @@ def report(stalled):
         ),
         removals=("without robot1 from 12.0 s on, robot2 goes on",),
         needs=("The failure is gone without bed_3.",),
+        inevitability=DECIDED,
+        decided=("It was decided at 31.4 s, by the queue policy.",),
         repeated="the same run fails again in 3 of 4",
     )
     return ReportContents(
@@ -104,6 +107,13 @@ def test_text_from_names_is_escaped(page):
 
 def test_the_page_says_who_holds_up_whom(page):
     assert "without robot1 from 12.0 s on, robot2 goes on" in " ".join(page.text)
+
+
+def test_the_page_says_and_draws_when_the_failure_was_decided(page):
+    text = " ".join(page.text)
+    assert "It was decided at 31.4 s, by the queue policy." in text
+    assert "decided at 31.4 s" in text.split("What makes the failure go away")[0]
+    assert ("div", {"class": "wide chances"}) in page.tags
 
 
 def test_page_and_markdown_say_what_the_failure_needs_and_how_often_it_comes_again(report, page):

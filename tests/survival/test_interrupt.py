@@ -55,7 +55,10 @@ CASES = {
          "2", "--samplers", "random,auto", "--all-failures", *STACK, "--resume"),
     ),
     "replay": Case(("replay", "c", "{id}", "--verify", "3"), ("c/trials/{id}/verify.json",)),
-    "explain": Case(("explain", "c", "{id}", "--max-runs", "6"), ("c/trials/{id}/explain.json",)),
+    "explain": Case(
+        ("explain", "c", "{id}", "--max-runs", "6", "--rewinds", "8"),
+        ("c/trials/{id}/explain.json",),
+    ),
     "minimize": Case(
         ("minimize", "c", "{id}", "--max-runs", "5", "--workers", "2"),
         ("c/trials/{id}/minimize.json", "c/trials/{id}/world.min.json"),

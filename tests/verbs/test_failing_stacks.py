@@ -226,7 +226,7 @@ def test_a_crash_is_minimised_explained_rechecked_and_reported(place):
     assert small.exit_code == 0, small.output
     found = json.loads((place / "c" / "trials" / record.id / "minimize.json").read_text())
     assert found["signature"] == record.signature
-    why = call("explain", "c", record.id, "--max-runs", "5", "--format", "json")
+    why = call("explain", "c", record.id, "--max-runs", "5", "--rewinds", "0", "--format", "json")
     assert why.exit_code == 0, why.output
     assert json.loads(why.stdout)["guess"] == "controller"
     cured = call(

@@ -1,7 +1,8 @@
-"""The command ``explain``: which layer a failure belongs to."""
+"""The command ``explain``: which layer a failure belongs to, and when it was decided."""
 
 from mrta_falsify.verbs.explain.explaining import explain
 from mrta_falsify.verbs.explain.removals import removal_text
-from mrta_falsify.verbs.explain.telling import needs_sentences
+from mrta_falsify.verbs.explain.rewinding import REWINDS
+from mrta_falsify.verbs.explain.telling import decided_sentences, needs_sentences
 
-__all__ = ["explain", "needs_sentences", "removal_text"]
+__all__ = ["REWINDS", "decided_sentences", "explain", "needs_sentences", "removal_text"]

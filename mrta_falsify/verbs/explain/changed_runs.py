@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
@@ -86,25 +87,45 @@ def _counterfactual(
     running: Running, verdict: Verdict, change: Change, until: float
 ) -> Counterfactual:
     """Go on with a change, and look whether the same specification is violated by ``until`` [s]."""
-    own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
-    has_failed = False
-    try:
-        running.episode.swap(change.config)
-        ended = _watched(running, own, until)
-    except StackFailed as failed:
-        # A change that makes the stack fail cures nothing.
-        has_failed, ended = True, f"the stack failed at {failed.failure.time:.1f} s"
-    verdicts = [s.verdict() for s in own]
-    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
-    is_violated = has_failed or any(v.violated for v in verdicts)
+    ended = go_on(running, verdict, until, lambda: running.episode.swap(change.config))
     return Counterfactual(
         layer=change.layer,
         change=change.text,
-        failure_gone=not unjudged and not is_violated,
-        detail=f"not judged: {unjudged}" if unjudged else ended,
+        failure_gone=not ended.unjudged and not ended.violated,
+        detail=f"not judged: {ended.unjudged}" if ended.unjudged else ended.detail,
         restores=change.restores,
-        answered=not unjudged,
+        answered=not ended.unjudged,
     )
+
+
+class Ended(NamedTuple):
+    """How a continuation ended."""
+
+    violated: tuple[Verdict, ...]  #: of the same specification
+    detail: str
+    unjudged: str  #: why it could not be judged; empty if it was
+
+
+def go_on(running: Running, verdict: Verdict, until: float, change: Callable[[], None]) -> Ended:
+    """Go on with something changed, and look whether the same specification is violated.
+
+    Args:
+        running: where the continuation begins, in a copy of the process.
+        verdict: the violated one that explains the failure.
+        until: how long to look [s].
+        change: makes the change.
+    """
+    own = [s for s in running.specifications if s.verdict().spec == verdict.spec]
+    failed: tuple[Verdict, ...] = ()
+    try:
+        change()
+        detail = _watched(running, own, until)
+    except StackFailed as stopped:
+        # A change that makes the stack fail cures nothing.
+        failed, detail = (verdict,), f"the stack failed at {stopped.failure.time:.1f} s"
+    verdicts = [s.verdict() for s in own]
+    unjudged = next((v.not_judged for v in verdicts if v.not_judged), "")
+    return Ended((*failed, *(v for v in verdicts if v.violated)), detail, unjudged)
 
 
 def _watched(running: Running, own: Sequence[Specification], until: float) -> str:

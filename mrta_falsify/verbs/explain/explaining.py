@@ -4,6 +4,7 @@ The episode is run to a few seconds before the onset, then forked: each continua
 layer of the stack. If no change helps there, they begin at the first tick. What differs after
 the change is its doing, since all before it is shared. Of robots that wait for each other, each
 is removed in a continuation of its own. Jittered copies tell failures that any change would cure.
+At last the run is rewound, to tell when the failure was decided.
 
 A stack in a process of its own has no layers to exchange. It is replaced as a whole, from the first
 tick on. The whole world is run without each of its things, and under other schedules.
@@ -15,6 +16,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mrta_falsify.campaigns.attribution import points_directly, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
@@ -33,6 +35,7 @@ from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
 from mrta_falsify.verbs.explain.removals import removals_of
+from mrta_falsify.verbs.explain.rewinding import RewoundCopy, branches_of, rewind
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import schedules_of
 from mrta_falsify.verbs.minimize.course import course_of
@@ -66,6 +69,12 @@ class Journals:
         self.removals = RunJournal(Removal, path, code=code)
         self.copies = RunJournal(CopyRun, path, code=code)
         self.whole = RunJournal(ChangedRun, path, code=code)
+        self.rewound = RunJournal(RewoundCopy, path, code=code)
+
+    @property
+    def all(self) -> tuple[RunJournal[Any], ...]:
+        """The journals of all kinds."""
+        return (self.changes, self.removals, self.copies, self.whole, self.rewound)
 
 
 def explain(
@@ -73,6 +82,7 @@ def explain(
     record: TrialRecord,
     *,
     max_runs: int = 40,
+    rewinds: int = 0,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
     """Explain a stored failure and keep the explanation beside it as ``explain.json``.
@@ -81,6 +91,7 @@ def explain(
         campaign: that the failure belongs to.
         record: of the failure.
         max_runs: episodes and continuations at most; jittered copies give way first.
+        rewinds: copies at most, beside these, that tell when the failure was decided.
         on_done: called after each run with how many are done, and how many there will be.
 
     Raises:
@@ -92,9 +103,10 @@ def explain(
     job, folder = job_of(campaign, record), campaign.folder(record)
     code = code_digest(job.config, job.specifications)
     journals = Journals(folder / JOURNAL_NAME, code)
-    kept = (journals.changes, journals.removals, journals.copies, journals.whole)
-    with going_on(f"explain {record.id}", *kept):
-        found = explain_job(job, max_runs=max_runs, journals=journals, on_done=on_done)
+    with going_on(f"explain {record.id}", *journals.all):
+        found = explain_job(
+            job, max_runs=max_runs, rewinds=rewinds, journals=journals, on_done=on_done
+        )
         write_finding(folder, found)
     journals.changes.discard()
     return found
@@ -105,6 +117,7 @@ def explain_job(
     job: Job,
     *,
     max_runs: int = 40,
+    rewinds: int = 0,
     journals: Journals | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
@@ -119,7 +132,8 @@ def explain_job(
     guess = suspect(job.config, judged.verdicts, trace)
     at = moment_of_change(verdict) if job.config.stack is None else 0.0
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
-    count = RunCount(max_runs, min(max_runs, 1 + len(changes) + JITTERED), on_done)
+    expected = min(max_runs, 1 + len(changes) + JITTERED)
+    count = RunCount(max_runs, expected + rewinds, on_done)
     count.add()
     found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
     if at > 0.0 and not any(one.failure_gone for one in found):
@@ -134,6 +148,8 @@ def explain_job(
     layer, reason = suspicion_from(
         found, guess, direct=points_directly(verdict, guess), knife_edge=jittered.is_knife_edge
     )
+    branches = branches_of(job, verdict, changes, found, at)
+    inevitability = rewind(job, verdict, branches, count.allowing(rewinds), journals.rewound)
     return Explanation(
         layer=layer,
         guess=guess,
@@ -145,6 +161,7 @@ def explain_job(
         schedules=schedules,
         jittered=jittered,
         runs=count.done,
+        inevitability=inevitability,
     )
 
 

@@ -1,10 +1,16 @@
-"""What changed runs of the whole world say of a failure, in sentences."""
+"""What re-runs say of a failure, in sentences: what it needs, and when it was decided."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from mrta_falsify.core.findings import ChangedRun, Explanation, Fate
+from mrta_falsify.core.inevitability import (
+    ChanceCurve,
+    Inevitability,
+    decisive,
+    moves_the_turn,
+)
 from reports.sentences import listed
 
 
@@ -75,3 +81,51 @@ def _without(runs: Sequence[ChangedRun]) -> str:
 
 def _list(runs: Sequence[ChangedRun]) -> str:
     return listed([run.change for run in runs])
+
+
+# --- when it was decided -----------------------------------------------------------------
+
+
+def decided_sentences(found: Inevitability | None) -> tuple[str, ...]:
+    """Say when a failure was decided, by which layer, and what else would have averted it."""
+    if found is None:
+        return ()
+    told = []
+    if found.decided_at is not None:
+        stack, *others = found.curves
+        first = decisive(found.curves)
+        told = [_decided(found), _turn_sentence(stack, stack.change[0].upper() + stack.change[1:])]
+        told += [_turn_sentence(first, f"With {first.change}")] if first else []
+        told += [
+            f"Until {curve.open_until:.1f} s it would have been averted, too: {curve.change}."
+            for curve in others
+            if curve is not first and moves_the_turn(curve, stack)
+        ]
+    if found.left_out:
+        told.append(f"Not rewound: {found.left_out}.")
+    return tuple(told)
+
+
+def _decided(found: Inevitability) -> str:
+    by = f", by the {found.by.replace('_', ' ')}" if found.by else ", by no single layer"
+    if found.decided_at == 0.0:
+        return f"It was decided from the start{by}."
+    return f"It was decided at {found.decided_at:.1f} s{by}."
+
+
+def _turn_sentence(curve: ChanceCurve, what: str) -> str:
+    """Say how often the run fails when it is repeated from either side of the turn."""
+    before = curve.at(curve.open_until) if curve.open_until is not None else None
+    after = curve.at(curve.lost_from)
+    parts = [
+        f"{point.chance.failures} of {point.chance.trials} copies fail when the run is repeated "
+        f"from {point.time:.1f} s ({point.chance.level:.0%} interval {point.chance.low:.2f} to "
+        f"{point.chance.high:.2f})"
+        for point in (before, after)
+        if point is not None
+    ]
+    if after is None:
+        parts.append(
+            f"no time from there to the violation at {curve.lost_from:.1f} s was looked at"
+        )
+    return f"{what}: {', '.join(parts)}."

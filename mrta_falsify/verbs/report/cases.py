@@ -20,7 +20,7 @@ from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
-from mrta_falsify.verbs.explain import needs_sentences, removal_text
+from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.worker import stack_of
@@ -160,6 +160,8 @@ def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
         counterfactuals=found.counterfactuals,
         removals=tuple(map(removal_text, found.removals)),
         needs=needs_sentences(found),
+        inevitability=found.inevitability,
+        decided=decided_sentences(found.inevitability),
         jittered=(copies.failed, copies.runs) if copies.runs else case.jittered,
     )
 
