@@ -19,20 +19,19 @@ from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.statistics import failure_probability
-from mrta_falsify.campaigns.store import trial_folder
+from mrta_falsify.campaigns.store import OTHER, trial_folder
+from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies, trial_score
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import Jittered, Repeats, Screening, TrialRecord, versions
+from mrta_falsify.core.record import OtherRun, Repeats, Screening, TrialRecord, versions
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
-from scenic_worlds.variation import jittered_worlds
 from simulator_interface.external.told import TOLD_NAME, Told, write_told
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
@@ -135,32 +134,41 @@ class TrialRunner:
                 wall_s=quick.outcome.wall_s,
             )
         judged = self._judge(world, config, scene)
-        jittered = self._jitter(world, config, scene, judged) if judged.is_sought else None
+        said = self._ask_copies(world, config, scene, judged)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
+        other = self._keep_other(world, record, said)
         record = dataclasses.replace(
-            record, screening=screening, jittered=jittered, repeated=repeated
+            record, screening=screening, jittered=said.jittered, other=other, repeated=repeated
         )
-        return self._finish(world, record, judged, config.engine.name, began)
+        return self._finish(world, record, judged, config.engine.name, began, said)
 
-    def _jitter(
+    def _ask_copies(
         self, world: World, config: StackConfig, scene: Any, judged: Judged
-    ) -> Jittered | None:
-        copies = jittered_worlds(world, self._settings.jittered)
-        if not copies:
+    ) -> Comparison:
+        if not judged.is_sought:
+            return NO_COPIES
+        against = self._settings.against
+        return judged_by_copies(
+            world,
+            judged,
+            self._settings.jittered,
+            lambda copy: self._judge(copy, config, scene),
+            None if against is None else lambda copy: self._judge_other(copy, against, scene),
+        )
+
+    def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
+        """Run a world under the other stack; that time is not the trial's own."""
+        began = time.perf_counter()
+        try:
+            return self._judge(world, config, scene)
+        finally:
+            lost_time.tell(time.perf_counter() - began)
+
+    def _keep_other(self, world: World, record: TrialRecord, said: Comparison) -> OtherRun | None:
+        if said.other is None or said.their_run is None:
             return None
-        runs: list[Judged] = []
-        for copy in copies:
-            if is_decided(sum(run.is_sought for run in runs), len(runs), len(copies)):
-                break
-            runs.append(self._judge(copy, config, scene))
-        margins = [run.margins for run in (judged, *runs)]
-        return Jittered(
-            runs=len(runs),
-            failed=sum(run.is_sought for run in runs),
-            objectives={
-                name: float(np.mean([of[name] for of in margins if name in of]))
-                for name in margins[0]
-            },
+        return dataclasses.replace(
+            said.other, trace_file=self._write(world, said.their_run.outcome, record.number, OTHER)
         )
 
     def _repeat(
@@ -188,7 +196,13 @@ class TrialRunner:
         return judge(_job(self._settings, world, config, scene), keep_trace=keep_trace)
 
     def _finish(
-        self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
+        self,
+        world: World,
+        record: TrialRecord,
+        judged: Judged,
+        engine: str,
+        began: float,
+        said: Comparison = NO_COPIES,
     ) -> TrialRecord:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0
@@ -202,9 +216,7 @@ class TrialRunner:
             situations=judged.situations,
             blamed=blamed(judged),
             is_afterthought=judged.failed and not judged.is_sought,
-            score=-record.jittered.share
-            if record.jittered
-            else search_score(judged.margins, self._settings.then),
+            score=trial_score(judged, said),
             signature=signature(judged.verdicts),
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
             if judged.failed
@@ -218,29 +230,17 @@ class TrialRunner:
             wall_s=time.perf_counter() - began,
         )
 
-    def _write(self, world: World, outcome: Outcome, number: int) -> str:
+    def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
         if not self._settings.directory:
             return ""
         root = Path(self._settings.directory)
-        folder = trial_folder(root, number)
+        folder = trial_folder(root, number) / beside
         folder.mkdir(parents=True, exist_ok=True)
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
         if outcome.told is not None:
             write_told(outcome.told, folder / TOLD_NAME)
         return str((folder / "trace.zip").relative_to(root))
-
-
-def is_decided(failed: int, runs: int, most: int) -> bool:
-    """Whether further copies cannot change whether most of them fail.
-
-    Args:
-        failed: copies that failed.
-        runs: copies that were run.
-        most: copies that would be run.
-    """
-    left = most - runs
-    return 2 * failed > most or 2 * (failed + left) <= most
 
 
 def blamed(judged: Judged) -> tuple[str, ...]:
