@@ -13,6 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.record import Jittered, OtherRun
 from mrta_falsify.core.verdict import Verdict
 
 # --- why it happens ----------------------------------------------------------------------
@@ -105,6 +106,10 @@ class Minimisation:
     program: str = ""
     """How the world written as a Scenic program runs: ``identical``, ``same failure``, or why
     there is no program."""
+    #: copies of the smallest world, where two stacks are compared
+    jittered: Jittered | None = later(None)
+    #: what the other stack does in it, where two are compared
+    other: OtherRun | None = later(None)
 
     @property
     def share_removed(self) -> float:
