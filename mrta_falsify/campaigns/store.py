@@ -72,9 +72,8 @@ class Campaign:
 
     def folder(self, record: TrialRecord) -> Path:
         """Name the directory of the files of a trial; it need not exist."""
-        if record.trace_file:
-            return (self.directory / record.trace_file).parent
-        return trial_folder(self.directory, record.number)
+        own = trial_folder(self.directory, record.number)
+        return own / OTHER if Path(record.trace_file).parent.name == OTHER else own
 
     def seen_by_other(self) -> Campaign:
         """Give the trials that the other stack has run, as those of a campaign on that stack.

@@ -111,8 +111,8 @@ def new_settings(
     estimating = is_estimating(made)  # builds the sampler, and so checks its options
     if estimating and other is not None:
         raise InputError(
-            f"against is {against}: sampler {made.sampler.name} estimates the probability of any "
-            "failure; choose another sampler"
+            f"sampler {made.sampler.name} estimates the probability of any failure, so it compares "
+            "no stacks; leave --against out, or choose another sampler"
         )
     if estimating and jittered:
         raise InputError(

@@ -65,8 +65,8 @@ def load_other_stack(stack: Stack, tested: StackConfig) -> StackConfig:
     )
     if config.digest() == tested.digest():
         raise ConfigError(
-            f"against is {stack}: that is the stack under test itself; name another one, or change "
-            "the stack under test by --stack or --set"
+            "--against names the stack under test itself (engine and people aside); name another "
+            "one, or change the stack under test by --stack or --set"
         )
     return config
 

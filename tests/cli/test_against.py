@@ -136,7 +136,7 @@ def test_a_stack_is_not_compared_with_itself(call, tmp_path):
     result = call("campaign", tmp_path / "small.scenic", "-o", tmp_path / "c", "--against",
                   "default", "--set", "engine=kinematic")  # fmt: skip
     assert result.exit_code == 2
-    assert "that is the stack under test itself" in result.stderr
+    assert "--against names the stack under test itself" in result.stderr
     assert not (tmp_path / "c").exists()
 
 
@@ -155,7 +155,7 @@ def test_a_search_for_a_probability_compares_no_stacks(call, tmp_path):
     result = call("campaign", tmp_path / "small.scenic", "-o", tmp_path / "c", *BROKEN,
                   "--against", "default", "--sampler", "splitting", "--mode", "exact")  # fmt: skip
     assert result.exit_code == 2
-    assert "sampler splitting estimates the probability of any failure" in result.stderr
+    assert "splitting estimates the probability of any failure" in result.stderr
 
 
 def test_the_other_stack_belongs_to_a_campaign(call, tmp_path):
