@@ -38,6 +38,7 @@ SCENARIOS = {
     "late_feedback_unsat": "late_batches",
     "no_plan_when_infeasible": "late_batches",
 }
+TIME_LIMIT = 3600.0  # s, of a trial on a machine that has other work
 HEAD = f"{'defect':30} {'scenario':20} seed  found at  trials  other runs  on both  edges    s"
 
 
@@ -62,6 +63,7 @@ def search(defect: str, folder: Path, seed: int, args: argparse.Namespace) -> Ca
             sampler=args.sampler,
             seed=seed,
             workers=args.workers,
+            time_limit=TIME_LIMIT,
         )
     return mf.summarise_campaign(found)
 
