@@ -6,6 +6,7 @@ Module-level and free of closures over processes, so that a spawned worker can o
 from __future__ import annotations
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,20 +20,26 @@ from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.statistics import failure_probability
-from mrta_falsify.campaigns.store import trial_folder
+from mrta_falsify.campaigns.store import OTHER, trial_folder
+from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies, trial_score
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import EngineRun, Jittered, Repeats, TrialRecord, versions
+from mrta_falsify.core.record import (
+    EngineRun,
+    Jittered,
+    OtherRun,
+    Repeats,
+    TrialRecord,
+    versions,
+)
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
-from scenic_worlds.variation import jittered_worlds
 from simulator_interface.external.told import TOLD_NAME, Told, write_told
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
@@ -128,17 +135,16 @@ class TrialRunner:
                 return self._finish(world, record, quick, quick_stack(config).engine.name, began)
             screening = engine_run(quick_stack(config).engine.name, quick, failed=True)
         judged = self._judge(world, config, scene)
-        jittered = None
-        if judged.is_sought:
-            jittered = self._jitter(world, config, scene, judged, self._settings.jittered)
+        said = self._ask_copies(world, config, scene, judged)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
+        other = self._keep_other(world, record, said)
         record = dataclasses.replace(
-            record, screening=screening, jittered=jittered, repeated=repeated
+            record, screening=screening, jittered=said.jittered, other=other, repeated=repeated
         )
-        if judged.is_sought and (jittered is None or jittered.robust):
+        if judged.is_sought and (said.jittered is None or said.jittered.robust):
             confirmed = self._confirm(world, config, scene, judged)
             record = dataclasses.replace(record, confirmed=confirmed)
-        return self._finish(world, record, judged, config.engine.name, began)
+        return self._finish(world, record, judged, config.engine.name, began, said)
 
     def _confirm(
         self, world: World, config: StackConfig, scene: Any, judged: Judged
@@ -153,30 +159,39 @@ class TrialRunner:
             there = dataclasses.replace(config, engine=Choice(name))
             run = self._judge(world, there, scene, keep_trace=False)
             copies = settings.jittered or CONFIRMING_COPIES
-            jittered = self._jitter(world, there, scene, run, copies)
-            runs.append(engine_run(name, run, failed=run.is_sought, jittered=jittered))
+            again = functools.partial(self._judge, config=there, scene=scene)
+            said = judged_by_copies(world, run, copies, again)
+            runs.append(engine_run(name, run, failed=run.is_sought, jittered=said.jittered))
             lost_time.tell(time.perf_counter() - began)
         return tuple(runs)
 
-    def _jitter(
-        self, world: World, config: StackConfig, scene: Any, judged: Judged, most: int
-    ) -> Jittered | None:
-        copies = jittered_worlds(world, most)
-        if not copies:
+    def _ask_copies(
+        self, world: World, config: StackConfig, scene: Any, judged: Judged
+    ) -> Comparison:
+        if not judged.is_sought:
+            return NO_COPIES
+        against = self._settings.against
+        return judged_by_copies(
+            world,
+            judged,
+            self._settings.jittered,
+            lambda copy: self._judge(copy, config, scene),
+            None if against is None else lambda copy: self._judge_other(copy, against, scene),
+        )
+
+    def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
+        """Run a world under the other stack; that time is not the trial's own."""
+        began = time.perf_counter()
+        try:
+            return self._judge(world, config, scene)
+        finally:
+            lost_time.tell(time.perf_counter() - began)
+
+    def _keep_other(self, world: World, record: TrialRecord, said: Comparison) -> OtherRun | None:
+        if said.other is None or said.their_run is None:
             return None
-        runs: list[Judged] = []
-        for copy in copies:
-            if is_decided(sum(run.is_sought for run in runs), len(runs), len(copies)):
-                break
-            runs.append(self._judge(copy, config, scene))
-        margins = [run.margins for run in (judged, *runs)]
-        return Jittered(
-            runs=len(runs),
-            failed=sum(run.is_sought for run in runs),
-            objectives={
-                name: float(np.mean([of[name] for of in margins if name in of]))
-                for name in margins[0]
-            },
+        return dataclasses.replace(
+            said.other, trace_file=self._write(world, said.their_run.outcome, record.number, OTHER)
         )
 
     def _repeat(
@@ -204,7 +219,13 @@ class TrialRunner:
         return judge(_job(self._settings, world, config, scene), keep_trace=keep_trace)
 
     def _finish(
-        self, world: World, record: TrialRecord, judged: Judged, engine: str, began: float
+        self,
+        world: World,
+        record: TrialRecord,
+        judged: Judged,
+        engine: str,
+        began: float,
+        said: Comparison = NO_COPIES,
     ) -> TrialRecord:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0
@@ -218,9 +239,7 @@ class TrialRunner:
             situations=judged.situations,
             blamed=blamed(judged),
             is_afterthought=judged.failed and not judged.is_sought,
-            score=-record.jittered.share
-            if record.jittered
-            else search_score(judged.margins, self._settings.then),
+            score=trial_score(judged, said),
             signature=signature(judged.verdicts),
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
             if judged.failed
@@ -234,11 +253,11 @@ class TrialRunner:
             wall_s=time.perf_counter() - began,
         )
 
-    def _write(self, world: World, outcome: Outcome, number: int) -> str:
+    def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
         if not self._settings.directory:
             return ""
         root = Path(self._settings.directory)
-        folder = trial_folder(root, number)
+        folder = trial_folder(root, number) / beside
         folder.mkdir(parents=True, exist_ok=True)
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
@@ -260,18 +279,6 @@ def engine_run(
         wall_s=judged.outcome.wall_s,
         jittered=jittered,
     )
-
-
-def is_decided(failed: int, runs: int, most: int) -> bool:
-    """Whether further copies cannot change whether most of them fail.
-
-    Args:
-        failed: copies that failed.
-        runs: copies that were run.
-        most: copies that would be run.
-    """
-    left = most - runs
-    return 2 * failed > most or 2 * (failed + left) <= most
 
 
 def blamed(judged: Judged) -> tuple[str, ...]:

@@ -64,14 +64,20 @@ class DrawnRun:
     chances: Markup | None  #: of failure, by the time from which the run is repeated
     signals: tuple[tuple[str, Markup], ...]  #: name and plot
     costmap: CostmapPicture | None
+    other: DrawnRun | None  #: of the other stack, in the same world
 
     @property
     def size(self) -> int:
-        """Bytes of the drawings and data."""
+        """Bytes of the drawings and data, the other stack's included."""
         parts = [self.replay, self.moment or "", self.graph or "", self.timelines]
         parts.append(self.chances or "")
         parts += [plot for _, plot in self.signals]
-        return sum(map(len, parts)) + (len(self.costmap.uri) if self.costmap else 0)
+        own = sum(map(len, parts)) + (len(self.costmap.uri) if self.costmap else 0)
+        return own + (self.other.size if self.other is not None else 0)
+
+    def runs(self) -> tuple[DrawnRun, ...]:
+        """List it with the other stack's run."""
+        return (self,) if self.other is None else (self, self.other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,7 +101,8 @@ def draw_case(case: CaseContents) -> DrawnCase:
     )
 
 
-def _draw_run(case: CaseContents) -> DrawnRun:
+def _draw_run(case: CaseContents, begin: float | None = None) -> DrawnRun:
+    """Draw a run; its replay begins before the onset, or at ``begin`` [s]."""
     world, trace = case.world, case.trace
     violated = tuple(verdict for verdict in case.verdicts if verdict.violated)
     account = wait_account(violated[0], trace) if violated else WaitAccount(waits=())
@@ -105,12 +112,14 @@ def _draw_run(case: CaseContents) -> DrawnRun:
     named = [name for v in violated[:1] for name in v.who if name in trace.robots]
     in_picture = account.robots if account.members else ()
     who = list(account.members) or named or task_history.robots_of(tasks, trace)
+    if begin is None:
+        begin = max(0.0, times.onset - LEAD) if violated else 0.0
     return DrawnRun(
         violated=violated,
         account=account,
         tasks=tuple(task_history.stories(tasks, world, told)),
         replay=Markup(packing.pack(world, trace, case.verdicts)),
-        begin=max(0.0, times.onset - LEAD) if violated else 0.0,
+        begin=begin,
         jumps=times.jumps(deadlock=bool(account.members)),
         place=_close_up_place(case, violated, who),
         close=any("place" in verdict.evidence for verdict in violated[:1]),
@@ -126,6 +135,7 @@ def _draw_run(case: CaseContents) -> DrawnRun:
         else None,
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
+        other=_draw_run(case.other, begin) if case.other is not None else None,
     )
 
 

@@ -63,6 +63,8 @@ class CaseContents:
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
     minimised: CaseContents | None = None
+    other: CaseContents | None = None  #: the other stack's run of the same world, if two are shown
+    compared: tuple[str, ...] = ()  #: what the other stack does, and what copies say, in words
     family: FailureFamily | None = None  #: None: `family` has not been run
 
 
@@ -120,6 +122,7 @@ class ReportContents:
     errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
     floor: World | None = None  #: whose floor the coverage map shows
     stack: str = ""  #: YAML
+    other_stack: str = ""  #: YAML, of the stack that failures are compared with
     versions: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()  #: what the numbers do not say
     warnings: tuple[str, ...] = ()  #: what a reader must know first

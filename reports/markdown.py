@@ -85,6 +85,8 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         same, runs = case.identical
         parts = f", {case.parts}" if case.parts else ""
         yield from (f"Replay: {same} of {runs} identical{parts}.", "")
+    if case.compared:
+        yield from (_plain(f"Against the other stack: {'; '.join(case.compared)}."), "")
     if case.repeated:
         yield from (_plain(f"{case.repeated[0].upper()}{case.repeated[1:]}."), "")
     if case.jittered:

@@ -113,6 +113,7 @@ def _draw_cases(cases: Iterable[CaseContents], most_bytes: int) -> dict[str, Dra
 
 def _name_costmaps(drawn: Iterable[DrawnCase]) -> dict[str, str]:
     """Map the data address of each different costmap picture to its id in the page."""
-    runs = [run for case in drawn for run in (case.main, case.minimised) if run is not None]
+    shown = [run for case in drawn for run in (case.main, case.minimised) if run is not None]
+    runs = [run for one in shown for run in one.runs()]
     uris = [run.costmap.uri for run in runs if run.costmap is not None]
     return {uri: f"costmap-{i}" for i, uri in enumerate(dict.fromkeys(uris))}

@@ -28,6 +28,7 @@ from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
+from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
@@ -58,6 +59,7 @@ class Progress:
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
+    on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
     #: simulated candidates until a failure that is sought, itself included
     first_failure: int | None = None
     best: float = float("inf")  #: smallest score
@@ -102,6 +104,7 @@ class Progress:
             self.failed += 1
             self.wanted += record.wanted
             self.afterthoughts += record.is_afterthought
+            self.on_both += record.fails_on_both
             if self.first_failure is None and record.is_sought:
                 self.first_failure = self.ran
 
@@ -143,10 +146,10 @@ def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
 def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
-    A failure only in what is looked for last is none to it. Of a failure with copies it is told the
-    mean margins, so a knife edge looks like the passing worlds around it. The signature of a knife
-    edge differs from that of a robust failure, so a sampler that looks for other kinds of failure
-    leaves knife edges.
+    A failure only in what is looked for last is none to it, nor is one that the other stack shares
+    where two are compared. Of a failure with copies it is told the mean margins, so a knife edge
+    looks like the passing worlds around it. The signature of a knife edge differs from that of a
+    robust failure, so a sampler that looks for other kinds of failure leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -154,7 +157,7 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
         score=record.score,
-        objectives=record.jittered.objectives if record.jittered else record.objectives,
+        objectives=_margins_told(record),
         descriptors=record.descriptors,
         failed=record.is_sought,
         signature=_kind(record) if record.is_sought else "",
@@ -163,10 +166,22 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
     )
 
 
+def _margins_told(record: TrialRecord) -> dict[str, float]:
+    if record.jittered is not None:
+        return record.jittered.objectives
+    other = record.other
+    if other is None:
+        return record.objectives
+    return {name: differing(margin, other.score) for name, margin in record.objectives.items()}
+
+
 def _kind(record: TrialRecord) -> str:
     copies = record.jittered
-    if copies is None or copies.robust:
+    if copies is None or record.wanted:
         return record.signature
+    if copies.robust and record.other is not None and record.other.jittered is not None:
+        theirs = record.other.jittered
+        return f"{theirs.failed} of {theirs.runs} copies on the other stack: {record.signature}"
     return f"{copies.failed} of {copies.runs} copies: {record.signature}"
 
 

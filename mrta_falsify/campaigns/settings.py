@@ -7,6 +7,7 @@ resumed; everything else belongs to the campaign.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -19,6 +20,7 @@ from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimit
 FORMAT_VERSION = 2
 CONFIRMING_COPIES = 4  # of a failure on another engine, where the campaign asks for none
 MOST_COPIES = 100  # copies of one failing world
+AGAINST_COPIES = 4  # copies by which two stacks are compared unless told otherwise
 #: runs again of one failure. Four of four say that it comes again in at least 47 % of runs (Blaker,
 #: 95 %), and a failure of half of the runs is taken for one of all in 1 of 16 cases only.
 VERIFY = 4
@@ -35,6 +37,8 @@ class TrialSettings:
     params: dict[str, Any] = field(default_factory=dict)  #: Scenic's global parameters
     sources_digest: str = ""  #: of the program with all it imports, "" : not checked
     stack: StackConfig = StackConfig()
+    #: the other stack, on which failures must not happen; None: none is compared
+    against: StackConfig | None = later(None)
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
     then: tuple[str, ...] = later(())  #: of them, those that are looked for last
     seed: int = quantity(low=0, default=0, text="Same seed, same candidates.")
@@ -52,7 +56,8 @@ class TrialSettings:
         high=MOST_COPIES,
         default=0,
         text="Runs of each failing world with small differences, at most; then the search goes "
-        "for failures that most of them share, and only these count for --stop-after.",
+        "for failures that most of them share, and only these count for --stop-after. "
+        f"{AGAINST_COPIES} with --against.",
     )
     confirm: tuple[str, ...] = later(())  #: engines that robust failures are run on as well
     verify: int = quantity(
@@ -81,6 +86,17 @@ class TrialSettings:
     def __post_init__(self) -> None:
         if self.mode not in ("repair", "exact"):
             raise ConfigError(f"mode is {self.mode!r}; it must be repair or exact")
+
+    @property
+    def of_other(self) -> TrialSettings:
+        """The same with the other stack under test.
+
+        Raises:
+            ConfigError: there is none.
+        """
+        if self.against is None:
+            raise ConfigError("the campaign compares no two stacks; begin one with --against STACK")
+        return dataclasses.replace(self, stack=self.against, against=None)
 
     @property
     def limits(self) -> StackLimits:

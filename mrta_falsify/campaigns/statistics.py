@@ -15,6 +15,7 @@ from scipy import stats
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.record import Jittered
 
 GRID = 1024  # points at which an end of the interval is looked for, per refinement
 
@@ -79,6 +80,19 @@ def failure_probability(
         level=level,
         undecided=undecided,
     )
+
+
+def chance_in_copies(copies: Jittered, most: int) -> Probability:
+    """Estimate how probably a copy of a world fails, from copies that ended once decided.
+
+    Copies that were not run count both ways, as trials without an answer do. So the interval
+    covers although what the first copies did decided how many there are.
+
+    Args:
+        copies: that were run.
+        most: copies that would have been run.
+    """
+    return failure_probability(copies.failed, copies.runs, undecided=max(most - copies.runs, 0))
 
 
 def blaker_interval(successes: int, trials: int, level: float = 0.95) -> tuple[float, float]:

@@ -6,6 +6,7 @@
     records.jsonl        one line per finished trial: checksum, tab, JSON of a TrialRecord
     lock                 held (flock) by the one owner; says who
     trials/0042/         world.json and trace.zip of trials worth keeping
+    trials/0042/other/   the same of the other stack, where two are compared
 
 A record counts once its line is on disc (fsync). A record of an older version whose run was
 interrupted does not count: its trial is run again. The next owner cuts off a torn last line, which
@@ -31,13 +32,14 @@ from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import sync_directory, write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import OtherRun, TrialRecord
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SETTINGS, RECORDS, LOCK, TRIALS = "campaign.json", "records.jsonl", "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
+OTHER = "other"  # folder of the other stack's run, in that of its trial
 MOST_DIGITS = 18  # of a trial's id
 INTERRUPTED = "interrupted"  # why a run ended that older versions stored: it is no answer
 
@@ -70,7 +72,21 @@ class Campaign:
 
     def folder(self, record: TrialRecord) -> Path:
         """Name the directory of the files of a trial; it need not exist."""
-        return trial_folder(self.directory, record.number)
+        own = trial_folder(self.directory, record.number)
+        return own / OTHER if Path(record.trace_file).parent.name == OTHER else own
+
+    def seen_by_other(self) -> Campaign:
+        """Give the trials that the other stack has run, as those of a campaign on that stack.
+
+        Raises:
+            ConfigError: the campaign compares no two stacks.
+        """
+        trials = self.settings.trials.of_other
+        return dataclasses.replace(
+            self,
+            settings=dataclasses.replace(self.settings, trials=trials),
+            records=tuple(_of_other(r, r.other) for r in self.records if r.other is not None),
+        )
 
     def frame(self) -> pd.DataFrame:
         """Tabulate the trials, with one column per specification's robustness."""
@@ -97,6 +113,32 @@ class Campaign:
             row |= {f"what.{name}": value for name, value in record.descriptors.items()}
             rows.append(row)
         return pd.DataFrame(rows)
+
+
+def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
+    """Write what the other stack did as a record."""
+    return dataclasses.replace(
+        record,
+        verdicts=other.verdicts,
+        objectives={},
+        descriptors={},
+        situations=(),
+        blamed=(),
+        is_afterthought=False,
+        score=other.score,
+        signature=other.signature,
+        layer="",
+        trace_file=other.trace_file,
+        trace_digest=other.trace_digest,
+        screening=None,
+        jittered=other.jittered,
+        repeated=None,
+        other=None,
+        coupling=None,
+        ended=other.ended,
+        sim_time=other.sim_time,
+        wall_s=other.wall_s,
+    )
 
 
 def trial_folder(directory: Path, number: int) -> Path:

@@ -15,6 +15,7 @@ from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import (
     FILE,
     RUN_OPTIONS,
+    against_option,
     campaign_options,
     confirm_option,
     format_option,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 @workers_option
 @click.option("--executor", metavar="NAME", help="Instead of local processes.")
 @stack_options
+@against_option
 @spec_option
 @then_option
 @confirm_option
@@ -154,7 +156,8 @@ def _exit_code(result: CampaignResult) -> int:
     progress = result.progress
     if result.ended == "interrupted":
         return ExitCode.INTERRUPTED
-    if progress.failed:
+    compares = result.campaign.settings.trials.against is not None
+    if progress.wanted if compares else progress.failed:
         return ExitCode.VIOLATED
     nothing_ran = progress.errors and progress.errors == progress.ran
     return ExitCode.HARNESS if nothing_ran else ExitCode.DONE

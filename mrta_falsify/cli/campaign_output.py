@@ -49,7 +49,7 @@ class CampaignWatch:
         kind = _announced_kind(record)
         if kind and kind not in announced and "failure" not in announced:
             announced.add(kind)
-            counted = [str(one) for one in (record.repeated, record.jittered) if one]
+            counted = [str(one) for one in (record.other, record.repeated, record.jittered) if one]
             counted += [record.confirmation] if record.confirmation else []
             copies = f" ({'; '.join(counted)})" if counted else ""
             self._say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
@@ -91,6 +91,8 @@ def _announced_kind(record: TrialRecord) -> str:
         return ""
     if record.is_afterthought:
         return "failure only in what is looked for last"
+    if not record.is_sought:
+        return "failure that the other stack does not pass either"
     return "failure" if record.wanted else "knife edge"
 
 
@@ -114,6 +116,8 @@ def _count_text(counts: Progress) -> str:
     failures = ", ".join(f"{n} {name}" for name, n in sorted(counts.by_specification.items()))
     best = f"best score {counts.best:+.3f}" if math.isfinite(counts.best) else "no score yet"
     parts = [f"{counts.failed} failed" + (f" (violated: {failures})" if failures else ""), best]
+    if counts.on_both:
+        parts.append(f"{counts.on_both} on both stacks")
     if counts.rejected:
         parts.append(f"{counts.rejected} rejected")
     if counts.impossible:
@@ -136,6 +140,7 @@ def print_campaign(result: CampaignResult) -> None:
     """Print what a campaign found, as text."""
     from mrta_falsify.verbs.campaign_summary import (
         NoProbability,
+        comparison_sentence,
         repeat_sentence,
         summarise_campaign,
         unjudged_sentences,
@@ -156,6 +161,8 @@ def print_campaign(result: CampaignResult) -> None:
             "stopped: the first trials of this call all ended in errors; mend what they name, then "
             f"go on with: mrta-falsify campaign --resume {place}"
         )
+    if data.against is not None:
+        out.print(comparison_sentence(data.against))
     if data.screening is not None:
         out.print(
             f"screening: physics confirmed {data.screening.confirmed} of "
@@ -177,7 +184,8 @@ def print_campaign(result: CampaignResult) -> None:
         place = shlex.quote(data.directory)
         out.print(f"replay: mrta-falsify replay {place} {data.modes[0].ids[0]}")
     elif data.best_score is not None:
-        out.print(f"no violation found; closest call: score {data.best_score:+.3f}")
+        none = "no violation" if data.against is None else "no such world"
+        out.print(f"{none} found; closest call: score {data.best_score:+.3f}")
     if not isinstance(data.probability, NoProbability) and data.probability.trials:
         _print_probability(data.probability)
     if data.unseen is not None:

@@ -148,13 +148,14 @@ def minimize_command(
     """Find the smallest world that fails in the same way.
 
     Removes people, furniture, events, robots and tasks, shortens the run and moves values to
-    nominal, as long as the failure keeps its signature. Writes world.min.json, the same as a
+    nominal, as long as the failure keeps its signature. Of a campaign with --against, a failure
+    that the other stack does not share must stay one. Writes world.min.json, the same as a
     Scenic program world.min.scenic, and trace.min.zip beside the trial; `report` shows them
     beside the original.
     """
     from mrta_falsify.core.findings import finding_data
     from mrta_falsify.verbs.stored_failures import minimize_trial
-    from mrta_falsify.verbs.stored_trials import open_campaign
+    from mrta_falsify.verbs.stored_trials import compared_sentences, open_campaign
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
@@ -176,6 +177,8 @@ def minimize_command(
             out.print(f"{group:10} {before} -> {after}")
     state = "1-minimal: nothing single can go" if found.one_minimal else "stopped by --max-runs"
     out.print(f"runs       {found.runs}; {state}")
+    for text in compared_sentences(found.jittered, found.other):
+        out.print(f"           {text}")
     folder = campaign.folder(record)
     world, program = folder / "world.min.json", folder / "world.min.scenic"
     out.print(f"world      {world}")

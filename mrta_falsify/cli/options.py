@@ -22,6 +22,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 FORMATS = ("text", "json")
 MOST_WORKERS = 512
+STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
 RUN_OPTIONS = frozenset({"workers", "executor"} | {f.name for f in dataclasses.fields(Limits)})
@@ -184,8 +185,19 @@ def stack_options(command: Command) -> Command:
     )(command)
     return click.option(
         "--stack",
-        metavar="FILE|exec:CMD|connect:ADDRESS",
-        help="YAML with a name or options per layer, or a stack's own command or address.",
+        metavar=STACK,
+        help="YAML with a name or options per layer, `default`, or a stack's own command or "
+        "address.",
+    )(command)
+
+
+def against_option(command: Command) -> Command:
+    """Add ``--against STACK``, the other stack of a campaign."""
+    return click.option(
+        "--against",
+        metavar=STACK,
+        help="Look for worlds on which this stack fails robustly and that one passes. Its engine "
+        "and people are those of this stack.",
     )(command)
 
 

@@ -58,6 +58,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     columns += ["came again"] if with_repeats else []
     with_engines = any(row.other_engines for row in rows)
     columns += ["other engines"] if with_engines else []
+    with_other = any(row.other for row in rows)
+    columns += ["other stack"] if with_other else []
     table = output.new_table(*columns, right=("score", "simulated"), whole=("id",))
     for row in rows:
         cells = [
@@ -75,6 +77,9 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             cells.append(f"{row.repeats_failed} of {row.repeats}" if row.repeats else "")
         if with_engines:
             cells.append(row.other_engines)
+        if with_other:
+            copies = f", {row.other_jittered_failures} of {row.other_jittered}"
+            cells.append(row.other + copies * bool(row.other_jittered))
         table.add_row(*cells, style="red" if row.failed else None)
     output.print_table(table)
 
@@ -85,7 +90,12 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
     from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
-    from mrta_falsify.verbs.stored_trials import layer_of, open_campaign, what_happened
+    from mrta_falsify.verbs.stored_trials import (
+        compared_sentences,
+        layer_of,
+        open_campaign,
+        what_happened,
+    )
     from reports.stack_sentences import coupling_facts
 
     campaign = open_campaign(directory)
@@ -112,8 +122,12 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
     for name, text in coupling_facts(record.coupling):
         out.print(f"{name:<11}{text}")
-    for counted in filter(None, (record.repeated, record.jittered, record.confirmation)):
+    jittered = record.jittered if record.other is None else None
+    for counted in filter(None, (record.repeated, jittered, record.confirmation)):
         out.print(f"           {counted}")
+    most = campaign.settings.trials.jittered
+    for text in compared_sentences(record.jittered, record.other, most):
+        out.print(f"           {text}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
@@ -139,8 +153,13 @@ def _verdict_line(verdict: Verdict) -> str:
 @trial_arguments
 @count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
 @click.option("--live", is_flag=True, help="Ask a stack in a process of its own again.")
+@click.option(
+    "--against", is_flag=True, help="The run of the stack that the campaign compares with."
+)
 @format_option
-def replay_command(directory: Path, id: str, verify: int, live: bool, style: str) -> int:
+def replay_command(
+    directory: Path, id: str, verify: int, live: bool, against: bool, style: str
+) -> int:
     """Run a stored trial again and compare digests. Exit code 1: they differ.
 
     Where they do, says whether the verdicts still agree, and names the first tick that differs
@@ -149,7 +168,7 @@ def replay_command(directory: Path, id: str, verify: int, live: bool, style: str
     """
     from mrta_falsify.verbs.replay import replay, summarise_replay
 
-    result = replay(directory, id, verify, live)
+    result = replay(directory, id, verify, live, against=against)
     if style == "json":
         output.print_json(summarise_replay(result))
     else:

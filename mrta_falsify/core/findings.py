@@ -14,6 +14,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.record import Jittered, OtherRun
 from mrta_falsify.core.verdict import Verdict
 
 # --- why it happens ----------------------------------------------------------------------
@@ -107,6 +108,10 @@ class Minimisation:
     program: str = ""
     """How the world written as a Scenic program runs: ``identical``, ``same failure``, or why
     there is no program."""
+    #: copies of the smallest world, where two stacks are compared
+    jittered: Jittered | None = later(None)
+    #: what the other stack does in it, where two are compared
+    other: OtherRun | None = later(None)
 
     @property
     def share_removed(self) -> float:

@@ -102,6 +102,41 @@ class Repeats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OtherRun:
+    """What the other stack did in a world in which the stack under test fails."""
+
+    fate: Literal["passes", "fails", "not judged"]  #: in what the campaign looks for first
+    score: float  #: smaller is closer to a violation, below 0 if it fails
+    verdicts: tuple[Verdict, ...] = ()
+    signature: str = ""  #: of its failure, empty if nothing is violated
+    #: the same copies as of the stack under test; None where they would decide nothing
+    jittered: Jittered | None = None
+    trace_file: str = ""  #: relative to the campaign directory, empty if not kept
+    trace_digest: str = ""
+    ended: str = ""  #: why the episode ended
+    sim_time: float = 0.0  #: simulated, of the world itself [s]
+    runs: int = 1  #: of the world and of copies
+    wall_s: float = 0.0  #: measured, of all runs [s]
+
+    def __str__(self) -> str:
+        """Write it as in ``the other stack passes``."""
+        if self.fate == "not judged":
+            return "the other stack cannot be judged"
+        return f"the other stack {self.fate}" + (f", too: {self.signature}" * (not self.passes))
+
+    @property
+    def passes(self) -> bool:
+        """Whether it passes in the world itself."""
+        return self.fate == "passes"
+
+    @property
+    def passes_most(self) -> bool:
+        """Whether it passes in the world itself and in more than half of the copies."""
+        copies = self.jittered
+        return self.passes and copies is not None and 2 * copies.failed < copies.runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialRecord:
     """One trial, finished."""
 
@@ -129,6 +164,8 @@ class TrialRecord:
     confirmed: tuple[EngineRun, ...] = later(())  #: of a robust failure, on other engines
     #: of a failure of a stack in a process of its own
     repeated: Repeats | None = later(None)
+    #: of a failure that is looked for first, where the campaign compares two stacks
+    other: OtherRun | None = later(None)
     coupling: Coupling | None = later(None)  #: of a stack in a process of its own
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated [s]
@@ -162,9 +199,11 @@ class TrialRecord:
     def wanted(self) -> bool:
         """Whether it is a failure as the campaign wants them.
 
-        Not in what it looks for last, and robust where it asks for copies.
+        Not in what it looks for last, and robust where it asks for copies. Where two stacks are
+        compared, the other one passes in most of the same copies.
         """
-        return self.is_sought and (self.jittered is None or self.jittered.robust)
+        is_robust = self.jittered is None or self.jittered.robust
+        return self.is_sought and is_robust and (self.other is None or self.other.passes_most)
 
     @property
     def confirmation(self) -> str:
@@ -179,8 +218,22 @@ class TrialRecord:
 
     @property
     def is_sought(self) -> bool:
-        """Whether it fails in what the campaign looks for first, robust or not."""
-        return self.failed and not self.is_afterthought
+        """Whether it fails in what the campaign looks for first, robust or not.
+
+        Where two stacks are compared, only if the other one passes in the world itself.
+        """
+        is_first = self.failed and not self.is_afterthought
+        return is_first and (self.other is None or self.other.passes)
+
+    @property
+    def is_reported(self) -> bool:
+        """Whether it is a failure, and not one that the other stack does not pass either."""
+        return self.is_sought or self.is_afterthought
+
+    @property
+    def fails_on_both(self) -> bool:
+        """Whether the other stack fails in what the campaign looks for first, too."""
+        return self.other is not None and self.other.fate == "fails"
 
 
 @functools.cache

@@ -36,6 +36,7 @@ SCALES: dict[str, float] = {
 }
 MEAN_SHARE = 0.1  # of the mean margin in the score
 LAST_COUNTS = 0.5  # of what is looked for last
+SMALLEST = 1e-9  # a margin of this size only says on which side of 0 it is
 
 
 def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
@@ -49,7 +50,7 @@ def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
 def _margin(verdict: Verdict) -> float:
     share = verdict.robustness / SCALES.get(verdict.spec, 1.0)
     if verdict.violated:
-        return max(-1.0, min(share, -1e-9))
+        return max(-1.0, min(share, -SMALLEST))
     return min(max(share, 0.0), 1.0)
 
 
@@ -72,3 +73,21 @@ def search_score(margins: dict[str, float], then: Collection[str] = ()) -> float
         return worst
     mean = sum(counted) / len(counted)
     return (1.0 - MEAN_SHARE) * worst + MEAN_SHARE * mean
+
+
+def differing(margin: float, other: float) -> float:
+    """Combine margins of two stacks in one world into that of "one fails, the other passes".
+
+    The stack that is to fail comes first: as long as it passes, its own margin counts. Once it
+    fails, the larger of its margin and the other's negated one does, as of a conjunction.
+
+    Args:
+        margin: of the stack that is to fail.
+        other: of the stack that is to pass; it does from 0 on.
+
+    Returns:
+        A margin in [-1, 1]; below 0 only if the one fails and the other passes.
+    """
+    if margin >= 0.0:
+        return margin
+    return max(margin, min(-other, -SMALLEST) if other >= 0.0 else -other)

@@ -65,6 +65,7 @@ def campaign(
     executor: str | None = None,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
+    against: Stack | None = None,
     specs: Sequence[str] = (),
     then: Sequence[str] = (),
     params: Params = (),
@@ -95,6 +96,8 @@ def campaign(
         executor: registered name; local processes if None.
         stack: the stack under test, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
+        against: another stack: failures are looked for that it does not share. Engine and people
+            are those of the stack under test.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
         then: specifications that are looked for last: they end no trial early, have no copies and
             do not count for ``stop_after``; deadlines and undone tasks if both are empty.
@@ -121,6 +124,7 @@ def campaign(
         output=output,
         stack=stack,
         settings=settings,
+        against=against,
         specs=specs,
         then=then,
         params=params,

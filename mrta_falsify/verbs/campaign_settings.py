@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.rare_events import is_estimating
-from mrta_falsify.campaigns.settings import DEFAULTS, CampaignSettings, Mode, TrialSettings
+from mrta_falsify.campaigns.settings import (
+    AGAINST_COPIES,
+    DEFAULTS,
+    CampaignSettings,
+    Mode,
+    TrialSettings,
+)
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
@@ -17,7 +23,7 @@ from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, looked_for, run_first_tick
 from mrta_falsify.verbs.folders import Place, located
 from mrta_falsify.verbs.programs import Params, check_params, parse_params
-from mrta_falsify.verbs.stacks import Stack, load_stack
+from mrta_falsify.verbs.stacks import Stack, load_other_stack, load_stack
 from mrta_falsify.worker import open_program
 
 if TYPE_CHECKING:
@@ -30,6 +36,7 @@ def new_settings(
     output: Place,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
+    against: Stack | None = None,
     specs: Sequence[str] = (),
     then: Sequence[str] = (),
     params: Params = (),
@@ -52,6 +59,7 @@ def new_settings(
         output: directory of the campaign.
         stack: the stack under test, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
+        against: another stack, on which failures must not happen; none is compared if None.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
         then: specifications that are looked for last; deadlines and undone tasks if both are empty.
         params: Scenic's global parameters to override.
@@ -71,17 +79,20 @@ def new_settings(
         InputError: anything of it is wrong.
     """
     config = load_stack(stack, settings)
-    specifications, last = looked_for(specs, then, config)
+    other = load_other_stack(against, config) if against is not None else None
+    is_foreign = other is not None and other.stack is not None
+    specifications, last = looked_for(specs, then, other if is_foreign else config)
     trials = TrialSettings(
         scenario=str(scenario),
         params=parse_params(params),
         stack=config,
+        against=other,
         specifications=specifications,
         then=last,
         seed=seed,
         mode=mode,
         screen=screen,
-        jittered=jittered,
+        jittered=jittered or (AGAINST_COPIES if other is not None else 0),
         verify=verify,
         confirm=_known_engines(confirm),
         tick_limit=tick_limit,
@@ -92,6 +103,8 @@ def new_settings(
     program = open_program(trials)
     check_params(program, trials.scenario)
     _check_first_scene(program, trials)
+    if other is not None:
+        _check_first_scene(program, trials.of_other)
     made = CampaignSettings(
         trials=dataclasses.replace(trials, sources_digest=program.sources_digest),
         sampler=Choice(sampler) if isinstance(sampler, str) else sampler,
@@ -100,6 +113,11 @@ def new_settings(
         time_limit=time_limit,
     )
     estimating = is_estimating(made)  # builds the sampler, and so checks its options
+    if estimating and other is not None:
+        raise InputError(
+            f"sampler {made.sampler.name} estimates the probability of any failure, so it compares "
+            "no stacks; leave --against out, or choose another sampler"
+        )
     if estimating and jittered:
         raise InputError(
             f"jittered is {jittered}: a probability counts every failure, so sampler "

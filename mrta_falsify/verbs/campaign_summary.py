@@ -61,6 +61,18 @@ class RepeatCounts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StackComparison:
+    """What became of failures on the other stack."""
+
+    found: int  #: it passes them, as most copies on both stacks bear out
+    knife_edges: int  #: it passes them, but copies do not bear that out
+    on_both: int  #: it fails, too
+    not_judged: int  #: it tells too little
+    runs: int  #: of the other stack, copies included; no part of the budget
+    wall_s: float  #: that these took
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NoProbability:
     """The reason why a campaign's trials allow no probability."""
 
@@ -74,7 +86,8 @@ class CampaignSummary:
     budget: int
     ran: int
     failed: int
-    robust: int | None  #: failures that most copies share; None where no copies were run
+    #: failures that most copies share; None without copies, and where two stacks are compared
+    robust: int | None
     rejected: int
     impossible: int  #: worlds that no stack can do
     errors: int
@@ -95,11 +108,13 @@ class CampaignSummary:
     then: tuple[str, ...] = later(())  #: what is looked for last
     unseen: Unseen | None = later(None)  #: None without uniform trials
     confirmed: tuple[EngineAgreement, ...] = later(())  #: of robust failures, by engine
+    against: StackComparison | None = later(None)  #: None where no other stack is compared
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
     """Sum a campaign up."""
     campaign, progress = result.campaign, result.progress
+    against = stack_comparison(campaign)
     if result.ended == "interrupted":
         probability: Probability | NoProbability = NoProbability(why_not=INTERRUPTED)
     else:
@@ -109,7 +124,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         budget=progress.limits.budget,
         ran=progress.ran,
         failed=progress.failed,
-        robust=progress.wanted if campaign.settings.trials.jittered else None,
+        robust=progress.wanted if campaign.settings.trials.jittered and not against else None,
         rejected=progress.rejected,
         impossible=progress.impossible,
         errors=progress.errors,
@@ -130,6 +145,34 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         afterthoughts=progress.afterthoughts,
         then=campaign.settings.trials.then,
         unseen=unseen_in(campaign),
+        against=against,
+    )
+
+
+def stack_comparison(campaign: Campaign) -> StackComparison | None:
+    """Count what became of failures on the other stack; None if no other one is compared."""
+    if campaign.settings.trials.against is None:
+        return None
+    asked = [(record, record.other) for record in campaign.records if record.other is not None]
+    found = sum(record.wanted for record, _ in asked)
+    return StackComparison(
+        found=found,
+        knife_edges=sum(other.passes for _, other in asked) - found,
+        on_both=sum(record.fails_on_both for record, _ in asked),
+        not_judged=sum(other.fate == "not judged" for _, other in asked),
+        runs=sum(other.runs for _, other in asked),
+        wall_s=round(sum(other.wall_s for _, other in asked), 3),
+    )
+
+
+def comparison_sentence(counts: StackComparison) -> str:
+    """Say what became of failures on the other stack."""
+    worlds = "world" if counts.found == 1 else "worlds"
+    unjudged = f", {counts.not_judged} not judged there" if counts.not_judged else ""
+    return (
+        f"{counts.found} {worlds} on which only this stack fails, as copies on both bear out; "
+        f"{counts.knife_edges} on a knife edge, fails on both: {counts.on_both}{unjudged} "
+        f"({counts.runs} runs of the other stack, {counts.wall_s:.0f} s)"
     )
 
 
@@ -253,11 +296,12 @@ def unjudged_sentences(campaign: Campaign) -> tuple[str, ...]:
 def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
     """Group failures by signature: deadlocks, other failures, then what is looked for last.
 
-    Each with the most frequent first.
+    Each with the most frequent first. Failures that the other stack does not pass, where there is
+    one, are only counted (:func:`stack_comparison`).
     """
     groups: dict[str, list[TrialRecord]] = {}
     for record in sorted(campaign.records, key=lambda record: not record.wanted):
-        if record.failed:
+        if record.is_reported:
             groups.setdefault(record.signature, []).append(record)
     found = [
         FailureMode(

@@ -54,7 +54,7 @@ def estimate_cost(
             u = uniform_point(here.seed, number, settings.cube.dimensions)
             records.append(runner.run(number, u))
             kept = trial_folder(Path(folder), number)
-            size += sum(path.stat().st_size for path in kept.glob("*")) if kept.is_dir() else 0
+            size += sum(path.stat().st_size for path in kept.rglob("*") if path.is_file())
     spent = sum(record.scene_s + record.wall_s for record in records) / trials
     per_line = BYTES_OF_RECORD + BYTES_OF_DIMENSION * settings.cube.dimensions
     return CostEstimate(

@@ -17,7 +17,7 @@ from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
-from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.verbs.stored_trials import of_other_stack, open_campaign, stored_world
 from mrta_falsify.worker import rerun, specifications_of
 from simulator_interface.external.told import TOLD_NAME, read_told
 from simulator_interface.guard import guarded
@@ -68,7 +68,14 @@ class Replay:
         return agreeing == len(self.runs)
 
 
-def replay(directory: Place, id: str | int, verify: int = 1, live: bool = False) -> Replay:
+def replay(
+    directory: Place,
+    id: str | int,
+    verify: int = 1,
+    live: bool = False,
+    *,
+    against: bool = False,
+) -> Replay:
     """Run a stored trial again, and keep what that shows beside it, for the report.
 
     A stack in a process of its own is not asked again: its stored answers are told.
@@ -78,6 +85,7 @@ def replay(directory: Place, id: str | int, verify: int = 1, live: bool = False)
         id: of the trial.
         verify: how often to run it.
         live: ask the stack again.
+        against: the run of the other stack, of a campaign that compares two.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
@@ -85,6 +93,8 @@ def replay(directory: Place, id: str | int, verify: int = 1, live: bool = False)
     """
     campaign = open_campaign(directory)
     record = campaign.record(str(id))
+    if against:
+        campaign, record = of_other_stack(campaign, record)
     trials = campaign.settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting, read_config
 from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import CONNECT, EXEC, parse_stack
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place
 
-Stack = StackConfig | Place  #: a stack, its YAML file, ``exec:CMD`` or ``connect:ADDRESS``
+#: a stack, its YAML file, ``default``, ``exec:CMD`` or ``connect:ADDRESS``
+Stack = StackConfig | Place
+SHIPPED = "default"  # name of the stack that is taken unless another one is named
 
 
 def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> StackConfig:
@@ -22,8 +26,8 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
     the file or option it stands in.
 
     Args:
-        stack: a configuration, a YAML file, or ``exec:CMD`` or ``connect:ADDRESS`` for a stack in a
-            process of its own.
+        stack: a configuration, a YAML file, ``default``, or ``exec:CMD`` or ``connect:ADDRESS``
+            for a stack in a process of its own.
         settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
 
     Raises:
@@ -31,7 +35,7 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
     """
     if isinstance(stack, StackConfig):
         config = stack
-    elif stack is None:
+    elif stack is None or str(stack) == SHIPPED:
         config = StackConfig()
     elif str(stack).startswith((EXEC, CONNECT)):
         config = StackConfig(stack=parse_stack(str(stack), where="--stack"))
@@ -41,6 +45,29 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
     for setting in settings:
         config = apply_setting(config, setting)
         check_stack(config, where=f"--set {setting}")
+    return config
+
+
+def load_other_stack(stack: Stack, tested: StackConfig) -> StackConfig:
+    """Read the stack that another one is compared with.
+
+    People and engine are not a stack's own: it gets those of the stack under test.
+
+    Args:
+        stack: as :func:`load_stack` takes it.
+        tested: the stack under test.
+
+    Raises:
+        InputError: as of :func:`load_stack`, or both stacks are the same.
+    """
+    config = dataclasses.replace(
+        load_stack(stack), human_model=tested.human_model, engine=tested.engine
+    )
+    if config.digest() == tested.digest():
+        raise ConfigError(
+            "--against names the stack under test itself (engine and people aside); name another "
+            "one, or change the stack under test by --stack or --set"
+        )
     return config
 
 

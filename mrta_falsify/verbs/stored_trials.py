@@ -5,13 +5,17 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from mrta_falsify.campaigns.finding_files import read_finding
+from mrta_falsify.campaigns.settings import AGAINST_COPIES
+from mrta_falsify.campaigns.statistics import chance_in_copies
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Explanation
-from mrta_falsify.core.record import Status, TrialRecord
+from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
 from mrta_falsify.core.world import World, read_world
@@ -53,6 +57,10 @@ class TrialRow:
     repeats: int = later(0)  #: runs of a failure again, nothing changed
     repeats_failed: int = later(0)  #: of them, in the same way
     other_engines: str = later("")  #: on which a robust failure was run, and what came of it
+    #: what becomes of the failure on the other stack, where two are compared; empty: not asked
+    other: Literal["", "passes", "fails", "not judged"] = later("")
+    other_jittered: int = later(0)  #: the same copies that were run on the other stack
+    other_jittered_failures: int = later(0)
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -80,6 +88,7 @@ def list_trials(directory: Place, failed: bool = False) -> tuple[TrialRow, ...]:
 
 def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
     verdict = leading(record.verdicts)
+    theirs = record.other.jittered if record.other else None
     return TrialRow(
         id=record.id,
         status=record.status,
@@ -103,6 +112,40 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
         other_engines=record.confirmation,
         repeats=record.repeated.runs if record.repeated else 0,
         repeats_failed=record.repeated.same.failures if record.repeated else 0,
+        other=record.other.fate if record.other else "",
+        other_jittered=theirs.runs if theirs else 0,
+        other_jittered_failures=theirs.failed if theirs else 0,
+    )
+
+
+def compared_sentences(
+    jittered: Jittered | None, other: OtherRun | None, most: int = AGAINST_COPIES
+) -> tuple[str, ...]:
+    """Say what the other stack does in the world of a failure, and what copies say of both.
+
+    Args:
+        jittered: copies under the stack under test.
+        other: the other stack's run and copies; None: there is none, and nothing is said.
+        most: copies at most.
+    """
+    if other is None:
+        return ()
+    told = [str(other)]
+    if jittered is not None:
+        told.append(f"of the copies this stack fails {_chance_text(jittered, most)}")
+        if other.jittered is not None:
+            told[-1] += f", the other one {_chance_text(other.jittered, most)}"
+    if other.passes:
+        is_borne_out = jittered is not None and jittered.robust and other.passes_most
+        told.append(f"copies {'bear' if is_borne_out else 'do not bear'} it out")
+    return tuple(told)
+
+
+def _chance_text(copies: Jittered, most: int) -> str:
+    chance = chance_in_copies(copies, most)
+    return (
+        f"{copies.failed} of {copies.runs} ({chance.level:.0%} interval "
+        f"{chance.low:.2f} to {chance.high:.2f})"
     )
 
 
@@ -153,6 +196,31 @@ def show_trial(directory: Place, id: str | int) -> TrialRecord:
         StoreError: not a campaign, or no such trial.
     """
     return open_campaign(directory).record(str(id))
+
+
+def of_other_stack(campaign: Campaign, record: TrialRecord) -> tuple[Campaign, TrialRecord]:
+    """Give the run of the other stack in a trial's world, as a trial of a campaign on that stack.
+
+    Raises:
+        InputError: the campaign compares no two stacks, or the other one was not run.
+    """
+    theirs = campaign.seen_by_other()
+    if record.other is None:
+        raise StoreError(
+            f"trial {record.id}: the other stack was not run; it runs only worlds in which the "
+            "stack under test fails in what is looked for first"
+        )
+    return theirs, theirs.record(record.id)
+
+
+def other_stack_of(campaign: Campaign, record: TrialRecord) -> StackConfig | None:
+    """Give the stack that does not share a failure, on the engine that its verdicts come from.
+
+    None where no two stacks are compared, or where the other one does not pass.
+    """
+    if record.other is None or not record.other.passes:
+        return None
+    return stack_of(campaign.settings.trials.of_other, record)
 
 
 def stored_world(campaign: Campaign, record: TrialRecord) -> World:

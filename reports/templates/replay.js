@@ -80,7 +80,7 @@
     }
 
     follow() { // a line in the timelines at the time that is shown; a click there is a jump
-      const svg = this.root.closest("details.smallest, article, main").querySelector(".timelines svg");
+      const svg = this.root.closest(".side, details.smallest, article, main").querySelector(".timelines svg");
       if (!svg) return;
       const { left, width, end } = Object.fromEntries(Object.entries(svg.dataset).map(([k, v]) => [k, Number(v)]));
       const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
@@ -123,7 +123,9 @@
       button.setAttribute("aria-pressed", this.playing);
     }
 
-    seek(time) {
+    seek(time, alone = false) {
+      if (!alone) for (const beside of this.root.closest(".sides")?.querySelectorAll(".replay") ?? [])
+        if (beside !== this.root) beside.replay?.seek(time, true);
       this.time = Math.min(Math.max(time, 0), this.end);
       this.slider.value = this.time;
       const text = `${this.time.toFixed(1)} s`;

@@ -314,3 +314,33 @@ def test_the_replay_moves_pushed_furniture(report, tmp_path):
         running.open_replay(path)
         first, last = (running.value(FURNITURE_AT % time) for time in ("0", "1e9"))
     assert 0.0 < first < last - 50.0
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_replays_of_two_stacks_stand_side_by_side_and_move_together(report, tmp_path, width):
+    if browser.find() is None:
+        pytest.skip("no Chromium on this machine")
+    (mode,) = report.modes
+    (case,) = mode.cases
+    theirs = dataclasses.replace(case, id="0007, the other stack", verdicts=(), minimised=None)
+    both = dataclasses.replace(case, other=theirs, compared=("the other stack passes",))
+    mode = dataclasses.replace(mode, cases=(both,))
+    path = tmp_path / "report.html"
+    path.write_text(render_page(dataclasses.replace(report, modes=(mode,))), encoding="utf-8")
+    with browser.browser() as running:
+        running.open_replay(path, width=width, mobile=width < 500)
+        running.value("document.querySelectorAll('.side')[1].scrollIntoView()")
+        running.wait("document.querySelectorAll('.sides .replay[data-state=ready]').length === 2")
+        tops = running.value(
+            "[...document.querySelectorAll('.side')].map((e) => e.getBoundingClientRect().top)"
+        )
+        assert (tops[0] == tops[1]) == (width == 1280)
+        assert running.value("document.documentElement.scrollWidth") <= width
+        for moved, other in ((0, 1), (1, 0)):
+            replays = "[...document.querySelectorAll('.sides .replay')]"
+            running.value(f"{replays}[{moved}].replay.seek({3 + moved})")
+            assert running.value(f"{replays}[{other}].replay.time") == 3 + moved
+            marks = "[...document.querySelectorAll('.sides .cursor')].map((e) => e.attributes.x1)"
+            assert len(running.value(f"{marks}.map((a) => a.value)")) == 2
+        assert running.errors == []

@@ -6,13 +6,14 @@ import pytest
 
 from mrta_falsify.campaigns.runner import feedback_of
 from mrta_falsify.campaigns.settings import TrialSettings
+from mrta_falsify.copies import is_decided
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import Jittered
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import LATE_OR_UNDONE, campaign_specifications, looked_for
-from mrta_falsify.worker import TrialRunner, is_decided, open_program
+from mrta_falsify.worker import TrialRunner, open_program
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
 LATE = """

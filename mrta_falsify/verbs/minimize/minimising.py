@@ -1,7 +1,8 @@
 """The smallest world that still fails in the same way.
 
 Every accepted step is a run that failed with the same signature, so the result is verified by
-construction. The search ends when nothing changes any more: the result is then 1-minimal, no
+construction. Of a failure that another stack does not share, that stack passed every accepted step,
+too. The search ends when nothing changes any more: the result is then 1-minimal, no
 single robot, task, person, piece of furniture or event can go.
 """
 
@@ -17,9 +18,12 @@ import yaml
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.settings import AGAINST_COPIES
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies
 from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
@@ -33,12 +37,16 @@ from mrta_falsify.verbs.minimize.edits import GROUPS
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRun
 from mrta_falsify.verbs.minimize.search import SmallestSearch
-from mrta_falsify.verbs.stored_trials import job_of
+from mrta_falsify.verbs.stored_trials import job_of, other_stack_of
 from simulator_interface.guard import guarded
 
 JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
 WORLD, TRACE, STACK = "world.min.json", "trace.min.zip", "stack.yaml"  # files of the result
+OTHER_TRACE, OTHER_STACK = "trace.min.other.zip", "stack.other.yaml"  # if two are compared
 PROGRAM, LAYOUT = "world.min.scenic", "world.min.layout.json"  # the latter if none is shipped
+
+
+FILES = (WORLD, TRACE, STACK, OTHER_TRACE, OTHER_STACK, PROGRAM, LAYOUT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,6 +55,7 @@ class Smallest:
 
     world: World
     judged: Judged  #: its run
+    theirs: Judged | None  #: the other stack's run, if two are compared
     finding: Minimisation
 
 
@@ -81,27 +90,36 @@ def minimize(
     job = job_of(campaign, record)
     folder = campaign.folder(record)
     folder.mkdir(parents=True, exist_ok=True)
+    other = other_stack_of(campaign, record)
     code = code_digest(job.config, job.specifications)
+    if other is not None:
+        code += code_digest(other)
     journal = RunJournal(SmallerRun, folder / JOURNAL_NAME, code=code)
     with going_on(f"minimize {record.id}", journal):
         found = minimize_job(
-            job, max_runs=max_runs, workers=workers, journal=journal, on_run=on_run
+            job, other=other, max_runs=max_runs, workers=workers, journal=journal, on_run=on_run
         )
-        return _write(found, job, folder)
+        return _write(found, job, other, folder)
 
 
-def _write(found: Smallest, job: Job, folder: Path) -> Minimisation:
+def _write(found: Smallest, job: Job, other: StackConfig | None, folder: Path) -> Minimisation:
     """Write the result beside the trial, in place of an earlier one."""
     mark = FILE_NAMES[Minimisation]
-    with staged(folder, mark=mark, others=(WORLD, TRACE, STACK, PROGRAM, LAYOUT)) as stage:
+    with staged(folder, mark=mark, others=FILES) as stage:
         write_world(found.world, stage / WORLD)
         write_trace(found.judged.outcome.trace, stage / TRACE)
-        stack = yaml.safe_dump(codec.encode(job.config), sort_keys=False)
-        (stage / STACK).write_text(stack, encoding="utf-8")
+        _write_stack(job.config, stage / STACK)
+        if other is not None and found.theirs is not None:
+            write_trace(found.theirs.outcome.trace, stage / OTHER_TRACE)
+            _write_stack(other, stage / OTHER_STACK)
         program = write_as_program(found, job, stage)
         finding = dataclasses.replace(found.finding, program=program)
         write_finding(stage, finding)
     return finding
+
+
+def _write_stack(config: StackConfig, path: Path) -> None:
+    path.write_text(yaml.safe_dump(codec.encode(config), sort_keys=False), encoding="utf-8")
 
 
 def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
@@ -140,12 +158,22 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
 def minimize_job(
     job: Job,
     *,
+    other: StackConfig | None = None,
     max_runs: int = 100,
     workers: int = 1,
     journal: RunJournal[SmallerRun] | None = None,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Smallest:
-    """Minimise the failure of a job (see :func:`minimize`)."""
+    """Minimise the failure of a job (see :func:`minimize`).
+
+    Args:
+        job: that fails.
+        other: a stack that must go on passing, if there is one.
+        max_runs: simulations at most.
+        workers: simulations at a time.
+        journal: keeps finished runs.
+        on_run: called after each run.
+    """
     first = judge(job)
     verdict = leading(first.verdicts)
     if verdict is None:
@@ -153,7 +181,7 @@ def minimize_job(
     trace = first.outcome.trace
     wanted = signature(first.verdicts)
     journal = journal or RunJournal(SmallerRun, None)
-    reruns = Reruns(job, wanted, max_runs, journal, on_run, workers)
+    reruns = Reruns(job, wanted, max_runs, journal, on_run, workers, other)
     search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)
     complete = True
     with reruns:
@@ -163,7 +191,9 @@ def minimize_job(
         except OutOfRunsError:
             complete = False
     world = search.world
-    judged = judge(dataclasses.replace(job, world=world))
+    smallest = dataclasses.replace(job, world=world)
+    judged = judge(smallest)
+    said = _ask_both(smallest, judged, other) if other is not None else NO_COPIES
     finding = Minimisation(
         signature=wanted,
         removed=_removed(job.world, world),
@@ -173,8 +203,19 @@ def minimize_job(
         world_digest=world.digest(),
         trace_digest=judged.outcome.trace.digest,
         verdicts=tuple(verdict for verdict in judged.verdicts if verdict.violated),
+        jittered=said.jittered,
+        other=said.other,
     )
-    return Smallest(world=world, judged=judged, finding=finding)
+    return Smallest(world=world, judged=judged, theirs=said.their_run, finding=finding)
+
+
+def _ask_both(job: Job, judged: Judged, other: StackConfig) -> Comparison:
+    """Judge a smallest world by copies under both stacks, to see whether it is a knife edge."""
+
+    def run(config: StackConfig) -> Callable[[World], Judged]:
+        return lambda copy: judge(dataclasses.replace(job, config=config, world=copy))
+
+    return judged_by_copies(job.world, judged, AGAINST_COPIES, run(job.config), run(other))
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

@@ -14,7 +14,10 @@ from typing import Any, NamedTuple
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.copies import fate_on_other
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import later
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import leading
@@ -42,6 +45,12 @@ class SmallerRun:
 
     ran: bool  #: False if the world is not valid
     course: Course | None  #: of the run, if it fails in the wanted way
+    other_ran: bool = later(False)  #: whether the other stack was asked, too
+
+    @property
+    def runs(self) -> int:
+        """Simulations it took."""
+        return self.ran + self.other_ran
 
 
 @dataclass(slots=True)
@@ -60,6 +69,7 @@ class Reruns(AbstractContextManager["Reruns"]):
     journal: RunJournal[SmallerRun]
     on_run: Callable[[int, str], None]
     workers: int = 1
+    other: StackConfig | None = None  #: must pass where the other one fails; None: any may fail
     count: int = field(init=False, default=0)  #: simulated, including earlier calls
     _known: dict[str, SmallerRun] = field(init=False, default_factory=dict)  #: so far
     _pool: ProcessPoolExecutor | None = field(init=False, default=None)
@@ -101,9 +111,8 @@ class Reruns(AbstractContextManager["Reruns"]):
         """Take worlds up to one that is known to fail, at most one unknown for each worker."""
         unknown = set()
         for smaller in rest:
-            key = codec.digest(
-                [smaller.world, self.job.config, self.job.specifications, self.wanted]
-            )
+            asked = [smaller.world, self.job.config, self.job.specifications, self.wanted]
+            key = codec.digest(asked if self.other is None else [*asked, self.other])
             yield key, smaller
             answer = self._known.get(key)
             if answer is None:
@@ -114,7 +123,9 @@ class Reruns(AbstractContextManager["Reruns"]):
                 return
 
     def _run(self, asked: dict[str, Smaller]) -> None:
-        chosen = dict(itertools.islice(asked.items(), max(0, self.max_runs - self.count)))
+        cost = 1 if self.other is None else 2  # simulations, at most
+        left = max(0, self.max_runs - self.count) // cost
+        chosen = dict(itertools.islice(asked.items(), left))
         for key in chosen:
             if key in self.journal.answers:
                 self._take(key, self.journal.answers[key])
@@ -122,10 +133,11 @@ class Reruns(AbstractContextManager["Reruns"]):
         jobs = {key: dataclasses.replace(self.job, world=s.world) for key, s in missing.items()}
         if self._pool is None or len(jobs) < 2:
             for key, job in jobs.items():
-                self._keep(key, chosen[key], run_smaller(job, self.wanted))
+                self._keep(key, chosen[key], run_smaller(job, self.wanted, self.other))
             return
         futures: dict[str, Future[SmallerRun]] = {
-            key: self._pool.submit(run_in_pool, job, self.wanted) for key, job in jobs.items()
+            key: self._pool.submit(run_in_pool, job, self.wanted, self.other)
+            for key, job in jobs.items()
         }
         try:
             for key, future in futures.items():
@@ -135,7 +147,7 @@ class Reruns(AbstractContextManager["Reruns"]):
 
     def _take(self, key: str, answer: SmallerRun) -> None:
         self._known[key] = answer
-        self.count += answer.ran
+        self.count += answer.runs
 
     def _keep(self, key: str, smaller: Smaller, answer: SmallerRun) -> None:
         self._take(key, self.journal.keep(key, answer))
@@ -146,14 +158,20 @@ class Reruns(AbstractContextManager["Reruns"]):
 _guard = Guard()  # of a process of the pool
 
 
-def run_in_pool(job: Job, wanted: str) -> SmallerRun:
+def run_in_pool(job: Job, wanted: str, other: StackConfig | None = None) -> SmallerRun:
     """Run a smaller world as :func:`run_smaller`, in a process that does nothing else."""
     with guarded(_guard):
-        return run_smaller(job, wanted)
+        return run_smaller(job, wanted, other)
 
 
-def run_smaller(job: Job, wanted: str) -> SmallerRun:
-    """Run a smaller world and look whether it fails with the signature ``wanted``."""
+def run_smaller(job: Job, wanted: str, other: StackConfig | None = None) -> SmallerRun:
+    """Run a smaller world and look whether it fails with the signature ``wanted``.
+
+    Args:
+        job: the smaller world.
+        wanted: signature.
+        other: a stack that must pass it, if there is one.
+    """
     try:
         starts.check_starts(job.world)
         judged = judge(job)
@@ -162,4 +180,9 @@ def run_smaller(job: Job, wanted: str) -> SmallerRun:
     verdict = leading(judged.verdicts)
     if verdict is None or signature(judged.verdicts) != wanted:
         return SmallerRun(ran=True, course=None)
-    return SmallerRun(ran=True, course=course_of(verdict, judged.outcome.trace, job.world))
+    course = course_of(verdict, judged.outcome.trace, job.world)
+    if other is None:
+        return SmallerRun(ran=True, course=course)
+    theirs = judge(dataclasses.replace(job, config=other), keep_trace=False)
+    passes = fate_on_other(judged, theirs) == "passes"
+    return SmallerRun(ran=True, course=course if passes else None, other_ran=True)

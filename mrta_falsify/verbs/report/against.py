@@ -37,7 +37,10 @@ def _by_mode(campaign: Campaign, against: Campaign) -> Table:
         title="Against another stack",
         columns=("mode", str(campaign.directory), str(against.directory)),
         rows=(*_shortened(rows, "modes"), ("all failures", *total)),
-        notes=(*_other_conditions(campaign, against), _other_stack(campaign, against)),
+        notes=(
+            *_other_conditions(campaign, against),
+            stack_difference(campaign.settings.trials.stack, against.settings.trials.stack),
+        ),
     )
 
 
@@ -76,9 +79,8 @@ def _other_conditions(campaign: Campaign, against: Campaign) -> tuple[str, ...]:
     )
 
 
-def _other_stack(campaign: Campaign, against: Campaign) -> str:
-    """Say in which layers the stacks differ."""
-    one, other = campaign.settings.trials.stack, against.settings.trials.stack
+def stack_difference(one: StackConfig, other: StackConfig) -> str:
+    """Say in which layers two stacks differ."""
     texts = []
     for field in dataclasses.fields(StackConfig):
         here, there = getattr(one, field.name), getattr(other, field.name)

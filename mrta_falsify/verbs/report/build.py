@@ -10,14 +10,22 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.verbs.campaign_summary import FailureMode, modes, unjudged_sentences
-from mrta_falsify.verbs.report.against import comparison_tables
+from mrta_falsify.verbs.campaign_summary import (
+    FailureMode,
+    comparison_sentence,
+    modes,
+    stack_comparison,
+    unjudged_sentences,
+)
+from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
@@ -76,11 +84,32 @@ def build_report(
         errors=error_kinds(campaign),
         floor=floor,
         stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
+        other_stack=_other_stack_text(settings.trials.against),
         versions=tuple(sorted(versions.items())),
-        notes=(*notes_of(campaign), *(f"{s}." for s in unjudged_sentences(campaign)), *lost),
+        notes=(
+            *_compared_notes(settings.trials),
+            *notes_of(campaign),
+            *(f"{s}." for s in unjudged_sentences(campaign)),
+            *lost,
+        ),
         warnings=warnings_of(campaign, judged),
         tables=comparison_tables(campaign, against) if against is not None else (),
     )
+
+
+def _compared_notes(settings: TrialSettings) -> tuple[str, ...]:
+    """Say what a campaign compares, and when a failure counts."""
+    if settings.against is None:
+        return ()
+    return (
+        "A failure counts if this stack fails in most copies of its world with small differences, "
+        "and the other one passes in the world and in most of the same copies.",
+        stack_difference(settings.stack, settings.against),
+    )
+
+
+def _other_stack_text(stack: StackConfig | None) -> str:
+    return yaml.safe_dump(codec.encode(stack), sort_keys=False) if stack is not None else ""
 
 
 def _headline(
@@ -89,6 +118,9 @@ def _headline(
     """Give the result of a campaign in one line; what is looked for last is counted apart."""
     if not judged:
         return "No trial has been judged" if campaign.records else "No trial has been run yet"
+    compared = stack_comparison(campaign)
+    if compared is not None:
+        return f"{judged} trials: {comparison_sentence(compared)}"
     last = sum(record.is_afterthought for record in failed)
     sought = len(failed) - last
     count = sum(not mode.is_afterthought for mode in found)
@@ -145,6 +177,6 @@ def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
     return TrialScores(
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
-        failed=tuple(record.failed for record in judged),
+        failed=tuple(record.is_reported for record in judged),
         places=places,
     )

@@ -13,7 +13,7 @@ from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import Explanation, Family, Minimisation, ReplayCheck
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
@@ -23,6 +23,7 @@ from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
 from mrta_falsify.verbs.stacks import costmap_of
+from mrta_falsify.verbs.stored_trials import compared_sentences, of_other_stack, other_stack_of
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, FailureFamily
 from reports.sentences import blocked_text, listed
@@ -104,13 +105,44 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         repeated=str(record.repeated) if record.repeated else "",
         family=_family(folder),
         certified=claim_sentences(certificate) if certificate is not None else (),
+        compared=compared_sentences(
+            record.jittered, record.other, campaign.settings.trials.jittered
+        ),
+        other=_of_other_stack(campaign, record),
     )
     if explanation is not None:
         case = _with_explanation(case, explanation)
     minimisation = read_finding(folder, Minimisation)
     if minimisation is not None and (folder / "world.min.json").is_file():
-        case = _with_minimised(case, minimisation, folder, config)
+        theirs = other_stack_of(campaign, record)
+        case = _with_minimised(case, minimisation, folder, config, theirs)
     return case
+
+
+def _of_other_stack(campaign: Campaign, record: TrialRecord) -> CaseContents | None:
+    """Read what the other stack did in the world of a failure, where two are compared."""
+    if record.other is None or not record.other.trace_file:
+        return None
+    theirs, seen = of_other_stack(campaign, record)
+    folder = theirs.folder(seen)
+    world, trace = _read_run(folder / "world.json", folder / "trace.zip")
+    config = stack_of(theirs.settings.trials, seen)
+    return _other_case(f"{record.id}, the other stack", world, trace, record.other, config)
+
+
+def _other_case(
+    name: str, world: World, trace: Trace, other: OtherRun, config: StackConfig
+) -> CaseContents:
+    return CaseContents(
+        id=name,
+        signature=other.signature,
+        world=world,
+        trace=trace,
+        verdicts=by_cause(other.verdicts),
+        costmap=costmap_of(world, config),
+        facts=(),
+        commands=(),
+    )
 
 
 def _read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:
@@ -193,7 +225,11 @@ def _family(folder: Path) -> FailureFamily | None:
 
 
 def _with_minimised(
-    case: CaseContents, found: Minimisation, folder: Path, config: StackConfig
+    case: CaseContents,
+    found: Minimisation,
+    folder: Path,
+    config: StackConfig,
+    other: StackConfig | None,
 ) -> CaseContents:
     world, trace = _read_run(folder / "world.min.json", folder / "trace.min.zip")
     minimised = CaseContents(
@@ -205,9 +241,21 @@ def _with_minimised(
         costmap=costmap_of(world, config),
         facts=(("world digest", world.digest()[:16]), ("runs used", str(found.runs))),
         commands=minimised_commands(folder),
+        compared=compared_sentences(found.jittered, found.other),
+        other=_minimised_on_other(case, found, folder, other),
     )
     counts = tuple((name, *pair) for name, pair in found.counts.items() if pair[0])
     return dataclasses.replace(case, removed=found.removed, counts=counts, minimised=minimised)
+
+
+def _minimised_on_other(
+    case: CaseContents, found: Minimisation, folder: Path, config: StackConfig | None
+) -> CaseContents | None:
+    """Read what the other stack did in the smallest world, where two are compared."""
+    if found.other is None or config is None:
+        return None
+    world, trace = _read_run(folder / "world.min.json", folder / "trace.min.other.zip")
+    return _other_case(f"{case.id}, minimised, the other stack", world, trace, found.other, config)
 
 
 def _facts(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str], ...]:

@@ -15,8 +15,10 @@ def commands_of(campaign: Campaign, record: TrialRecord) -> Commands:
     """List the commands that run, check and explain a failure."""
     where = [str(campaign.directory), record.id]
     world = campaign.folder(record) / "world.json"
+    theirs = _command("Run the other stack in its world again", "replay", *where, "--against")
     return (
         _command("Run the trial again and compare digests", "replay", *where, "--verify", "3"),
+        *((theirs,) if record.other is not None else ()),
         _command("Ask which layer is to blame", "explain", *where),
         _command("Find the smallest world that fails in the same way", "minimize", *where),
         _command(
@@ -32,18 +34,25 @@ def commands_of(campaign: Campaign, record: TrialRecord) -> Commands:
 
 
 def minimised_commands(folder: Path) -> Commands:
-    """List the commands that run a minimised world on the stack that it fails on.
+    """List the commands that run a minimised world on the stack that it fails on, and the other.
 
     Args:
         folder: of the trial.
     """
-    stack = folder / "stack.yaml"
-    given = ["--stack", str(stack)] if stack.is_file() else []
-    files = [("Run it", "world.min.json"), ("Run it from its Scenic program", "world.min.scenic")]
+    runs = [
+        ("Run it", "world.min.json", "stack.yaml"),
+        ("Run it from its Scenic program", "world.min.scenic", "stack.yaml"),
+    ]
+    if (folder / "stack.other.yaml").is_file():
+        runs.append(("Run it on the other stack", "world.min.json", "stack.other.yaml"))
     return tuple(
-        _command(what, "run", str(folder / name), *given)
-        for what, name in files
-        if (folder / name).is_file()
+        _command(
+            what,
+            *("run", str(folder / world)),
+            *(("--stack", str(folder / stack)) if (folder / stack).is_file() else ()),
+        )
+        for what, world, stack in runs
+        if (folder / world).is_file()
     )
 
 

@@ -30,7 +30,9 @@ def junit_report(campaign: Campaign) -> str:
 def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
     failure, error, skipped = None, None, ""
     verdict = leading(record.verdicts)
-    if verdict is not None:
+    if record.other is not None and not record.is_reported:
+        skipped = str(record.other)
+    elif verdict is not None:
         commands = "\n".join(command for _, command in commands_of(campaign, record))
         failure = Complaint(
             kind=record.signature, message=violation_sentence(verdict), text=commands

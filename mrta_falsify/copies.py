@@ -1,0 +1,191 @@
+"""Failures judged by copies of their world with small differences, under one stack or two.
+
+A world near a deadline fails under one stack and passes under another by chance. So two stacks are
+told apart by the same copies of it: the stack under test fails in more than half of them, the other
+one passes in more than half. Copies end once the rest cannot change that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.core.record import Jittered, OtherRun
+from mrta_falsify.core.world import World
+from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.objectives import SMALLEST, differing, search_score
+from mrta_falsify.trial import Judged
+from scenic_worlds.variation import jittered_worlds
+
+Run = Callable[[World], Judged]
+
+
+class Comparison(NamedTuple):
+    """A failure judged by copies, and by the other stack where there is one."""
+
+    jittered: Jittered | None  #: None: no copies were run
+    other: OtherRun | None
+    their_run: Judged | None = None  #: of the other stack, of the world itself
+
+
+NO_COPIES = Comparison(None, None)  #: of a run that is not judged by copies
+
+
+def judged_by_copies(
+    world: World, judged: Judged, count: int, run: Run, run_other: Run | None = None
+) -> Comparison:
+    """Judge a failure by copies, and on the other stack.
+
+    The other stack runs the world itself first. Where it does not pass, copies tell nothing and are
+    not run. It runs copies only if the stack under test fails in most of them.
+
+    Args:
+        world: in which the stack under test fails.
+        judged: its run.
+        count: copies at most.
+        run: runs a world under the stack under test.
+        run_other: runs it under the other stack, if two are compared.
+    """
+    if run_other is None:
+        copies = jittered_worlds(world, count)
+        return Comparison(_of_one_stack(judged, copies, run), None)
+    theirs = run_other(world)
+    other = _other_run(judged, theirs)
+    if not other.passes:
+        return Comparison(None, other, theirs)
+    copies = jittered_worlds(world, count)
+    runs = run_copies(copies, run, lambda one: one.is_sought)
+    said: tuple[Judged, ...] = ()
+    if 2 * sum(one.is_sought for one in runs) > len(runs):
+        said = run_copies(copies, run_other, lambda one: _passes(judged, one))
+        other = _with_copies(other, judged, said)
+    # where the other stack has not run a copy, its run of the world itself stands for it
+    theirs_of = itertools.chain((theirs, *said), itertools.repeat(theirs))
+    told = [
+        {
+            name: differing(margin, _their_score(judged, its))
+            for name, margin in mine.margins.items()
+        }
+        for mine, its in zip((judged, *runs), theirs_of, strict=False)
+    ]
+    return Comparison(_counted(runs, told), other, theirs)
+
+
+def _of_one_stack(judged: Judged, copies: Sequence[World], run: Run) -> Jittered | None:
+    runs = run_copies(copies, run, lambda one: one.is_sought)
+    return _counted(runs, [one.margins for one in (judged, *runs)])
+
+
+def _counted(runs: Sequence[Judged], told: Sequence[dict[str, float]]) -> Jittered | None:
+    """Count copies; ``told`` are the margins of the world and of its copies for the search."""
+    if not runs:
+        return None
+    return Jittered(
+        runs=len(runs),
+        failed=sum(one.is_sought for one in runs),
+        objectives={
+            name: float(np.mean([of[name] for of in told if name in of])) for name in told[0]
+        },
+    )
+
+
+# --- the other stack ----------------------------------------------------------------------
+
+
+def _other_run(judged: Judged, theirs: Judged) -> OtherRun:
+    """Record what the other stack did in the world itself."""
+    outcome = theirs.outcome
+    return OtherRun(
+        fate=fate_on_other(judged, theirs),
+        score=_their_score(judged, theirs),
+        verdicts=theirs.verdicts,
+        signature=signature(theirs.verdicts),
+        trace_digest=outcome.trace.digest,
+        ended=outcome.ended,
+        sim_time=outcome.sim_time,
+        wall_s=outcome.wall_s,
+    )
+
+
+def _with_copies(other: OtherRun, judged: Judged, runs: Sequence[Judged]) -> OtherRun:
+    """Add what the other stack did in copies; one that cannot be judged is no pass."""
+    passed = sum(_passes(judged, one) for one in runs)
+    return dataclasses.replace(
+        other,
+        jittered=Jittered(runs=len(runs), failed=len(runs) - passed),
+        runs=1 + len(runs),
+        wall_s=other.wall_s + sum(one.outcome.wall_s for one in runs),
+    )
+
+
+def fate_on_other(judged: Judged, theirs: Judged) -> Literal["passes", "fails", "not judged"]:
+    """Say what becomes of a failure on the other stack, in what is looked for first.
+
+    Args:
+        judged: the failing run of the stack under test.
+        theirs: the run of the other stack in the same world.
+    """
+    if theirs.is_sought:
+        return "fails"
+    verdict = leading(judged.verdicts)
+    wanted = verdict.spec if verdict is not None else ""
+    unjudged = any(v.not_judged and v.spec == wanted for v in theirs.verdicts)
+    return "not judged" if unjudged else "passes"
+
+
+def _passes(judged: Judged, theirs: Judged) -> bool:
+    return fate_on_other(judged, theirs) == "passes"
+
+
+def _their_score(judged: Judged, theirs: Judged) -> float:
+    """Score a run of the other stack: below 0 unless it passes."""
+    if fate_on_other(judged, theirs) == "not judged":
+        return -SMALLEST
+    return search_score(theirs.margins, theirs.then)
+
+
+def run_copies(
+    copies: Sequence[World], run: Run, counts: Callable[[Judged], bool]
+) -> tuple[Judged, ...]:
+    """Run copies until the rest cannot change whether most of them count."""
+    runs: list[Judged] = []
+    for copy in copies:
+        if is_decided(sum(map(counts, runs)), len(runs), len(copies)):
+            break
+        runs.append(run(copy))
+    return tuple(runs)
+
+
+def is_decided(failed: int, runs: int, most: int) -> bool:
+    """Whether further copies cannot change whether most of them fail.
+
+    Args:
+        failed: copies that failed.
+        runs: copies that were run.
+        most: copies that would be run.
+    """
+    left = most - runs
+    return 2 * failed > most or 2 * (failed + left) <= most
+
+
+def trial_score(judged: Judged, said: Comparison) -> float:
+    """Compute what a search minimises of a trial, below 0 only for what it looks for.
+
+    Of a failure with copies it is the share of runs that fail, negated. Where two stacks are
+    compared, it is the smaller one of that share and of the share in which the other one passes.
+    """
+    score = search_score(judged.margins, judged.then)
+    if said.jittered is None:
+        if said.other is None:
+            return score
+        return differing(score, said.other.score)
+    share = said.jittered.share
+    if said.other is not None and said.other.jittered is not None:
+        copies = said.other.jittered  # the world itself, in which it passes, counts too
+        share = min(share, 1.0 - copies.failed / (copies.runs + 1))
+    return -share

@@ -1,0 +1,58 @@
+"""A robot whose nose is 0.1 m from a door post, with a delivery to make: it must get away."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.world import RobotSpec, Task, World
+from mrta_falsify.trial import Job, judge, quick_stack
+from tests.scenes.ward import ward_layout
+
+NOSE = 0.22 + 0.1  # m, from the robot's centre to its nose, and on to the post
+CORRIDOR = 4.0  # m, width; the posts are the ends of its northern wall
+STUCK = pytest.mark.xfail(strict=True, reason="the barrier answers zero for good")
+
+
+def at_the_post(door: float, side: int, heading: float, beside: float) -> World:
+    """A robot before a door, which has to fetch something inside.
+
+    Args:
+        door: its width [m].
+        side: of the post: -1 west, 1 east.
+        heading: of the robot [degrees].
+        beside: of the post, eastwards, the point that its nose points at [m].
+    """
+    layout = ward_layout(rooms=3, door_width=door)
+    yaw = np.radians(heading)
+    post = np.array([layout.rooms[1].point[0] + side * door / 2.0 + beside, CORRIDOR])
+    place = post - NOSE * np.array([np.cos(yaw), np.sin(yaw)])
+    return dataclasses.replace(
+        layout,
+        robots=(RobotSpec(name="robot1", pose=frozen_array([*place, yaw])),),
+        tasks=(Task(arrival=0.0, start=1, end=2, deadline=100.0),),
+        horizon=60.0,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("door", "side", "heading", "beside"),
+    [
+        (1.2, -1, 90, 0.08),
+        pytest.param(1.2, 1, 135, 0.08, marks=STUCK),
+        pytest.param(1.0, -1, 45, 0.08, marks=STUCK),
+        pytest.param(0.9, -1, 60, 0.0, marks=STUCK),
+    ],
+)
+def test_a_robot_at_a_door_post_gets_away(door, side, heading, beside):
+    world = at_the_post(door, side, heading, beside)
+    names = ("no_deadlock", "all_tasks_done", "no_robot_static_contact")
+    job = Job(world=world, config=quick_stack(StackConfig()), specifications=names, early_stop=True)
+    violated = [verdict.spec for verdict in judge(job, keep_trace=False).verdicts
+                if verdict.violated]  # fmt: skip
+    assert violated == []

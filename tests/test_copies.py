@@ -1,0 +1,192 @@
+"""When a failure counts: by copies, and where another stack does not share it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrta_falsify.campaigns.runner import feedback_of
+from mrta_falsify.campaigns.statistics import chance_in_copies, failure_probability
+from mrta_falsify.copies import judged_by_copies, trial_score
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.record import Jittered, OtherRun, TrialRecord
+from mrta_falsify.core.verdict import Verdict, unjudged
+from mrta_falsify.specs.objectives import differing
+
+COPIES = 4
+
+
+def run(margin: float | None) -> Any:
+    """A run whose only specification has this margin; None: it was not judged."""
+    if margin is None:
+        verdict, margins = unjudged("no_deadlock", "its goals are not told"), {}
+    else:
+        violated = margin < 0.0
+        verdict = Verdict(
+            spec="no_deadlock",
+            robustness=margin,
+            violated=violated,
+            violated_at=9.0 if violated else None,
+        )
+        margins = {"no_deadlock": margin}
+    trace = SimpleNamespace(digest="d")
+    return SimpleNamespace(
+        verdicts=(verdict,),
+        margins=margins,
+        then=(),
+        is_sought=verdict.violated,
+        outcome=SimpleNamespace(trace=trace, ended="horizon", sim_time=60.0, wall_s=1.0),
+    )
+
+
+class Stack:
+    """Gives these margins one after the other."""
+
+    def __init__(self, *margins: float | None) -> None:
+        self.margins = list(margins)
+        self.runs = 0
+
+    def __call__(self, world: Any) -> Any:
+        self.runs += 1
+        return run(self.margins.pop(0))
+
+
+def record_of(said: Any, judged: Any) -> TrialRecord:
+    return TrialRecord(
+        candidate=Candidate(number=0, u=np.zeros(1)),
+        status="ok",
+        verdicts=judged.verdicts,
+        objectives=judged.margins,
+        score=trial_score(judged, said),
+        signature="no_deadlock",
+        jittered=said.jittered,
+        other=said.other,
+    )
+
+
+def compared(hall, mine: tuple[float, ...], theirs: tuple[float | None, ...]):
+    """The record of a world that fails by 0.5, and how many runs each stack was asked for."""
+    one, other = Stack(*mine), Stack(*theirs)
+    judged = run(-0.5)
+    said = judged_by_copies(hall, judged, COPIES, one, other)
+    return record_of(said, judged), (one.runs, other.runs)
+
+
+@pytest.mark.parametrize(
+    ("mine", "theirs", "counts", "runs"),
+    [
+        # the other one passes the world and most copies
+        ((-1, -1, -1), (1, 1, 1, 1), True, (3, 4)),
+        ((-1, 1, -1, -1), (1, -1, 1, 1, 1), True, (4, 5)),
+        # a knife edge of this stack: the other one is not asked about copies
+        ((1, 1), (1,), False, (2, 1)),
+        ((-1, 1, -1, 1), (1,), False, (4, 1)),
+        # a knife edge of the other one
+        ((-1, -1, -1), (1, -1, -1), False, (3, 3)),
+        ((-1, -1, -1), (1, 1, -1, 1, -1), False, (3, 5)),
+        # the other one fails, too: copies tell nothing
+        ((), (-0.25,), False, (0, 1)),
+        ((), (None,), False, (0, 1)),
+        # what cannot be judged is no pass
+        ((-1, -1, -1), (1, None, None), False, (3, 3)),
+    ],
+)
+def test_a_failure_counts_if_most_copies_fail_here_and_pass_there(hall, mine, theirs, counts, runs):
+    record, spent = compared(hall, mine, theirs)
+    assert record.wanted == counts
+    assert spent == runs
+    assert record.other is not None
+    assert record.other.runs == runs[1] == record.other.wall_s
+
+
+def test_both_stacks_are_asked_about_the_same_copies(hall):
+    seen: dict[str, list[str]] = {"here": [], "there": []}
+
+    def asked(where: str, margin: float):
+        def ask(world):
+            seen[where].append(world.digest())
+            return run(margin)
+
+        return ask
+
+    judged_by_copies(hall, run(-0.5), COPIES, asked("here", -1.0), asked("there", 1.0))
+    assert seen["there"] == [hall.digest(), *seen["here"]]
+    assert len(set(seen["there"])) == 4
+
+
+def test_a_failure_of_both_stacks_is_told_as_a_world_that_passes(hall):
+    record, _ = compared(hall, (), (-0.25,))
+    told = feedback_of(record, Cube(dimensions=1))
+    assert record.failed
+    assert record.fails_on_both
+    assert not record.is_sought
+    assert not told.failed
+    assert told.signature == ""
+    assert told.score == pytest.approx(0.25)
+    assert told.objectives == {"no_deadlock": pytest.approx(0.25)}
+
+
+def test_the_score_is_the_smaller_share(hall):
+    all_here, _ = compared(hall, (-1, -1, -1), (1, 1, 1, 1))
+    once_there, _ = compared(hall, (-1, -1, -1), (1, -1, 1, 1, 1))
+    assert all_here.score == -1.0
+    assert once_there.score == pytest.approx(-0.8)
+    knife_edge, _ = compared(hall, (-1, 1, 1), (1,))
+    assert all_here.score < once_there.score < knife_edge.score < 0.0
+
+
+def test_a_knife_edge_of_either_stack_is_a_kind_of_its_own(hall):
+    cube = Cube(dimensions=1)
+    kinds = {
+        feedback_of(compared(hall, mine, theirs)[0], cube).signature
+        for mine, theirs in (
+            ((-1, -1, -1), (1, 1, 1, 1)),
+            ((-1, 1, 1), (1,)),
+            ((-1, -1, -1), (1, -1, -1)),
+        )
+    }
+    assert kinds == {
+        "no_deadlock",
+        "1 of 3 copies: no_deadlock",
+        "2 of 2 copies on the other stack: no_deadlock",
+    }
+
+
+def test_without_another_stack_nothing_is_asked_of_one(hall):
+    one = Stack(-1, -1, -1)
+    judged = run(-0.5)
+    said = judged_by_copies(hall, judged, COPIES, one)
+    assert said.other is None
+    assert record_of(said, judged).wanted
+    assert record_of(said, judged).score == -1.0
+
+
+@given(margin=st.floats(-1, 1), other=st.floats(-1, 1))
+def test_the_margin_of_a_difference_is_below_zero_only_for_one(margin, other):
+    combined = differing(margin, other)
+    assert (combined < 0.0) == (margin < 0.0 <= other)
+    assert -1.0 <= combined <= 1.0
+
+
+@given(
+    fates=st.lists(st.booleans(), min_size=COPIES, max_size=COPIES),
+    runs=st.integers(0, COPIES),
+)
+def test_copies_that_were_not_run_widen_the_interval_both_ways(fates, runs):
+    cut = chance_in_copies(Jittered(runs=runs, failed=sum(fates[:runs])), COPIES)
+    whole = failure_probability(sum(fates), COPIES)
+    assert cut.low <= whole.low
+    assert whole.high <= cut.high
+
+
+def test_another_stack_is_told_in_words():
+    assert str(OtherRun(fate="passes", score=0.3)) == "the other stack passes"
+    failing = OtherRun(fate="fails", score=-0.3, signature="no_deadlock/1:stalled")
+    assert str(failing) == "the other stack fails, too: no_deadlock/1:stalled"
+    assert str(OtherRun(fate="not judged", score=-1e-9)) == "the other stack cannot be judged"
