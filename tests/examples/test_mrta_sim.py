@@ -16,6 +16,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import Task
 from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.layouts import load_world
 from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
@@ -111,6 +112,22 @@ def test_two_robots_meet_beside_the_mop_cart_for_ever():
     assert verdict.evidence["confirmed"]
     assert "robot6" in verdict.evidence["members"]
     assert 20.0 <= verdict.violated_at <= 30.0
+
+
+@pytest.mark.parametrize(
+    ("name", "specification", "members", "at_latest"),
+    [
+        ("rests_in_the_room", "exclusive_use", {"robot1", "robot2"}, 24.0),
+        ("beside_the_mop_cart", "progress{window: 8}", {"robot1", "robot3"}, 24.0),
+        ("spot_beside_the_door", "progress{window: 20}", {"robot1", "robot2"}, 55.0),
+    ],
+)
+def test_its_smallest_failures_come_again(name, specification, members, at_latest):
+    world = find_world(ROOT / "examples" / "mrta_sim" / "smallest" / f"{name}.scenic")
+    world = dataclasses.replace(world, horizon=at_latest)
+    (verdict,) = judged(world, specification).verdicts
+    assert verdict.violated
+    assert set(verdict.who) == members
 
 
 @pytest.mark.parametrize("engine", ["kinematic", "bullet"])
