@@ -166,7 +166,9 @@ def _pair_force(
 
 
 @njit(cache=True)
-def _wall_force(x: float, y: float, walls: Walls, forces: Forces) -> tuple[float, float]:
+def wall_force(
+    x: float, y: float, walls: Walls, strength: float, reach: float
+) -> tuple[float, float]:
     """Add up the accelerations by the nearest wall point of each of four quadrants."""
     cell = cell_of(x, y, walls)
     if cell < 0:
@@ -185,8 +187,7 @@ def _wall_force(x: float, y: float, walls: Walls, forces: Forces) -> tuple[float
             continue
         best[quadrant] = square
         distance = max(np.sqrt(square), NEAREST)
-        reach = forces.wall_reach
-        force = forces.wall_strength / reach * np.exp(-distance / reach)
+        force = strength / reach * np.exp(-distance / reach)
         push_x[quadrant] = force * dx / distance
         push_y[quadrant] = force * dy / distance
     return push_x.sum(), push_y.sum()
@@ -240,7 +241,7 @@ def _social_velocities(
             wx, wy = speed * tx / distance, speed * ty / distance
         ax, ay = (wx - vx) / forces.tau, (wy - vy) / forces.tau
         ax, ay = _pushes(i, people, robots, ax, ay, forces)
-        fx, fy = _wall_force(x, y, walls, forces)
+        fx, fy = wall_force(x, y, walls, forces.wall_strength, forces.wall_reach)
         ax, ay = ax + fx, ay + fy
         nvx, nvy = vx + dt * ax, vy + dt * ay
         top = min(forces.top_speed, forces.top_ratio * desired)

@@ -1,0 +1,1 @@
+"""People beside published measurements."""
