@@ -52,7 +52,7 @@ class _GoalField:
 
     cost: kernels.Costs
     closed: kernels.Marks
-    frontier: kernels.Cells
+    frontier: kernels.Cells = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
 
 @dataclass(slots=True, eq=False)
@@ -72,6 +72,7 @@ class AStar:
     def __init__(self, options: AStarOptions) -> None:
         self._options = options
         self._maps: list[_MapMemory] = []  # the map in use is the last one
+        self._spare: list[_GoalField] = []  # forgotten: new memory costs ten times a search
 
     def use(self, costmap: Costmap) -> None:
         """Plan on ``costmap`` from now on; goal fields of the last few maps are kept."""
@@ -86,6 +87,8 @@ class AStar:
             cost_weight=options.cost_weight,
             allow_unknown=options.allow_unknown,
         )
+        for forgotten in self._maps[: -(KEPT_MAPS - 1)]:
+            self._spare += forgotten.fields.values()
         self._maps = [*self._maps[-(KEPT_MAPS - 1) :], _MapMemory(costmap, grid)]
 
     def plan(self, start: Array, goal: Array) -> Plan:
@@ -125,13 +128,7 @@ class AStar:
         """Field of the goal cell ``last``, closed at ``first`` if that can be reached."""
         found = memory.fields.pop(last, None)
         if found is None:
-            size = memory.grid.prices.size
-            found = _GoalField(
-                cost=np.full(size, kernels.FAR, dtype=np.int32),
-                closed=np.zeros(size, dtype=np.uint8),
-                frontier=np.array([last], dtype=np.int32),
-            )
-            found.cost[last] = 0
+            found = self._new_field(memory.grid.prices.size, last)
         if len(found.frontier):
             found.frontier = kernels.expand(
                 memory.grid.prices, found.cost, found.closed, found.frontier, first
@@ -140,9 +137,23 @@ class AStar:
         self._forget_fields()
         return found
 
+    def _new_field(self, size: int, last: int) -> _GoalField:
+        """Begin the field of the goal cell ``last``, in the memory of a forgotten one if any."""
+        while self._spare and len(self._spare[-1].cost) != size:
+            self._spare.pop()
+        if self._spare:
+            new = self._spare.pop()
+            new.closed.fill(0)
+        else:
+            new = _GoalField(np.empty(size, dtype=np.int32), np.zeros(size, dtype=np.uint8))
+        new.cost.fill(kernels.FAR)
+        new.cost[last] = 0
+        new.frontier = np.array([last], dtype=np.int32)
+        return new
+
     def _forget_fields(self) -> None:
         kept = sum(len(memory.fields) for memory in self._maps)
         for memory in self._maps:  # the oldest maps first, and there the oldest goals
             while kept > self._options.goal_cache and memory.fields:
-                memory.fields.popitem(last=False)
+                self._spare.append(memory.fields.popitem(last=False)[1])
                 kept -= 1
