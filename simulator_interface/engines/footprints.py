@@ -130,7 +130,8 @@ def origin_frame(element: ET.Element) -> Array:
 
 def _shape_points(collision: ET.Element, urdf: Path) -> Array:
     """Points ``(K, 3)`` whose convex hull is the shape (nearly, if it is round)."""
-    shape = next(iter(collision.find("geometry") or ()), None)
+    geometry = collision.find("geometry")
+    shape = None if geometry is None else next(iter(geometry), None)
     kind = "" if shape is None else shape.tag
     angles = np.arange(CIRCLE_CORNERS) * (2.0 * math.pi / CIRCLE_CORNERS)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
