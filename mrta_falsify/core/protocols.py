@@ -230,7 +230,11 @@ class CrowdView:
 
 @runtime_checkable
 class HumanModel(Protocol):
-    """Moves people."""
+    """Moves people.
+
+    A model may have ``sight`` [m], more than 0.8: targets are then the farthest points of people's
+    ways within it that they see, not points 0.8 m ahead.
+    """
 
     def velocities(self, view: CrowdView) -> Array:
         """Compute velocities ``(H, 2)`` [m/s] for the next tick, map frame."""

@@ -92,8 +92,10 @@ class BySight:
         wall_strength: float = quantity(low=0.0, unit="m^2/s^2", default=2.5)  #: u0
         wall_reach: float = quantity(above=0.0, unit="m", default=0.2)  #: r
 
+    sight = 3.0  # m, see HumanModel
+
     def __init__(self, options: Options) -> None:
-        self._sight = Sight(*(getattr(options, name) for name in Sight._fields))
+        self._parameters = Sight(*(getattr(options, name) for name in Sight._fields))
         self._grid: WallGrid | None = None
 
     def velocities(self, view: CrowdView) -> Array:
@@ -111,7 +113,7 @@ class BySight:
             view.present,
         )
         robots = Machines(view.robot_position, view.robot_velocity, view.robot_radius)
-        return _velocities_by_sight(view.dt, people, robots, grid.walls, self._sight)
+        return _velocities_by_sight(view.dt, people, robots, grid.walls, self._parameters)
 
 
 @njit(cache=True)

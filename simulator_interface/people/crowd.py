@@ -21,6 +21,7 @@ from simulator_interface.engines.rays import polygon_edges
 from simulator_interface.people.margins import Bystanders
 from simulator_interface.people.scripts import STANDS, Now, Script, ScriptPlayer
 from simulator_interface.people.walking import (
+    LOOK_AHEAD,
     NO_WAY,
     ProgressRows,
     Walker,
@@ -61,7 +62,8 @@ class Crowd:
     _robot_radius: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self._walking = Walking(self.planner, self.source)
+        sight = getattr(self.model, "sight", LOOK_AHEAD)
+        self._walking = Walking(self.planner, self.source, sight)
         self.player = ScriptPlayer(self.world, self._walking, self.dt)
         self._robot_radius = np.array([robot.radius for robot in self.world.robots])
         self._read_people()
@@ -197,7 +199,9 @@ class Crowd:
             self._routes = self._list_routes()
         ways, first, speed = self._routes
         desired[:] = speed
-        needs_way = all_walk_on(ways, first, self._rows, position, time, target)
+        needs_way = all_walk_on(
+            ways, first, self._rows, position, time, self._walking.ground, target
+        )
         for i, needs in enumerate(needs_way.tolist()):
             if not needs:
                 continue

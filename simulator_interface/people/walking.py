@@ -8,12 +8,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, ByteArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.costmap import INSCRIBED, Costmap
 from mrta_falsify.core.protocols import CostmapSource, Planner
 
-LOOK_AHEAD = 0.8  # m along the way to the point that a person walks towards
+LOOK_AHEAD = 0.8  # m along the way to the point that a person walks towards, at least
+SEEN_FROM = 0.3  # m; who was pushed to a wall still sees what lies ahead
+SEEN_STEP = 0.1  # m between two looks along a line of sight
 ARRIVAL = 0.3  # m, goal switch distance of MRTA-Sim's people
 LOST = 1.5  # m off the way: look for a new one
 FREE_REACH = 2.0  # m, how far a route point inside an obstacle may be moved
@@ -42,6 +44,15 @@ def fresh_rows(count: int, time: float = 0.0) -> ProgressRows:
     return np.array([(0, np.inf, time)] * count, dtype=PROGRESS_ROW)
 
 
+class Ground(NamedTuple):
+    """Where people may walk, for compiled code."""
+
+    cost: ByteArray  #: (rows, cols) of a costmap, row 0 in the south
+    origin: Array  #: (2,) south-west corner [m]
+    resolution: float  #: [m]
+    sight: float  #: to the farthest point of a way that a person walks straight towards [m]
+
+
 @dataclass(slots=True)
 class Walker:
     """Where one person stands on a route."""
@@ -66,7 +77,9 @@ class Walking:
 
     planner: Planner
     source: CostmapSource
+    sight: float = LOOK_AHEAD  #: [m], see :class:`Ground`
     map: Costmap | None = field(default=None)
+    ground: Ground = field(init=False)  #: of ``map``
 
     def look(self, time: float) -> bool:
         """Take in the costmap of the moment; say whether it changed."""
@@ -74,6 +87,7 @@ class Walking:
         if costmap is self.map:
             return False
         self.map = costmap
+        self.ground = Ground(costmap.cost, costmap.origin, costmap.resolution, self.sight)
         self.planner.use(costmap)
         return True
 
@@ -123,7 +137,7 @@ class Walking:
 
     def target(self, walker: Walker, position: Array, time: float) -> Array:
         """Choose the point ``(2,)`` [m] to walk towards; ``position`` itself: stand."""
-        fate, point = walk_on(walker.way, walker.rows, walker.row, position, time)
+        fate, point = walk_on(walker.way, walker.rows, walker.row, position, time, self.ground)
         if fate in (HAS_ARRIVED, IS_LOST):
             if fate == HAS_ARRIVED:
                 self._turn_to_next_point(walker, position, time)
@@ -132,7 +146,8 @@ class Walking:
             if not len(walker.way):
                 return position
             ahead = look_ahead(walker.way, walker.rows["passed"][walker.row], position)
-            walker.rows["passed"][walker.row], point = ahead.passed, ahead.point
+            walker.rows["passed"][walker.row] = ahead.passed
+            point = seen_point(walker.way, ahead.point, position, self.ground)
         return position if fate == STANDS_STILL else np.asarray(walker.way[point])
 
     def _turn_to_next_point(self, walker: Walker, position: Array, time: float) -> None:
@@ -187,8 +202,46 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
 
 
 @njit(cache=True)
+def is_seen(position: Array, point: Array, ground: Ground) -> bool:
+    """Whether a straight line from a person to a point leads over free ground."""
+    dx, dy = point[0] - position[0], point[1] - position[1]
+    length = np.hypot(dx, dy)
+    rows, cols = ground.cost.shape
+    for k in range(int(SEEN_FROM / SEEN_STEP), int(length / SEEN_STEP) + 1):
+        share = k * SEEN_STEP / length
+        x, y = position[0] + share * dx, position[1] + share * dy
+        col = int(np.floor((x - ground.origin[0]) / ground.resolution))
+        row = int(np.floor((y - ground.origin[1]) / ground.resolution))
+        outside = row < 0 or row >= rows or col < 0 or col >= cols
+        if outside or ground.cost[row, col] >= INSCRIBED:
+            return False
+    return True
+
+
+@njit(cache=True)
+def seen_point(way: Array, point: int, position: Array, ground: Ground) -> int:
+    """Find the farthest point of a way within sight that a person may walk straight towards.
+
+    People who look far ahead on one way walk beside each other, not in single file.
+
+    Args:
+        way: ``(L, 2)`` [m].
+        point: of the way, from which it is looked for.
+        position: ``(2,)`` [m].
+        ground: where one may walk.
+    """
+    if ground.sight <= LOOK_AHEAD:
+        return point
+    for i in range(point + 1, min(point + WINDOW, len(way))):
+        far = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) > ground.sight
+        if far or not is_seen(position, way[i], ground):
+            return i - 1
+    return max(point, min(point + WINDOW, len(way)) - 1)
+
+
+@njit(cache=True)
 def walk_on(
-    way: Array, rows: ProgressRows, row: int, position: Array, time: float
+    way: Array, rows: ProgressRows, row: int, position: Array, time: float, ground: Ground
 ) -> tuple[int, int]:
     """Note how far a person is on a way, and find the point to walk towards.
 
@@ -198,6 +251,7 @@ def walk_on(
         row: that is.
         position: ``(2,)`` [m].
         time: [s].
+        ground: where one may walk.
 
     Returns:
         What becomes of the person, and the point of the way, if it goes on.
@@ -214,7 +268,7 @@ def walk_on(
     if ahead.off_way > LOST:
         return IS_LOST, 0
     own.passed = ahead.passed
-    return GOES_ON, ahead.point
+    return GOES_ON, seen_point(way, ahead.point, position, ground)
 
 
 @njit(cache=True)
@@ -224,6 +278,7 @@ def all_walk_on(
     rows: ProgressRows,
     position: Array,
     time: float,
+    ground: Ground,
     target: Array,
 ) -> BoolArray:
     """Bring all people on routes to a tick.
@@ -234,6 +289,7 @@ def all_walk_on(
         rows: ``(H,)``.
         position: ``(H, 2)`` [m].
         time: [s].
+        ground: where one may walk.
         target: ``(H, 2)`` [m] receives the points to walk towards.
 
     Returns:
@@ -242,7 +298,7 @@ def all_walk_on(
     needs_way = np.zeros(len(rows), dtype=np.bool_)
     for i in range(len(rows)):
         way = ways[first[i] : first[i + 1]]
-        fate, point = walk_on(way, rows, i, position[i], time)
+        fate, point = walk_on(way, rows, i, position[i], time, ground)
         target[i] = way[point] if fate == GOES_ON else position[i]
         needs_way[i] = fate in (HAS_ARRIVED, IS_LOST)
     return needs_way
