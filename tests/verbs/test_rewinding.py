@@ -175,6 +175,6 @@ def test_a_planted_layer_is_found_to_have_decided_a_real_failure(stalled):
     job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
     found = explain_job(job, max_runs=3, rewinds=64).inevitability
     assert found.by == "waypoint_generator"
-    assert 0.0 < found.decided_at < found.found
+    assert 0.0 < found.decided_at <= found.found  # it helps as long as the robots wait
     assert found.found == judged.verdicts[0].violated_at
     assert found == explain_job(job, max_runs=3, rewinds=64).inevitability

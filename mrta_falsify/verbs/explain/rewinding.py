@@ -107,7 +107,8 @@ def branches_of(
         for change in changes
         if change.text in cured or change.restores
     ]
-    wanted.sort(key=lambda branch: (not branch.restores, SUSPECTS.index(branch.name)))
+    order = {name: number for number, name in enumerate(SUSPECTS)}  # a variant is no suspect
+    wanted.sort(key=lambda branch: (not branch.restores, order.get(branch.name, len(order))))
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     members = first_deadlock(verdict.evidence).get("members", ())
     return [
