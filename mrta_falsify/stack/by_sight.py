@@ -19,9 +19,12 @@ from mrta_falsify.stack.humans import (
     TOP_SPEED_STANDING,
     Machines,
     Walkers,
+    bodies_in,
+    grid_of,
+    velocity_beside_walls,
     wall_force,
 )
-from mrta_falsify.stack.wall_grid import Stride, WallGrid, Walls, cell_of, step_beside_walls
+from mrta_falsify.stack.wall_grid import WallGrid, Walls, cell_of
 
 AHEAD = 0.3  # m to either side: who walks there walks ahead
 GOING_ALONG = 0.1  # m/s, who comes towards a person is met, not followed
@@ -100,20 +103,8 @@ class BySight:
 
     def velocities(self, view: CrowdView) -> Array:
         """See :class:`~mrta_falsify.core.protocols.HumanModel`."""
-        grid = self._grid
-        if grid is None or grid.source is not view.walls:
-            grid = self._grid = WallGrid(view.walls)
-        people = Walkers(
-            view.position,
-            view.velocity,
-            view.target,
-            view.desired_speed,
-            view.radius,
-            view.reacts_to_robots,
-            view.present,
-        )
-        robots = Machines(view.robot_position, view.robot_velocity, view.robot_radius)
-        return _velocities_by_sight(view.dt, people, robots, grid.walls, self._parameters)
+        self._grid = grid_of(view, self._grid)
+        return _velocities_by_sight(view.dt, *bodies_in(view), self._grid.walls, self._parameters)
 
 
 @njit(cache=True)
@@ -213,13 +204,13 @@ def _course(
     x: float,
     y: float,
     towards: float,
-    person: tuple[float, float],
+    speed: float,
+    radius: float,
     others: Others,
     walls: Walls,
     sight: Sight,
 ) -> Course:
-    """Choose among the directions around ``towards`` [rad]; ``person`` is its speed and radius."""
-    speed, radius = person
+    """Choose among the directions around ``towards`` [rad] for a person that walks at ``speed``."""
     half, far = sight.directions // 2, sight.horizon
     ahead = Course(math.cos(towards), math.sin(towards), 0.0)
     least, best = np.inf, ahead
@@ -284,8 +275,8 @@ def _velocities_by_sight(
         tx, ty = people.target[i, 0] - x, people.target[i, 1] - y
         distance = math.sqrt(tx * tx + ty * ty)
         if distance > NEAREST and desired > 0.0:
-            person = (desired, people.radius[i])
-            course = _course(x, y, math.atan2(ty, tx), person, others, walls, sight)
+            towards, radius = math.atan2(ty, tx), people.radius[i]
+            course = _course(x, y, towards, desired, radius, others, walls, sight)
             speed = min(_speed_in_line(desired, course, others), distance / dt)
             free = _free_course(course.x, course.y, desired, others, 0.0, sight.horizon)
             speed = min(speed, free / sight.tau)
@@ -295,10 +286,5 @@ def _velocities_by_sight(
         nvx = vx + dt * ((wx - vx) / sight.tau + ax + fx)
         nvy = vy + dt * ((wy - vy) / sight.tau + ay + fy)
         top = TOP_RATIO * desired if desired > 0.0 else TOP_SPEED_STANDING
-        speed = math.sqrt(nvx * nvx + nvy * nvy)
-        if speed > top:
-            nvx, nvy = nvx * top / speed, nvy * top / speed
-        step = Stride(x, y, nvx * dt, nvy * dt)
-        sx, sy = step_beside_walls(step, people.radius[i], walls)
-        result[i, 0], result[i, 1] = sx / dt, sy / dt
+        result[i] = velocity_beside_walls(x, y, nvx, nvy, top, people.radius[i], dt, walls)
     return result

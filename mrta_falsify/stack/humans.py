@@ -120,20 +120,27 @@ class SocialForce:
 
     def velocities(self, view: CrowdView) -> Array:
         """See :class:`~mrta_falsify.core.protocols.HumanModel`."""
-        grid = self._grid
-        if grid is None or grid.source is not view.walls:
-            grid = self._grid = WallGrid(view.walls)
-        people = Walkers(
-            view.position,
-            view.velocity,
-            view.target,
-            view.desired_speed,
-            view.radius,
-            view.reacts_to_robots,
-            view.present,
-        )
-        robots = Machines(view.robot_position, view.robot_velocity, view.robot_radius)
-        return _social_velocities(view.dt, people, robots, grid.walls, self._forces)
+        self._grid = grid_of(view, self._grid)
+        return _social_velocities(view.dt, *bodies_in(view), self._grid.walls, self._forces)
+
+
+def grid_of(view: CrowdView, known: WallGrid | None) -> WallGrid:
+    """Sort the walls of a view, unless ``known`` has them already."""
+    return known if known is not None and known.source is view.walls else WallGrid(view.walls)
+
+
+def bodies_in(view: CrowdView) -> tuple[Walkers, Machines]:
+    """Give the people and robots of a view to compiled code."""
+    people = Walkers(
+        view.position,
+        view.velocity,
+        view.target,
+        view.desired_speed,
+        view.radius,
+        view.reacts_to_robots,
+        view.present,
+    )
+    return people, Machines(view.robot_position, view.robot_velocity, view.robot_radius)
 
 
 @njit(cache=True)
@@ -221,6 +228,29 @@ def _pushes(
 
 
 @njit(cache=True)
+def velocity_beside_walls(
+    x: float, y: float, vx: float, vy: float, top: float, radius: float, dt: float, walls: Walls
+) -> tuple[float, float]:
+    """Keep a person's velocity (vx, vy) to a top speed, and its next step beside walls [m/s].
+
+    Args:
+        x: where the person is [m], map frame.
+        y: the same.
+        vx: wanted [m/s], map frame.
+        vy: the same.
+        top: speed [m/s].
+        radius: of the person [m].
+        dt: of the step [s].
+        walls: see :func:`~mrta_falsify.stack.wall_grid.step_beside_walls`.
+    """
+    speed = np.sqrt(vx * vx + vy * vy)
+    if speed > top:
+        vx, vy = vx * top / speed, vy * top / speed
+    sx, sy = step_beside_walls(Stride(x, y, vx * dt, vy * dt), radius, walls)
+    return sx / dt, sy / dt
+
+
+@njit(cache=True)
 def _social_velocities(
     dt: float, people: Walkers, robots: Machines, walls: Walls, forces: Forces
 ) -> Array:
@@ -246,10 +276,5 @@ def _social_velocities(
         nvx, nvy = vx + dt * ax, vy + dt * ay
         top = min(forces.top_speed, forces.top_ratio * desired)
         top = top if desired > 0.0 else TOP_SPEED_STANDING
-        speed = np.sqrt(nvx * nvx + nvy * nvy)
-        if speed > top:
-            nvx, nvy = nvx * top / speed, nvy * top / speed
-        step = Stride(x, y, nvx * dt, nvy * dt)
-        sx, sy = step_beside_walls(step, people.radius[i], walls)
-        result[i, 0], result[i, 1] = sx / dt, sy / dt
+        result[i] = velocity_beside_walls(x, y, nvx, nvy, top, people.radius[i], dt, walls)
     return result
