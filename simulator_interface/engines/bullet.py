@@ -118,14 +118,14 @@ class BulletEngine(PhysicsEngine):
     ) -> float:
         prepared, things, observer = self._prepared, self._things, self._observer
         step = SubStep(time, self._step, self._actuation.count)
-        prepared = prepared._replace(touched=touched)
         are_near = fill_prepared(
-            step, command, human_velocity, self._pose, self._bases, things, prepared
+            step, command, human_velocity, self._pose, self._bases, things, prepared, touched
         )
         self._robots.drive(prepared.targets)
         if are_near:
             self._people.place(self._human, prepared)
-        self._people.release_overlaps(self._human)
+        if self._people.overlaps.pairs:
+            self._people.overlaps.release(self._human)
         pybullet.stepSimulation(self.client.number)
         raw, inertial = self._robots.read_raw(), self._robots.inertial
         return fill_observed(raw, inertial, self._pose, things, observer.gap, observer.nearest)
@@ -159,7 +159,7 @@ class BulletEngine(PhysicsEngine):
             body = self.client.add_solid([event.polygon], [event.height])
             self._blocks[number] = body
             self.client.column[body] = gaps.STATIC
-        self._people.note_arrivals(self._human)
+        self._people.overlaps.note_arrivals(self._human)
         self._gather_things()
 
     # --- sense ---------------------------------------------------------------------------

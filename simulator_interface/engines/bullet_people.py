@@ -37,7 +37,7 @@ class BulletPeople:
         self._around = around
         self._bodies = [client.add_person(human.radius) for human in world.humans]
         client.column.update(dict.fromkeys(self._bodies, gaps.HUMAN))
-        self._overlaps = Overlaps(fleet, observer, around, self._collide)
+        self.overlaps = Overlaps(fleet, observer, around, self._collide)
 
     def place(self, human: Array, prepared: Prepared) -> None:
         """Put people at ``human`` ``(H, 2)`` [m].
@@ -50,14 +50,6 @@ class BulletPeople:
             x, y = human[h].tolist()
             self._client.place(self._bodies[h], (x, y, z), NO_TURN)
         was_in[:] = near
-
-    def note_arrivals(self, human: Array) -> None:
-        """Take in the people who have become present, at ``human`` ``(H, 2)`` [m]."""
-        self._overlaps.note_arrivals(human)
-
-    def release_overlaps(self, human: Array) -> None:
-        """Let pairs collide that have come apart; the others are in contact."""
-        self._overlaps.release(human)
 
     def _collide(self, robot: int, human: int, enable: bool) -> None:
         self._robots.collide_with(robot, self._bodies[human], enable=enable)

@@ -36,12 +36,11 @@ class Bases(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """What Bullet is told before a step, and what came of people's steps in this tick."""
+    """What Bullet is told before a step."""
 
     targets: Array  #: (N, 3) speeds of joints; only two count for two wheels
     near: BoolArray  #: (H,) people who are to stand in Bullet's world
     was_in: BoolArray  #: (H,) people who do
-    touched: BoolArray  #: (N,) robots that held up a person
 
 
 def nothing_prepared(robots: int, humans: int) -> Prepared:
@@ -50,7 +49,6 @@ def nothing_prepared(robots: int, humans: int) -> Prepared:
         targets=np.zeros((robots, 3)),
         near=np.zeros(humans, dtype=np.bool_),
         was_in=np.zeros(humans, dtype=np.bool_),
-        touched=np.zeros(robots, dtype=np.bool_),
     )
 
 
@@ -63,6 +61,7 @@ def fill_prepared(
     bases: Bases,
     around: Obstructions,
     prepared: Prepared,
+    touched: BoolArray,
 ) -> bool:
     """Move the set points, walk the people, and write what Bullet is to be told.
 
@@ -74,6 +73,7 @@ def fill_prepared(
         bases: their set points are brought up to date.
         around: robots, solids and people; the people walk.
         prepared: receives the result.
+        touched: ``(N,)`` set for robots that held up a person.
 
     Returns:
         Whether the body of any person moves.
@@ -83,7 +83,7 @@ def fill_prepared(
     set_point, loss = motors.set_point, bases.loss
     prepared.targets[:] = motor_targets(set_point, loss, pose, bases.wheels, bases.holonomic)
     prints, solids = around.prints, around.solids
-    move_people(people, human_velocity, step.length, pose, prints, solids, prepared.touched)
+    move_people(people, human_velocity, step.length, pose, prints, solids, touched)
     return _fill_near(people, pose, prints.reach, prepared.was_in, prepared.near)
 
 

@@ -85,7 +85,8 @@ class MujocoEngine(PhysicsEngine):
 
     def _place_people(self) -> None:
         self.bodies.place_people(self._human)
-        self._overlaps.release(self._human)
+        if self._overlaps.pairs:
+            self._overlaps.release(self._human)
 
     def _fill_contact(self, robots: IntArray, contact: BoolArray) -> None:
         self.bodies.fill_contact(contact)

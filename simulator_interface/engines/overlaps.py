@@ -32,7 +32,7 @@ class Overlaps:
         self._around = around
         self._collide = collide
         self._was_present: BoolArray = np.zeros(len(around.human_radius), dtype=np.bool_)
-        self._pairs: list[_Overlap] = []
+        self.pairs: list[_Overlap] = []  #: that pass through each other now
 
     def note_arrivals(self, human: Array) -> None:
         """Take in the people who have become present, at ``human`` ``(H, 2)`` [m].
@@ -45,20 +45,20 @@ class Overlaps:
             for i in range(len(self._fleet.models)):
                 pair = _Overlap(i, int(h))
                 if self._gap(pair, human) < 0.0:
-                    self._pairs.append(pair)
+                    self.pairs.append(pair)
                     self._collide(pair.robot, pair.human, False)
         self._was_present = present
 
     def release(self, human: Array) -> None:
         """Let pairs collide that have come apart; the others are in contact."""
         overlapping = []
-        for pair in self._pairs:
+        for pair in self.pairs:
             if self._gap(pair, human) >= 0.0:
                 self._collide(pair.robot, pair.human, True)
             else:
                 overlapping.append(pair)
                 self._observer.contact[pair.robot, gaps.HUMAN] = True
-        self._pairs = overlapping
+        self.pairs = overlapping
 
     def _gap(self, pair: _Overlap, human: Array) -> float:
         """Gap of a pair's surfaces [m], negative: they overlap."""
