@@ -155,14 +155,13 @@ class TrialRunner:
         if others:
             lost_time.tell(judged.outcome.wall_s)
         for name in others:
-            began = time.perf_counter()
-            there = dataclasses.replace(config, engine=Choice(name))
-            run = self._judge(world, there, scene, keep_trace=False)
-            copies = settings.jittered or CONFIRMING_COPIES
-            again = functools.partial(self._judge, config=there, scene=scene)
-            said = judged_by_copies(world, run, copies, again)
+            with lost_time.untimed():
+                there = dataclasses.replace(config, engine=Choice(name))
+                run = self._judge(world, there, scene, keep_trace=False)
+                copies = settings.jittered or CONFIRMING_COPIES
+                again = functools.partial(self._judge, config=there, scene=scene)
+                said = judged_by_copies(world, run, copies, again)
             runs.append(engine_run(name, run, failed=run.is_sought, jittered=said.jittered))
-            lost_time.tell(time.perf_counter() - began)
         return tuple(runs)
 
     def _ask_copies(
@@ -181,11 +180,8 @@ class TrialRunner:
 
     def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
         """Run a world under the other stack; that time is not the trial's own."""
-        began = time.perf_counter()
-        try:
+        with lost_time.untimed():
             return self._judge(world, config, scene)
-        finally:
-            lost_time.tell(time.perf_counter() - began)
 
     def _keep_other(self, world: World, record: TrialRecord, said: Comparison) -> OtherRun | None:
         if said.other is None or said.their_run is None:
@@ -205,13 +201,11 @@ class TrialRunner:
         return counted_repeats(judged, runs)
 
     def _run_again(self, world: World, config: StackConfig, scene: Any) -> Judged | None:
-        began = time.perf_counter()
         try:
-            return self._judge(world, config, scene, keep_trace=False)
+            with lost_time.untimed():
+                return self._judge(world, config, scene, keep_trace=False)
         except InputError:  # the stack did not start this time
             return None
-        finally:
-            lost_time.tell(time.perf_counter() - began)
 
     def _judge(
         self, world: World, config: StackConfig, scene: Any, *, keep_trace: bool = True

@@ -7,7 +7,9 @@ executor, so that the limit of a trial's wall clock is for the rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 _listeners: list[Callable[[float], None]] = []
 
@@ -15,6 +17,16 @@ _listeners: list[Callable[[float], None]] = []
 def tell_to(listener: Callable[[float], None]) -> None:
     """Let ``listener`` be told, from now on in this process, of wall-clock time [s]."""
     _listeners.append(listener)
+
+
+@contextmanager
+def untimed() -> Iterator[None]:
+    """Tell that what is done meanwhile does not count, however it ends."""
+    began = time.perf_counter()
+    try:
+        yield
+    finally:
+        tell(time.perf_counter() - began)
 
 
 def tell(seconds: float) -> None:
