@@ -210,7 +210,7 @@ class TrialRunner:
     def _judge(
         self, world: World, config: StackConfig, scene: Any, *, keep_trace: bool = True
     ) -> Judged:
-        return judge(_job(self._settings, world, config, scene), keep_trace=keep_trace)
+        return judge(trial_job(self._settings, world, config, scene), keep_trace=keep_trace)
 
     def _finish(
         self,
@@ -311,7 +311,15 @@ def _decides(run: Judged, spec: str) -> bool:
     return run.failed or not any(v.spec == spec and v.not_judged for v in run.verdicts)
 
 
-def _job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
+def trial_job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
+    """Make the job of a world under a campaign's specifications and limits.
+
+    Args:
+        settings: of the campaign.
+        world: that is run.
+        config: of the stack under test.
+        scene: which the world was sampled from, if its program goes on in the run.
+    """
     return Job(
         world=world,
         config=config,
@@ -337,7 +345,7 @@ def rerun(
     scene = None
     if world.scripted:
         scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
-    job = _job(settings, world, stack_of(settings, record), scene)
+    job = trial_job(settings, world, stack_of(settings, record), scene)
     return judge(dataclasses.replace(job, told=told))
 
 

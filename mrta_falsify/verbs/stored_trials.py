@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -22,7 +23,7 @@ from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause, leading
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.worker import open_program, specifications_of, stack_of
+from mrta_falsify.worker import open_program, stack_of, trial_job
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
@@ -251,11 +252,5 @@ def job_of(campaign: Campaign, record: TrialRecord) -> Job:
         StoreError: as of :func:`stored_world`.
     """
     settings = campaign.settings.trials
-    return Job(
-        world=stored_world(campaign, record),
-        config=stack_of(settings, record),
-        specifications=specifications_of(settings),
-        early_stop=True,
-        then=settings.then,
-        limits=settings.limits,
-    )
+    job = trial_job(settings, stored_world(campaign, record), stack_of(settings, record))
+    return dataclasses.replace(job, early_stop=True)

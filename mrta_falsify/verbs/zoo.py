@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import judge, quick_stack
 from mrta_falsify.verbs.corpus import (
     STORED,
     RecheckRun,
@@ -22,7 +22,7 @@ from mrta_falsify.verbs.corpus import (
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_failures import keeps_engine
 from mrta_falsify.verbs.workers import count_cores
-from mrta_falsify.worker import specifications_of
+from mrta_falsify.worker import trial_job
 from scenic_worlds.variation import jitter_world
 from scenic_worlds.zoo import PREFIX, Answer, Scene, load_scene, scene_names
 
@@ -189,11 +189,5 @@ def run_scene(settings: TrialSettings, scene: Scene, copy: int) -> RecheckRun:
             world = jitter_world(world, copy)
         except WorldError:
             return RecheckRun(fate="no place")
-    job = Job(
-        world=world,
-        config=settings.stack,
-        specifications=specifications_of(settings),
-        early_stop=True,
-        limits=settings.limits,
-    )
+    job = trial_job(settings, world, settings.stack)
     return judged_run(judge(job, keep_trace=False).verdicts)
