@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,13 +109,22 @@ def measure(density: float, width: float, model: str, *, both_ways: bool, seed: 
     """Measure one stream in the middle of a corridor, while people still come."""
     people = tuple(walkers(density, width, both_ways=both_ways, seed=seed))
     world = corridor(width, people, np.array([0.0, width + 3.0]), UNTIL)
+    seen = (
+        (sensed.human_position, sensed.human_velocity)
+        for sensed in frames(world, model)
+        if sensed.time >= SETTLING and not sensed.tick % 10
+    )
+    return measured_flow(density, width, people, seen)
+
+
+def measured_flow(
+    density: float, width: float, people: Sequence[HumanSpec], seen: Iterable[tuple[Array, Array]]
+) -> Flow:
+    """Measure a stream from positions and velocities ``(h, 2)`` of its people at some moments."""
     forward = np.array([np.sign(person.route[1, 0] - person.route[0, 0]) for person in people])
-    middle = 0.0 if both_ways else MEASURED
+    middle = 0.0 if (forward < 0.0).any() else MEASURED
     counts, speeds, touching = [], [], []
-    for sensed in frames(world, model):
-        if sensed.time < SETTLING or sensed.tick % 10:
-            continue
-        at, moves = sensed.human_position, sensed.human_velocity
+    for at, moves in seen:
         inside = np.abs(at[:, 0] - middle) < MEASURED / 2.0
         counts.append(inside.sum())
         speeds.extend((moves[:, 0] * forward)[inside])
