@@ -53,6 +53,13 @@ def test_right_of_way_ends_where_the_robot_is_out_of_the_way_and_does_not_come_b
     assert coming_out([asked], [state], poses(1.2, 2.0)) == ()
 
 
+def test_who_lets_go_inside_has_no_right_of_way():
+    asked = queue_at(0.0)
+    state = left(asked, 0, at=0.9)
+    state.holders.append(1)
+    assert coming_out([asked], [state], poses(1.2, 2.0)) == ()
+
+
 def test_who_holds_a_resource_again_does_not_come_out_of_it():
     asked = queue_at(0.0)
     state = left(asked, 0, at=1.1)

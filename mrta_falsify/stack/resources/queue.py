@@ -192,7 +192,8 @@ class Queue:
     ) -> list[StackEvent]:
         """Take the resource back from a holder, which is at ``position`` ``(2,)`` [m]."""
         self.release(state, robot)
-        state.left[robot] = Departure(time, position.copy())
+        if self.is_left_at(position):
+            state.left[robot] = Departure(time, position.copy())
         released = self.event(time, robot, kind="released")
         return [released, *self.grants(self.careless_admission(state), time)]
 
