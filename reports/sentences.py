@@ -180,12 +180,15 @@ def _place(place: Any) -> str:
     return f" {at} ({point})"
 
 
-def wait_sentence(wait: WaitsFor, objects: Sequence[PresentObject] = ()) -> str:
+def wait_sentence(
+    wait: WaitsFor, objects: Sequence[PresentObject] = (), waits: Sequence[WaitsFor] = ()
+) -> str:
     """Say why one robot does not move on.
 
     Args:
         wait: what it waits for.
         objects: things and people that took part, to say who pushes what.
+        waits: all of the account, to name together what cuts off the robot together.
     """
     told = {item.name: object_text(item) for item in objects}
     solids = [object_text(item) for item in objects if item.kind in ("furniture", "blockage")]
@@ -196,21 +199,21 @@ def wait_sentence(wait: WaitsFor, objects: Sequence[PresentObject] = ()) -> str:
         other=wait.blocked_by or "another robot",
         resource=resource or "a resource",
         solid=f": {resource or listed(solids)}" if resource or solids else "",
-        because=_what_cuts_off(wait, resource, solids),
+        because=_what_cuts_off(wait, waits, told) if wait.cause == "no-path" else "",
     )
     return f"{wait.robot} {text}."
 
 
-def _what_cuts_off(wait: WaitsFor, resource: str, solids: Sequence[str]) -> str:
+def _what_cuts_off(wait: WaitsFor, waits: Sequence[WaitsFor], told: Mapping[str, str]) -> str:
     """Say what cuts a robot off its goal, empty if that is not known."""
     if wait.blocked_by:
         return f"; {wait.blocked_by} cuts it off"
-    if resource == "unreachable" and not solids:
-        return "; walls and furniture cut it off for good"
-    named = resource if resource != "unreachable" else ""
-    if named:
-        return f"; {named} cuts it off"
-    return f"; {listed(solids)} {'cuts' if len(solids) == 1 else 'cut'} it off" if solids else ""
+    if wait.resource == "unreachable":
+        return "; walls cut it off for good"
+    alike = (wait.robot, "no-path", "")
+    solids = [w.resource for w in waits if (w.robot, w.cause, w.blocked_by) == alike]
+    named = [told.get(name, name) for name in solids or [wait.resource] if name]
+    return f"; {listed(named)} {'cuts' if len(named) == 1 else 'cut'} it off" if named else ""
 
 
 def account_sentences(account: WaitAccount) -> tuple[str, ...]:
@@ -221,7 +224,7 @@ def account_sentences(account: WaitAccount) -> tuple[str, ...]:
 def _sentence_of(wait: WaitsFor, account: WaitAccount) -> str:
     """Tell of one wait; of a victim with nothing in its way, what copies without members say."""
     if wait.cause != STALLED or wait.robot not in account.victims:
-        return wait_sentence(wait, account.objects)
+        return wait_sentence(wait, account.objects, account.waits)
     holders = listed(account.members)
     gone = f"once {holders} is gone" if len(account.members) == 1 else f"without one of {holders}"
     return f"{wait.robot} has nothing in its way, but goes on only {gone}."

@@ -106,8 +106,8 @@ class WaitAccount:
         things = [item.name for item in self.objects if item.kind != "wall"]
         for wait in self.waits:
             resource = wait.resource if wait.blocked_by else ""  # else it is the node
-            cut_off = wait.cause in ("no-path", "wall") and not (wait.blocked_by or wait.resource)
-            for end in things if cut_off and things else [awaited_node(wait)]:
+            held = wait.cause == "wall" and not wait.resource
+            for end in things if held and things else [awaited_node(wait)]:
                 yield Arrow(wait.robot, end, wait.cause, resource)
 
     def _pushing(self) -> Iterator[Arrow]:

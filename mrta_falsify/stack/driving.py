@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
@@ -86,7 +87,13 @@ class Driving:
         return self._outlook.views([mission.way for mission in missions], pose)
 
     def control(
-        self, state: DrivingMemory, views: Views, fleet: FleetState, links: Links
+        self,
+        state: DrivingMemory,
+        views: Views,
+        fleet: FleetState,
+        links: Links,
+        *,
+        first: Sequence[int] = (),
     ) -> ControlResult:
         """Ask for one tick's commands.
 
@@ -95,6 +102,7 @@ class Driving:
             views: what is ahead of the robots.
             fleet: what their sensors say.
             links: between them.
+            first: robots that go before all others in this order, whatever the priority rule says.
         """
         rows, n = self._table.rows(state.missions), len(state.missions)
         target, since = views.target.copy(), np.empty(n)
@@ -110,6 +118,8 @@ class Driving:
                 waiting_since=since,
             )
         )
+        if first:
+            rank = _ranked_first(rank, first)
         return state.controller.control(
             ControlView(
                 time=fleet.time,
@@ -146,6 +156,13 @@ def _drive_of(robot: int, mission: Mission) -> tuple[object, ...]:
         isinstance(activity, Waiting) and activity.arrived,
         mission.passage.standing is not None,
     )
+
+
+def _ranked_first(rank: IntArray, robots: Sequence[int]) -> IntArray:
+    """Rank ``(N,)`` some robots before all others, in the order given; else the order stays."""
+    key = rank + len(robots)
+    key[list(robots)] = np.arange(len(robots))
+    return np.argsort(np.argsort(key))
 
 
 @njit(cache=True)

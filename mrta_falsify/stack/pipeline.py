@@ -39,6 +39,7 @@ from mrta_falsify.stack.resources.clear_ways import ClearWays
 from mrta_falsify.stack.resources.corridors import STOP_SHORT, CorridorTraffic, Traveller
 from mrta_falsify.stack.resources.crossings import find_crossing
 from mrta_falsify.stack.resources.parking import ParkingTraffic
+from mrta_falsify.stack.resources.right_of_way import coming_out
 from mrta_falsify.stack.resources.rooms import RoomTraffic
 from mrta_falsify.stack.route import SPOT_REACHED, Way
 
@@ -234,7 +235,8 @@ class Stack:
     def _control(
         self, state: StackState, views: Views, fleet: FleetState, links: Links
     ) -> tuple[Command, Intent]:
-        result = self._driving.control(state, views, fleet, links)
+        first = coming_out(self._rooms.queues, state.queues, fleet.pose)
+        result = self._driving.control(state, views, fleet, links, first=first)
         return result.command, self._declaration.intent(state.missions, state.queues, result)
 
 

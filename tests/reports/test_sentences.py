@@ -65,11 +65,23 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
 def test_no_path_says_whose_bed_fills_the_door():
     bed = PresentObject("bed2", "furniture", "porter1")
     told = "robot3 has a goal but no path to it; bed2 (pushed by porter1) cuts it off."
-    assert wait_sentence(WaitsFor("robot3", "no-path"), [bed]) == told
     assert wait_sentence(WaitsFor("robot3", "no-path", resource="bed2"), [bed]) == told
-    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable"), [bed]) == told
-    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable")) == (
-        "robot3 has a goal but no path to it; walls and furniture cut it off for good."
+    assert wait_sentence(WaitsFor("robot3", "no-path", resource="unreachable"), [bed]) == (
+        "robot3 has a goal but no path to it; walls cut it off for good."
+    )
+
+
+def test_no_path_blames_nothing_where_nothing_is_known_to_close_the_way():
+    bed = PresentObject("bed2", "furniture", "porter1")
+    told = wait_sentence(WaitsFor("robot3", "no-path"), [bed])
+    assert told == "robot3 has a goal but no path to it."
+
+
+def test_what_closes_the_way_together_is_told_together():
+    beds = row("robot3", "no-path", resource="bed1"), row("robot3", "no-path", resource="bed2")
+    account = wait_account(stuck(*beds, members=["robot3"], objects=[BED]))
+    assert account_sentences(account) == (
+        "robot3 has a goal but no path to it; bed1 and bed2 (pushed by porter1) cut it off.",
     )
 
 

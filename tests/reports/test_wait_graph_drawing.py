@@ -40,7 +40,7 @@ def test_every_arrow_of_a_cycle_is_drawn_and_its_root_has_a_rim(world):
 
 def test_things_and_those_who_push_them_are_nodes(world):
     account = WaitAccount(
-        waits=(WaitsFor("robot1", "no-path"),),
+        waits=(WaitsFor("robot1", "no-path", resource="bed2"),),
         members=("robot1",),
         objects=(PresentObject("bed2", "furniture", carried_by="porter1"),),
     )

@@ -252,9 +252,62 @@ def test_a_bed_that_leaves_a_gap_too_narrow_for_the_robot_is_named_as_well():
     assert no_path_past([narrow]) == {BlockedBy(0, "no-path", -1, "bed0")}
 
 
-def test_two_beds_of_which_either_closes_the_way_are_not_told_apart():
+def test_two_beds_of_which_either_closes_the_way_are_named_together():
     beds = [rectangle(0.6, 1.0, (0.5, 0.0)), rectangle(0.6, 1.0, (2.0, 0.0))]
-    assert no_path_past(beds) == {BlockedBy(0, "no-path", -1, "unreachable")}
+    aside = rectangle(0.4, 0.2, (-4.0, 0.4))
+    assert no_path_past([beds[0], aside, beds[1]]) == {
+        BlockedBy(0, "no-path", -1, "bed0"),
+        BlockedBy(0, "no-path", -1, "bed2"),
+    }
+
+
+def test_two_beds_side_by_side_that_fill_the_way_are_named_together():
+    beds = [rectangle(0.6, 0.5, (1.0, 0.25)), rectangle(0.6, 0.5, (1.0, -0.25))]
+    found = {edge.resource for edge in no_path_past(beds)}
+    assert found == {"bed0", "bed1"}
+
+
+def no_path_across(furniture, walls=()) -> set[BlockedBy]:
+    """What a robot is told to lack a path for on an open floor, 6 m x 3 m, with walls or none."""
+    return last_edges(
+        Script(
+            robots=[Robot((-2, 0), goal=(2, 0), no_path=True)],
+            walls=list(walls),
+            furniture=furniture,
+            bounds=(-3.0, -1.5, 3.0, 1.5),
+            seconds=3.0,
+        )
+    )
+
+
+#: halves of a wall across that floor, with a gap of 1 m in the middle
+GAP = (rectangle(0.2, 1.0, (0.0, 1.0)), rectangle(0.2, 1.0, (0.0, -1.0)))
+
+
+def test_a_cart_beside_a_wide_way_closes_nothing():
+    cart = rectangle(0.6, 0.6, (0.0, 0.0))
+    assert no_path_across([cart]) == {BlockedBy(0, "no-path")}
+
+
+def test_a_cart_against_a_wall_that_closes_the_way_closes_nothing():
+    wall, cart = rectangle(0.2, 3.0, (0.0, 0.0)), rectangle(0.6, 0.6, (0.0, 0.0))
+    assert no_path_across([cart], [wall]) == {BlockedBy(0, "no-path", -1, "unreachable")}
+
+
+def test_of_two_ways_closed_by_a_cart_and_a_wall_the_cart_is_named():
+    cart, beside = rectangle(0.5, 0.9, (0.0, 0.0)), rectangle(0.6, 0.6, (1.0, 1.0))
+    assert no_path_across([beside, cart], GAP) == {BlockedBy(0, "no-path", -1, "bed1")}
+
+
+def test_a_cart_is_named_that_leaves_a_gap_for_bold_planners_only():
+    cart = rectangle(0.5, 0.4, (0.0, -0.3))  # leaves 0.6 m of 1 m
+    assert no_path_across([cart], GAP) == {BlockedBy(0, "no-path", -1, "bed0")}
+
+
+def test_walls_too_close_for_a_cautious_planner_are_not_blamed_on_a_cart():
+    lane = (rectangle(0.2, 1.22, (0.0, 0.89)), rectangle(0.2, 1.22, (0.0, -0.89)))
+    cart = rectangle(0.4, 0.4, (0.8, 0.9))
+    assert no_path_across([cart], lane) == {BlockedBy(0, "no-path")}
 
 
 def test_a_stack_that_tells_no_paths_is_taken_to_drive_the_shortest_way():

@@ -20,9 +20,6 @@ from simulator_interface.starts import check_starts
 #: what the default stack does on the kinematic engine
 BREAKS = {
     "patrol_swap_with_one_bay": "exclusive_use",
-    "two_zones_at_once": "exclusive_use",
-    "waiting_spot_before_the_door": "exclusive_use",
-    "waypoint_near_a_closed_door": "exclusive_use",
     "ring_of_six_areas_full": "no_deadlock",
 }
 SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_once"}

@@ -12,7 +12,7 @@ Causes:
     ``wall``: a solid (``resource`` names it) lies on the path, or holds the robot off.
     ``cluster``: the way is free, but a robot near by moves first.
     ``no-path``: has a goal, but no path; ``other`` is the robot that cuts it, if one does,
-        ``resource`` the blockage, or ``unreachable`` if solids cut it off for good.
+        ``resource`` the furniture or blockage, or ``unreachable`` if walls cut it off for good.
     ``stalled``: nothing at all is in the way.
     ``task``: has no goal: waits for a task and is not blocked.
 """

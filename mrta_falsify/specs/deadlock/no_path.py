@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import Goal
-from mrta_falsify.specs.deadlock.occupancy import SOLID_CLEARANCE, SolidGrid, is_temporary
+from mrta_falsify.specs.deadlock.occupancy import SOLID_CLEARANCE, SolidGrid
 from mrta_falsify.specs.deadlock.queue_edges import queue_edges_from_afar
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 
-UNREACHABLE = "unreachable"  #: ``resource`` of a no-path edge whose goal solids cut off for good
+UNREACHABLE = "unreachable"  #: ``resource`` of a no-path edge whose goal walls cut off for good
+#: m beyond the narrowest body; a planner may leave gaps aside that are wider than a body
+ROOM_BESIDE = (0.0, 0.05, 0.1)
 KEY_STEP = 0.1  # m or rad; answers are kept for places that agree to this
 KEPT_ANSWERS = 256  # answers; all are dropped once there are more
 
@@ -28,9 +31,8 @@ class NoPathReasons:
         self._world = world
         self._space = space
         self._radius = np.array([robot.radius for robot in world.robots])
-        # What leaves a gap too narrow for any robot closes the way as well.
-        narrowest = float(self._radius.min(initial=SOLID_CLEARANCE))
-        self._body = SolidGrid(world, clearance=narrowest)
+        narrowest = min((robot.radius for robot in world.robots), default=SOLID_CLEARANCE)
+        self._bodies = [SolidGrid(world, clearance=narrowest + room) for room in ROOM_BESIDE]
         self._known: dict[tuple[int, ...], tuple[BlockedBy, ...]] = {}
 
     def edges(self, fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
@@ -71,30 +73,26 @@ class NoPathReasons:
         time, start, goal = fleet.sensed.time, fleet.position[i], fleet.intent.goal[i]
         gap = 2.0 * float(self._radius[i])
 
-        def is_reachable(others: list[int], *, ignore_temporary: bool = False) -> bool:
-            return self._space.reachable(
-                start,
-                goal,
-                time,
-                others=fleet.position[others],
-                gap=gap,
-                ignore_temporary=ignore_temporary,
-            )
+        def is_reachable(others: list[int]) -> bool:
+            return self._space.reachable(start, goal, time, others=fleet.position[others], gap=gap)
 
-        if not is_reachable([]):
-            closing = self._space.closing(start, goal, time)
-            if not closing and is_reachable([], ignore_temporary=True):
-                closing = self._blockage_at(time)
-            return (BlockedBy(i, "no-path", -1, closing or UNREACHABLE),)
+        closing = self._space.closing(start, goal, time)
+        if closing is not None:
+            return _cut_off_by(i, closing or (UNREACHABLE,))
         if is_reachable(resting):
-            self._body.furnish(fleet.sensed.furniture_pose)
-            return (BlockedBy(i, "no-path", -1, self._body.closing(start, goal, time)),)
+            return _cut_off_by(i, self._closing_body(fleet, start, goal) or ("",))
         alone = [j for j in resting if not is_reachable([j])]
         return tuple(BlockedBy(i, "no-path", j) for j in alone or resting)
 
-    def _blockage_at(self, time: float) -> str:
-        """Name the first blockage in force that will end before the horizon."""
-        for event in self._world.events:
-            if event.start <= time < event.end and is_temporary(self._world, event.name):
-                return event.name
-        return ""
+    def _closing_body(self, fleet: FleetSnapshot, start: Array, goal: Array) -> tuple[str, ...]:
+        """Name what leaves no gap for a robot; empty: nothing, or walls."""
+        for grid in self._bodies:
+            grid.furnish(fleet.sensed.furniture_pose)
+            closing = grid.closing(start, goal, fleet.sensed.time)
+            if closing is not None:
+                return closing
+        return ()
+
+
+def _cut_off_by(i: int, solids: tuple[str, ...]) -> tuple[BlockedBy, ...]:
+    return tuple(BlockedBy(i, "no-path", -1, name) for name in solids)

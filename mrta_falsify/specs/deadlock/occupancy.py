@@ -7,6 +7,7 @@ of 0.1 m is fine enough for that.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,6 +29,7 @@ REDRAWN_BEYOND = 0.03  # m or rad; furniture that has moved less is not drawn an
 #: m; a cell is solid if its centre is this near to a solid. This is less than any planner's
 #: clearance (0.22 m) minus half a cell's diagonal, so that no valid path ever looks blocked
 SOLID_CLEARANCE = 0.15
+Pieces = dict[int, Array]  #: outlines ``(V, 2)`` [m] of furniture and blockages, by number
 START_REACH = 0.35  # m, a robot stands on any free cell this near
 GOAL_REACH = 0.3  # m, the same at the goal
 
@@ -48,6 +50,7 @@ class SolidGrid:
     _drawn_pose: Array | None = None  #: (F, 3) as it is on ``_current``
     _current: Owners | None = None
     _origin: Array = field(default_factory=lambda: np.zeros(2))
+    _shape: tuple[int, int] = (0, 0)  #: rows, columns
 
     def furnish(self, poses: Array) -> None:
         """Set where the movable furniture stands; until then it is left out.
@@ -77,14 +80,7 @@ class SolidGrid:
         return int(hits[0]), self.names[found[hits[0]] - 1]
 
     def reachable(
-        self,
-        start: Array,
-        goal: Array,
-        time: float,
-        *,
-        others: Array,
-        gap: float,
-        ignore_temporary: bool = False,
+        self, start: Array, goal: Array, time: float, *, others: Array, gap: float
     ) -> bool:
         """Whether some way leads from ``start`` to ``goal``, both ``(2,)`` [m].
 
@@ -94,38 +90,84 @@ class SolidGrid:
             time: which blockages stand [s].
             others: ``(M, 2)`` bodies at rest that must be passed at distance ``gap``.
             gap: centre to centre [m].
-            ignore_temporary: leave out blockages that end before the horizon.
         """
-        owner = self._grid(time)
-        if ignore_temporary:
-            owner = self._without_temporary(owner)
-        blocked = owner != 0
+        blocked = self._grid(time) != 0
         flat = np.ascontiguousarray(others, dtype=np.float64).reshape(-1, 2) - self._origin
         fill_discs(blocked, flat, gap, self.cell)
-        from_here = self._disc(start, START_REACH)
-        to_there = self._disc(goal, GOAL_REACH)
-        return bool(flood(blocked, from_here, to_there, self.cell))
+        return self._is_open(blocked, start, goal)
 
-    def closing(self, start: Array, goal: Array, time: float) -> str:
-        """Name the piece of furniture or blockage that alone closes the way; empty: none.
+    def closing(self, start: Array, goal: Array, time: float) -> tuple[str, ...] | None:
+        """Name the furniture and blockages that close the way.
+
+        They are the pieces each of which opens the way if it alone is taken away. Where no
+        piece does, they are a smallest set that opens it: none of them can be left out.
 
         Args:
             start: where the robot stands ``(2,)`` [m].
             goal: where it wants to go ``(2,)`` [m].
             time: which blockages stand [s].
+
+        Returns:
+            Names by their number, empty if walls alone close the way; ``None`` if it is open.
         """
         owner = self._grid(time)
-        assert self._owner is not None
+        if self._is_open(owner != 0, start, goal):
+            return None
+        pieces = self._pieces_at(time)
+        bare = self._fixed(len(self.world.walls))
+        if not self._is_open(bare != 0, start, goal):
+            return ()
         places, _ = label(owner == 0, structure=np.ones((3, 3), dtype=np.int8))
         here = self._border_of(places, owner, start, START_REACH)
         there = self._border_of(places, owner, goal, GOAL_REACH)
-        discs = self._disc(start, START_REACH), self._disc(goal, GOAL_REACH)
-        for number in sorted(here & there):
-            under = np.where(self._owner == number, 0, self._owner)
-            blocked = np.where(owner == number, under, owner) != 0
-            if number > len(self.world.walls) and flood(blocked, *discs, self.cell):
-                return self.names[number - 1]
-        return ""
+        alone = [
+            number
+            for number in sorted(here & there & pieces.keys())
+            if self._is_open(self._with(bare, pieces, pieces.keys() - {number}) != 0, start, goal)
+        ]
+        found = alone or self._closing_together(bare, pieces, sorted(pieces), start, goal)
+        return tuple(self.names[number - 1] for number in found)
+
+    def _closing_together(
+        self, grid: Owners, pieces: Pieces, group: list[int], start: Array, goal: Array
+    ) -> list[int]:
+        """Put back what leaves the way open, half by half, and keep the pieces that close it.
+
+        Source: Junker, "QuickXplain", AAAI 2004. ``grid`` is drawn on.
+        """
+        tried = self._with(grid, pieces, group)
+        if self._is_open(tried != 0, start, goal):
+            grid[:] = tried
+            return []
+        if len(group) == 1:
+            return group
+        half = len(group) // 2
+        first = self._closing_together(grid, pieces, group[:half], start, goal)
+        return first + self._closing_together(grid, pieces, group[half:], start, goal)
+
+    def _is_open(self, blocked: BoolArray, start: Array, goal: Array) -> bool:
+        from_here, to_there = self._disc(start, START_REACH), self._disc(goal, GOAL_REACH)
+        return bool(flood(blocked, from_here, to_there, self.cell))
+
+    def _pieces_at(self, time: float) -> Pieces:
+        """Find the outlines of all furniture and blockages that stand now, by number."""
+        first = len(self.world.walls) + 1
+        fixed = [item.polygon for item in self.world.furniture if not item.movable]
+        found = dict(enumerate(fixed, first))
+        for event, number in self._blockages:
+            if event.start <= time < event.end:
+                found[number] = event.polygon
+        if self._furniture_pose is not None:
+            for (item, number), pose in zip(self._pieces, self._furniture_pose, strict=True):
+                found[number] = item.outline_at(pose)
+        return found
+
+    def _with(self, grid: Owners, pieces: Pieces, numbers: Iterable[int]) -> Owners:
+        """Draw some pieces on a copy of ``grid``."""
+        drawn = grid.copy()
+        for number in numbers:
+            self._fill(drawn, pieces[number], number)
+        return drawn
 
     def _border_of(
         self, places: IntArray, owner: Owners, point: Array, reach: float
@@ -147,15 +189,6 @@ class SolidGrid:
         self._grid(-np.inf)
         assert self._owner is not None
         return np.asarray(self._owner == 0)
-
-    def _without_temporary(self, owner: Owners) -> Owners:
-        assert self._owner is not None
-        lasting = self._owner.copy()
-        for event, number in self._blockages:
-            if number in self._active and event.end >= self.world.horizon:
-                self._fill(lasting, event.polygon, number)
-        self._fill_furniture(lasting)
-        return lasting
 
     def _grid(self, time: float) -> Owners:
         if self._owner is None:
@@ -194,13 +227,9 @@ class SolidGrid:
         world = self.world
         self._origin = np.array(world.bounds[:2])
         cols, rows = np.ceil((world.bounds[2:] - world.bounds[:2]) / self.cell).astype(int)
-        owner = np.zeros((rows, cols), dtype=np.int16)
-        names = []
-        solids = [(wall.name, wall.polygon) for wall in world.walls]
-        solids += [(item.name, item.polygon) for item in world.furniture if not item.movable]
-        for name, polygon in solids:
-            names.append(name)
-            self._fill(owner, polygon, len(names))
+        self._shape = int(rows), int(cols)
+        owner = self._fixed()
+        names = [name for name, _ in self._fixed_solids()]
         blockages = []
         for event in world.events:
             if isinstance(event, Blockage):
@@ -214,11 +243,15 @@ class SolidGrid:
         self._pieces = tuple(pieces)
         return owner
 
+    def _fixed(self, count: int | None = None) -> Owners:
+        """Draw the first ``count`` fixed solids; walls come first."""
+        owner = np.zeros(self._shape, dtype=np.int16)
+        for number, (_, polygon) in enumerate(self._fixed_solids()[:count], 1):
+            self._fill(owner, polygon, number)
+        return owner
 
-def is_temporary(world: World, name: str) -> bool:
-    """Whether the solid ``name`` is a blockage that ends before the horizon."""
-    return any(
-        event.name == name and event.end < world.horizon
-        for event in world.events
-        if isinstance(event, Blockage)
-    )
+    def _fixed_solids(self) -> list[tuple[str, Array]]:
+        solids = [(wall.name, wall.polygon) for wall in self.world.walls]
+        return solids + [
+            (item.name, item.polygon) for item in self.world.furniture if not item.movable
+        ]

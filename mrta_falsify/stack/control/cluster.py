@@ -19,6 +19,7 @@ from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_lea
 from mrta_falsify.stack.control.dynamics import Wish
 from mrta_falsify.stack.control.obstacles import Clearances, People, clearances_of, people_in
 from mrta_falsify.stack.control.perception import survey_crew
+from mrta_falsify.stack.control.recovery import back_up_where_stuck
 from mrta_falsify.stack.control.state import (
     ControllerState,
     Crew,
@@ -41,6 +42,7 @@ class Rules(NamedTuple):
     leader_weight: float
     yield_margin: float  #: [m]
     followers_brake: bool
+    backs_up: bool
     clearances: Clearances
 
 
@@ -72,6 +74,7 @@ class ClusterCbf:
         patience: float = quantity(above=0.0, unit="s", default=10.0)  #: before the lead passes on
         command_lifetime: float = quantity(low=0.0, unit="s", default=0.25)
         yield_margin: float = quantity(low=0.0, unit="m", default=0.12)  #: beyond min_gap_robot
+        recovery: bool = True  #: back up where a solid holds a robot; never if it is holonomic
 
     def __init__(self, options: Options) -> None:
         self.steering = Steering(options)
@@ -85,6 +88,7 @@ class ClusterCbf:
             leader_weight=options.leader_weight,
             yield_margin=options.yield_margin,
             followers_brake=braking,
+            backs_up=options.recovery and options.dynamics != "holonomic",
             clearances=clearances_of(options),
         )
         self._sees_two_people = "humans_unseen_beyond_two" in options.defects
@@ -205,6 +209,9 @@ def _decide_crew(
         choices = choose_manoeuvres(
             crew, order, ways, points, people, rules.clearances, rules.yield_margin
         )
+    if rules.backs_up:
+        gap = rules.clearances.obstacle
+        back_up_where_stuck(choices, crew, points, people, gap, told.time)
     fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)
     return all_told
 

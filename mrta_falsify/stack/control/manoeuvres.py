@@ -28,7 +28,7 @@ from mrta_falsify.stack.control.predicted_motions import (
 )
 from mrta_falsify.stack.control.state import Crew
 
-GO, SLOW, PASS, WAIT, ASIDE, STAY = 0, 1, 2, 3, 4, 5  #: kinds of manoeuvres
+GO, SLOW, PASS, WAIT, ASIDE, STAY, BACK = 0, 1, 2, 3, 4, 5, 6  #: kinds of manoeuvres
 
 #: what a robot does, one record a robot
 CHOICE = np.dtype(
@@ -36,7 +36,7 @@ CHOICE = np.dtype(
         np.record,
         np.dtype(
             [
-                ("kind", np.int64),  # GO, SLOW, PASS, WAIT, ASIDE or STAY
+                ("kind", np.int64),  # one of the above
                 ("point", np.float64, (2,)),  # to drive to [m], nan: brake
                 ("speed", np.float64),  # not to be exceeded [m/s]
                 ("conflict_at", np.float64),  # first conflict [s from now], inf: none

@@ -8,7 +8,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.stack.control.manoeuvres import ASIDE, GO, PASS, SLOW, Choices
+from mrta_falsify.stack.control.manoeuvres import ASIDE, BACK, GO, PASS, SLOW, Choices
 from mrta_falsify.stack.control.state import Crew, CrewView
 
 PROGRESS = 0.3  # m, a robot that tries to move and stays within this is stuck
@@ -83,13 +83,13 @@ def fill_wishes(
             robot.remote_at = told.time
         elif told.leader_link[i]:
             robot.remote_at = -np.inf
-        _fill_progress(robot, robot.wants and does in (GO, PASS), told.time, patience)
+        _fill_progress(robot, robot.wants and does in (GO, PASS, BACK), told.time, patience)
 
 
 @njit(cache=True)
 def _turn_threshold(kind: int, alone: bool) -> float:
     """Give the heading error above which a robot turns on the spot [rad]."""
-    if kind in (ASIDE, PASS):
+    if kind in (ASIDE, PASS, BACK):
         return TURN_FOR_MANOEUVRE
     return TURN_ALONE if alone or kind == SLOW else TURN_IN_CLUSTER
 

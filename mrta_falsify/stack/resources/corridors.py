@@ -139,7 +139,7 @@ class CorridorTraffic:
             if not queue.is_left_at(robot.seen.position):
                 memory.entered.setdefault(holder, time)
             if not self._still_needs(corridor, memory, robot, time):
-                events += queue.let_go(memory, holder, time)
+                events += queue.let_go(memory, holder, time, robot.seen.position)
         for waiter in tuple(memory.waiters):
             robot = robots[waiter.robot]
             # A robot at a spot looks away from the area, one without a path looks nowhere.

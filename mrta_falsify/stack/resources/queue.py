@@ -23,6 +23,13 @@ from mrta_falsify.core.world import Resource
 FORGOTTEN_FROM = 3  # waiters that the planted defect `fourth_waiter_dropped` keeps
 
 
+class Departure(NamedTuple):
+    """When and where a robot let go of a resource."""
+
+    time: float  #: [s]
+    place: Array  #: (2,) [m]
+
+
 @dataclass(slots=True)
 class QueueState:
     """The memory of one resource's queue."""
@@ -30,6 +37,7 @@ class QueueState:
     holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
     entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]
+    left: dict[int, Departure] = field(default_factory=dict)  #: who let go and is still near
     forgotten: list[int] = field(default_factory=list)  #: by the defect `fourth_waiter_dropped`
 
 
@@ -179,9 +187,13 @@ class Queue:
         holder = -1 if self.has_place(state) else state.holders[0]
         return [self.event(waiter.since, waiter.robot, kind="waits-for", other=holder)]
 
-    def let_go(self, state: QueueState, robot: int, time: float) -> list[StackEvent]:
-        """Take the resource back from a holder."""
+    def let_go(
+        self, state: QueueState, robot: int, time: float, position: Array
+    ) -> list[StackEvent]:
+        """Take the resource back from a holder, which is at ``position`` ``(2,)`` [m]."""
         self.release(state, robot)
+        if self.is_left_at(position):
+            state.left[robot] = Departure(time, position.copy())
         released = self.event(time, robot, kind="released")
         return [released, *self.grants(self.careless_admission(state), time)]
 

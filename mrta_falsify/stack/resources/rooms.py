@@ -236,7 +236,7 @@ class RoomTraffic:
                     queue, memory, robot, missions[robot], fleet.pose[robot, :2]
                 )
                 if lets_go:
-                    events += queue.let_go(memory, robot, fleet.time)
+                    events += queue.let_go(memory, robot, fleet.time, fleet.pose[robot, :2])
             for waiter in tuple(memory.waiters):
                 if next_room[waiter.robot] != room:
                     queue.withdraw(memory, waiter.robot)
