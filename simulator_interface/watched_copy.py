@@ -221,6 +221,7 @@ class WatchedCopy:
                 if is_resumed():  # the process that it was copied from takes the next request
                     break
                 gc.collect()  # a run's objects refer to each other; its arrays are large
+                gc.freeze()  # what it leaves, compiled code above all, stays; it is looked at once
                 request = pipe.recv()
             code = 0
         except (EOFError, BrokenPipeError, ConnectionResetError):

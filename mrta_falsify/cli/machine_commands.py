@@ -36,7 +36,7 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
 
 
 @main.command("bench")
-@fleets_option("2,4,6,12,24", "Fleet sizes to run.")
+@fleets_option("6,24,50,100,200", "Fleet sizes to run.")
 @click.option(
     "--seconds",
     type=FiniteRange(min=10.0),

@@ -35,6 +35,19 @@ class Costmap:
         """Find the centres ``(..., 2)`` [m] of cells ``(..., 2)`` (row, col)."""
         return self.origin + (np.asarray(cells)[..., ::-1] + 0.5) * self.resolution
 
+    def axes(self, low: IntArray, high: IntArray) -> tuple[Array, Array]:
+        """Find x ``(cols,)`` and y ``(rows,)`` [m] of the centres in a window of cells.
+
+        Args:
+            low: ``(2,)`` first row and column.
+            high: ``(2,)`` behind the last ones.
+        """
+        x, y = (
+            self.origin[axis] + (np.arange(low[1 - axis], high[1 - axis]) + 0.5) * self.resolution
+            for axis in range(2)
+        )
+        return x, y
+
     def cost_at(self, points: Array) -> IntArray:
         """Look up the cost of map points ``(..., 2)`` [m]; outside the grid it is ``LETHAL``."""
         cells = self.cells(points)

@@ -6,7 +6,7 @@ Robustness is a time [s]: patience minus the longest time without coming nearer.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER
 from mrta_falsify.specs.running_min import RunningMin
 
 LIVENESS_EVERY = 0.5  # s between two looks
+
+_Way: TypeAlias = tuple[float, float, float, float]  # goal, then next waypoint [m]
 
 
 @dataclass(slots=True)
@@ -37,7 +39,7 @@ class Approach:
     robots: int
     since: Array = field(init=False)  #: (N,) of the last improvement [s]
     travelled: Array = field(init=False)  #: (N,) way driven since then [m]
-    _best: list[list[tuple[Array, float]]] = field(init=False)  #: goal and waypoint (4,), distance
+    _best: list[list[tuple[_Way, float]]] = field(init=False)  #: ways and distances
     _served: IntArray = field(init=False)  #: (N,) stops done
     _last: Array = field(init=False)
 
@@ -58,18 +60,19 @@ class Approach:
         away = np.hypot(*(position - intent.goal).T)
         anew = (frame.served != self._served) | np.isnan(away)
         self._served = frame.served
+        is_over = (anew | (away <= AT_GOAL)).tolist()
+        places, goals = position.tolist(), intent.goal.tolist()
         for i in range(self.robots):
             if anew[i]:
                 self._best[i] = []
-            if anew[i] or away[i] <= AT_GOAL:
+            if is_over[i]:
                 self.restart(i, sensed.time)
                 continue
             path = intent.path[i]
             if not len(path):
                 continue
-            x, y = position[i]
-            way = np.concatenate([intent.goal[i], path[-1]])
-            if self._improves(i, way, remaining_length(path, x, y)):
+            way = (*goals[i], *path[-1].tolist())
+            if self._improves(i, way, remaining_length(path, *places[i])):
                 self.restart(i, sensed.time)
 
     def restart(self, i: int, time: float) -> None:
@@ -77,10 +80,12 @@ class Approach:
         self.since[i] = time
         self.travelled[i] = 0.0
 
-    def _improves(self, i: int, way: Array, distance: float) -> bool:
+    def _improves(self, i: int, way: _Way, distance: float) -> bool:
         known = self._best[i]
+        x, y, next_x, next_y = way
         for k, (seen, best) in enumerate(known):
-            if np.abs(seen - way).sum() <= GOAL_JITTER:
+            off = abs(seen[0] - x) + abs(seen[1] - y) + abs(seen[2] - next_x)
+            if off + abs(seen[3] - next_y) <= GOAL_JITTER:
                 if distance > best - self.step:
                     return False
                 known[k] = (seen, distance)

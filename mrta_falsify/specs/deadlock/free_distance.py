@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import distance_of
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
+
+Point: TypeAlias = Sequence[float] | Array  # (2,) x, y [m], map frame
 
 MOST_MAPS = 64  # that are kept, or two for each robot if that is more; 1 MB each of a hospital
 DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
@@ -36,7 +40,7 @@ class FreeDistance:
         self.free = SolidGrid(self.world).lasting_free()
         self._west, self._south = self.world.bounds[:2].tolist()
 
-    def between(self, position: Array, goal: Array) -> float:
+    def between(self, position: Point, goal: Point) -> float:
         """Measure the way from ``position`` to ``goal``, both ``(2,)`` [m].
 
         Without a way, or nearby, it is the straight distance.
@@ -44,7 +48,7 @@ class FreeDistance:
         way = float(self._map_to(goal)[self._cell(position)])
         if DETOUR_FROM < way < math.inf:
             return way
-        return distance_of(position, goal)
+        return float(distance_of(np.asarray(position), np.asarray(goal)))
 
     def way(self, position: Array, goal: Array, reach: float) -> Array:
         """Find the first ``reach`` metres of a shortest way, ``(L, 2)`` [m]; straight if none."""
@@ -56,7 +60,7 @@ class FreeDistance:
         ahead = self.world.bounds[:2] + (cells[1:, ::-1] + 0.5) * GRID_CELL
         return np.concatenate([position[None], ahead])
 
-    def _map_to(self, goal: Array) -> Array:
+    def _map_to(self, goal: Point) -> Array:
         cell = self._cell(goal)
         found = self._maps.pop(cell, None)
         if found is None:
@@ -66,9 +70,9 @@ class FreeDistance:
         self._maps[cell] = found  # the last one used is the last one
         return found
 
-    def _cell(self, point: Array) -> tuple[int, int]:
+    def _cell(self, point: Point) -> tuple[int, int]:
         rows, cols = self.free.shape
-        x, y = point.tolist()
+        x, y = point
         row = math.floor((y - self._south) / GRID_CELL)
         col = math.floor((x - self._west) / GRID_CELL)
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)

@@ -7,6 +7,7 @@ does not. Neither does creep: a robot must come nearer at a pace that leads some
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -15,7 +16,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame, Intent
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.free_distance import FreeDistance, free_distance
+from mrta_falsify.specs.deadlock.free_distance import FreeDistance, Point, free_distance
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 
 PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's radius: progress ...
@@ -31,7 +32,7 @@ GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is
 class _Approach:
     """How near a robot has come to a goal."""
 
-    goal: Array  #: (2,) [m]
+    goal: Point  #: [m]
     nearest: float  #: along free space, when last looked at [m]
     since: float  #: when that was [s]
 
@@ -66,10 +67,12 @@ class ProgressClock:
         if frame.sensed.time == self._looked:
             return self.last
         self._looked = frame.sensed.time
-        intent, pose = frame.intent, frame.sensed.pose
-        for i in range(len(self.last)):
-            self.advance(i, frame.sensed.time, pose[i, :2], intent.goal[i], int(frame.served[i]))
-        self._note_pace(frame.sensed.time, pose[:, :2])
+        places = frame.sensed.pose[:, :2]
+        told = zip(places.tolist(), frame.intent.goal.tolist(), frame.served.tolist(), strict=True)
+        for i, (place, goal, served) in enumerate(told):
+            if math.isfinite(goal[0]):
+                self._advance(i, place, goal, served)
+        self._note_pace(frame.sensed.time, places)
         return self.last
 
     def on_the_way(self) -> Array:
@@ -84,34 +87,25 @@ class ProgressClock:
         least = BRISK * self.step / self._least_time * max(time - began, 1e-9)  # (N,) m
         self._driven[np.hypot(*(places - before).T) >= least] = time
 
-    def advance(self, i: int, time: float, position: Array, goal: Array, served: int) -> float:
-        """Take in where robot ``i`` is; time of its last progress [s].
+    def _advance(self, i: int, position: Point, goal: Point, served: int) -> None:
+        """Take in where robot ``i`` is that heads for ``goal``.
 
         Progress is a stop done, or a goal that the robot never had since its last stop. To come
         nearer to such a goal by ``step`` than ever before is progress, too, unless it takes longer
         than at ``PACE`` times the robot's largest speed. Stops taken off its list are none.
-
-        Args:
-            i: robot.
-            time: [s].
-            position: ``(2,)`` [m].
-            goal: ``(2,)`` where it heads for [m]; nan: none, which changes nothing.
-            served: stops done to date.
         """
-        if not np.isfinite(goal[0]):
-            return float(self.last[i])
+        time = self._looked
         if self._served[i] != served:
             self._served[i] = served
             self._approaches[i].clear()
         away = self._space.between(position, goal)
         for known in self._approaches[i]:
-            if np.hypot(*(known.goal - goal)) <= GOAL_SPREAD:
+            if np.hypot(known.goal[0] - goal[0], known.goal[1] - goal[1]) <= GOAL_SPREAD:
                 self._compare(i, known, away, time)
                 break
         else:
-            self._approaches[i].append(_Approach(goal.copy(), away, time))
+            self._approaches[i].append(_Approach(goal, away, time))
             self.last[i] = self._brisk[i] = self._driven[i] = time
-        return float(self.last[i])
 
     def _compare(self, i: int, known: _Approach, away: float, time: float) -> None:
         share = self._least_time[i] / max(time - known.since, 1e-9)

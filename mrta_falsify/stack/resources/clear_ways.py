@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
@@ -41,7 +40,7 @@ class ClearWays:
         self._areas = [resource.release_area for resource in world.resources]
         self._points = np.array([room.point for room in world.rooms]).reshape(-1, 2)
         self._near_rooms = [self._disc(point, AT_ROOM) for point in self._points]
-        self._parts: IntArray = ndimage.label(self._free)[0]
+        self._parts = _numbered_parts(self._free)
         self._at_rooms = self._parts_at_rooms(self._parts, self._free)
         self._joined = self._joined_pairs(self._at_rooms)
         self._known: dict[bytes, bool] = {}
@@ -65,7 +64,7 @@ class ClearWays:
             for room in np.flatnonzero(_gaps(self._points, places) <= AT_ROOM + APART).tolist()
         ):
             return True  # no part of the map falls apart, and each room has those that it had
-        parts = ndimage.label(free)[0]
+        parts = _numbered_parts(free)
         return self._joined <= self._joined_pairs(self._parts_at_rooms(parts, free))
 
     def places_near(
@@ -106,12 +105,9 @@ class ClearWays:
         low = np.maximum(self._map.cells(point - radius), 0)
         high = np.minimum(self._map.cells(point + radius) + 1, self._free.shape)
         high = np.maximum(high, low)
-        cells = np.stack(
-            np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij"), -1
-        ).reshape(-1, 2)
-        gaps = self._map.centers(cells) - point
-        rows, cols = cells[np.hypot(gaps[:, 0], gaps[:, 1]) <= radius].T
-        return rows, cols
+        x, y = self._map.axes(low, high)
+        rows, cols = np.nonzero(np.hypot(x - point[0], (y - point[1])[:, None]) <= radius)
+        return rows + low[0], cols + low[1]
 
     def _can_be_passed(self, free: BoolArray, place: Array, rows: IntArray, cols: IntArray) -> bool:
         """Whether each way over ``free`` past a place leads past cells (rows, cols) around it."""
@@ -123,7 +119,7 @@ class ClearWays:
         before = free[low[0] : high[0], low[1] : high[1]]
         after = before.copy()
         after[rows - low[0], cols - low[1]] = False
-        return bool(_stays_whole(ndimage.label(before)[0], ndimage.label(after)[0]))
+        return bool(_stays_whole(before, after))
 
     def _parts_near(self, room: int, parts: IntArray, free: BoolArray) -> set[int]:
         """Find the parts of the map that are free near a room."""
@@ -178,8 +174,9 @@ def _gaps(points: Array, others: Array) -> Array:
 
 
 @njit(cache=True)
-def _stays_whole(before: IntArray, after: IntArray) -> bool:
-    """Whether cells of one numbered part of a map that are still free are still one part."""
+def _stays_whole(free: BoolArray, left: BoolArray) -> bool:
+    """Whether cells of one part of a map of which some are ``left`` are still of one part."""
+    before, after = _numbered_parts(free), _numbered_parts(left)
     part = np.zeros(before.max() + 1, dtype=np.int64)
     for row in range(before.shape[0]):
         for col in range(before.shape[1]):
@@ -190,6 +187,52 @@ def _stays_whole(before: IntArray, after: IntArray) -> bool:
                 return False
             part[own] = now
     return True
+
+
+@njit(cache=True)
+def _numbered_parts(free: BoolArray) -> IntArray:
+    """Number the parts of a map that hang together by sides, from 1; 0: cells not free.
+
+    Two passes over the cells, with numbers joined in between (Rosenfeld & Pfaltz, 1966).
+    """
+    rows, cols = free.shape
+    part = np.zeros((rows, cols), dtype=np.int64)
+    same = np.zeros(rows * cols // 2 + 2, dtype=np.int64)  # a smaller number of the same part
+    count = 0
+    for row in range(rows):
+        for col in range(cols):
+            if not free[row, col]:
+                continue
+            below = part[row - 1, col] if row else 0
+            left = part[row, col - 1] if col else 0
+            if below and left and below != left:
+                _fill_joined(same, below, left)
+            own = below or left
+            if not own:
+                count += 1
+                own = same[count] = count
+            part[row, col] = own
+    found = 0
+    for number in range(1, count + 1):
+        if same[number] == number:
+            found += 1
+            same[number] = found
+        else:
+            same[number] = same[same[number]]
+    for row in range(rows):
+        for col in range(cols):
+            part[row, col] = same[part[row, col]]
+    return part
+
+
+@njit(cache=True)
+def _fill_joined(same: IntArray, one: int, other: int) -> None:
+    """Note that two numbers are of one part, the smallest one of which stands for it."""
+    while same[one] != one:
+        one = same[one]
+    while same[other] != other:
+        other = same[other]
+    same[max(one, other)] = min(one, other)
 
 
 @njit(cache=True)

@@ -42,7 +42,7 @@ def step_count(robots: Sequence[int], engines: Sequence[str] = ()) -> int:
 
 def bench(
     *,
-    robots: Sequence[int] = (2, 4, 6, 12, 24),
+    robots: Sequence[int] = (6, 24, 50, 100, 200),
     seconds: float = 60.0,
     engines: Sequence[str] = (),
     stack: Stack | None = None,
