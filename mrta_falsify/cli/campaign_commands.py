@@ -12,6 +12,7 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import SCENARIO, component
 from mrta_falsify.cli.options import (
     FILE,
     RUN_OPTIONS,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @main.command("campaign")
-@click.argument("scenario", required=False)
+@click.argument("scenario", required=False, type=SCENARIO)
 @output_option("DIR", "A new directory.")
 @click.option(
     "--resume",
@@ -42,7 +43,9 @@ if TYPE_CHECKING:
 )
 @campaign_options
 @workers_option
-@click.option("--executor", metavar="NAME", help="Instead of local processes.")
+@click.option(
+    "--executor", type=component("executor"), metavar="NAME", help="Instead of local processes."
+)
 @stack_options
 @against_option
 @spec_option

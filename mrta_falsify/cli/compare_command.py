@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.settings import Limits, TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import SCENARIO
 from mrta_falsify.cli.options import (
     Listing,
     format_option,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @main.command("compare")
-@click.argument("scenario")
+@click.argument("scenario", type=SCENARIO)
 @click.option(
     "--samplers",
     type=Listing(str, "names of samplers, as random,auto"),

@@ -108,7 +108,7 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
 
     A program of 150 lines without our stack checks it:
     python -m mrta_falsify.verbs.certify.checker FOLDER. All trials with a confirmed deadlock
-    unless an ID is given. Exit code 0 if each has a certificate, 1 otherwise.
+    unless an ID is given.
     """
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.certify.stored import certify_trials
@@ -263,12 +263,11 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
 
     Each failure is fixed, still failing, flaky (only copies with small differences fail) or a
-    timeout. Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's
-    own stack is run. The recorded engine is kept unless --stack or --set names one.
+    timeout. Without --stack and --set the campaign's own stack is run. The recorded engine is
+    kept unless --stack or --set names one.
 
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
-    kinematic engine unless told otherwise. Exit code 0 if the stack does in each what a good one
-    does. A directory of that name is ./zoo.
+    kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 

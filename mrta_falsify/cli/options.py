@@ -14,6 +14,7 @@ import click
 
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.cli import output
+from mrta_falsify.cli.names import component
 from mrta_falsify.core.codec import Rule
 from mrta_falsify.core.config import Choice
 
@@ -96,7 +97,8 @@ def setting_option(
         text: instead of the field's.
     """
     field = next(f for f in dataclasses.fields(settings) if f.name == name)
-    kind, metavar = _parameter_type(typing.get_type_hints(settings)[name], field.metadata["rule"])
+    hint = typing.get_type_hints(settings)[name]
+    kind, metavar = _parameter_type(name, hint, field.metadata["rule"])
     chosen = field.default if default is None else default
     return click.option(
         f"--{name.replace('_', '-')}",
@@ -109,7 +111,7 @@ def setting_option(
     )
 
 
-def _parameter_type(hint: Any, rule: Rule) -> tuple[Any, str | None]:
+def _parameter_type(name: str, hint: Any, rule: Rule) -> tuple[Any, str | None]:
     """Choose click's type for a field, and the word for its value in the help."""
     if hint is bool:
         return bool, None
@@ -121,7 +123,7 @@ def _parameter_type(hint: Any, rule: Rule) -> tuple[Any, str | None]:
         low = rule.low if rule.above is None else rule.above
         word = {"s": "SECONDS", "GiB": "GIB"}.get(rule.unit, "X")
         return FiniteRange(low, rule.high, min_open=rule.above is not None), word
-    return str, "NAME"
+    return component(name) if hint is Choice else str, "NAME"
 
 
 def _whole(bound: float | None) -> int | None:
@@ -206,6 +208,7 @@ def spec_option(command: Command) -> Command:
     return click.option(
         "--spec",
         "specs",
+        type=component("specification"),
         multiple=True,
         metavar="NAME",
         help="Judge this specification; stl:FORMULA for your own. Repeatable; default: all.",
@@ -217,6 +220,7 @@ def then_option(command: Command) -> Command:
     return click.option(
         "--then",
         "then",
+        type=component("specification"),
         multiple=True,
         metavar="NAME",
         help="Look for violations of this specification last. Repeatable; default: deadlines and "

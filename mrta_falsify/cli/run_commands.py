@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import WORLD
 from mrta_falsify.cli.options import (
     FILE,
     format_option,
@@ -32,7 +33,7 @@ WORLD_HELP = (
 
 
 @main.command("run", epilog=WORLD_HELP)
-@click.argument("world")
+@click.argument("world", type=WORLD)
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -131,7 +132,7 @@ def print_run(summary: RunSummary) -> None:
 
 
 @main.command("travel-times", epilog=WORLD_HELP)
-@click.argument("world")
+@click.argument("world", type=WORLD)
 @click.option(
     "--iterations", type=click.IntRange(1, 1000), default=3, show_default=True, metavar="N"
 )

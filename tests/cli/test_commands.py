@@ -40,7 +40,8 @@ def test_help_lists_every_command_with_what_it_does(cli):
     listing = result.stdout.partition("Commands:")[2]
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
-        "allocate", "bench", "campaign", "certify", "check", "compare", "corpus", "demo", "doctor",
+        "allocate", "bench", "campaign", "certify", "check", "compare", "completion",
+        "corpus", "demo", "doctor",
         "door-test",
         "explain", "export", "family", "import", "init", "list", "minimize", "plugins",
         "replay", "report",
