@@ -85,8 +85,8 @@ def exit_codes(name: str) -> dict[int, str]:
     """Say what the exit codes of a command mean."""
     listed = COMMANDS[name]
     broken = MEANINGS[ExitCode.HARNESS] + (f", or {listed.failed}" if listed.failed else "")
-    mean: dict[int, str] = MEANINGS | {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: broken}
-    return {int(code): text for code, text in mean.items() if text}
+    own = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: broken}
+    return {int(code): text for code, text in (MEANINGS | own).items() if text}
 
 
 class CommandWithCodes(click.Command):
