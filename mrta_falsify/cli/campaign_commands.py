@@ -16,6 +16,7 @@ from mrta_falsify.cli.names import SCENARIO, component
 from mrta_falsify.cli.options import (
     FILE,
     RUN_OPTIONS,
+    Duration,
     against_option,
     campaign_options,
     confirm_option,
@@ -42,6 +43,15 @@ if TYPE_CHECKING:
     help="Go on with this campaign, with its own budget unless --budget is given.",
 )
 @campaign_options
+@click.option(
+    "--for",
+    "wall_clock",
+    type=Duration(),
+    default=0.0,
+    metavar="TIME",
+    help="End by the clock, as 8h or 30m: no trial is begun after it. In place of --budget, or "
+    "whichever comes first.",
+)
 @workers_option
 @click.option(
     "--executor", type=component("executor"), metavar="NAME", help="Instead of local processes."
@@ -78,6 +88,8 @@ def campaign_command(
     else:
         from mrta_falsify.verbs.campaign import campaign
 
+        if options["wall_clock"] and not _is_given(context, "budget"):
+            options["budget"] = None
         output.say(f"compiling {scenario}")
         with CampaignWatch(directory) as watch:
             result = campaign(
@@ -116,7 +128,7 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
     given = {}
     for option in context.command.params:
         name = str(option.name)
-        if context.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
+        if not _is_given(context, name):
             continue
         if name in RUN_OPTIONS:
             given[name] = context.params[name]
@@ -134,6 +146,10 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
             on_told=watch.on_told,
             on_note=output.say,
         )
+
+
+def _is_given(context: click.Context, name: str) -> bool:
+    return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
 
 
 def _dry_run(scenario: str, options: dict[str, Any], style: str) -> int:

@@ -55,8 +55,9 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
-    from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
+    from mrta_falsify.verbs.stored_trials import open_campaign, show_trial, what_happened
 
+    output.say_cost(max_runs + rewinds, show_trial(directory, id).wall_s)
     with output.progress(f"explain {id}", max_runs + rewinds, "runs") as on_progress:
         found = explain_trial(
             directory,
@@ -159,6 +160,7 @@ def minimize_command(
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
+    output.say_cost(max_runs, record.wall_s)
     with output.progress(f"minimize {record.id}", max_runs, "runs") as on_progress:
         found = minimize_trial(
             directory,

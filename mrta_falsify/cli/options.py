@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 import typing
 from collections.abc import Callable
 from pathlib import Path
@@ -71,6 +72,25 @@ class Listing(click.ParamType[tuple[Any, ...]]):
         if len(set(found)) < len(found):
             raise click.UsageError(f"{flag} {value}: each may be named once", ctx)
         return found
+
+
+class Duration(click.ParamType[float]):
+    """A time as ``8h``, ``1h30m`` or ``90s``, in seconds."""
+
+    name = "duration"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the seconds, or fail with a usage error."""
+        if isinstance(value, float | int):
+            return float(value)
+        parts = re.fullmatch(r"(?:(\d+)h)?(?:(\d+)m(?:in)?)?(?:(\d+)s)?", value.strip())
+        hours, minutes, seconds = (int(part or 0) for part in parts.groups()) if parts else (0,) * 3
+        total = 3600 * hours + 60 * minutes + seconds
+        if not total:
+            self.fail(f"{value!r} is no time; give one as 8h, 1h30m or 90s.", param, ctx)
+        return float(total)
 
 
 # --- from settings -------------------------------------------------------------------------

@@ -76,6 +76,7 @@ def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file)
     for verdict in data["verdicts"]:
         assert set(verdict) == {
             "spec", "robustness", "violated", "violated_at_s", "who", "outcome", "not_judged",
+            "evidence",
         }  # fmt: skip
         assert verdict["outcome"] == ("violated" if verdict["violated"] else "holds")
     violated = any(verdict["violated"] for verdict in data["verdicts"])

@@ -90,7 +90,15 @@ def test_the_options_of_a_campaign_come_from_its_settings():
             if "text" in field.metadata:
                 assert params.pop(field.name).help == field.metadata["text"]
     rest = {"scenario", "output", "resume", "workers", "executor", "stack", "settings", "specs"}
-    assert set(params) == rest | {"against", "then", "confirm", "params", "dry_run", "style"}
+    assert set(params) == rest | {
+        "against",
+        "then",
+        "confirm",
+        "params",
+        "dry_run",
+        "style",
+        "wall_clock",
+    }
 
 
 def test_the_formats_of_export_are_those_of_the_function():
