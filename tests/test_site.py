@@ -95,7 +95,8 @@ def test_the_site_is_searched_offline_and_fits_a_phone(site):
         page.value("document.querySelector('input[name=query]').focus()")
         page.value(
             "(() => { const q = document.querySelector('input[name=query]'); q.value = 'knife'; "
-            "q.dispatchEvent(new KeyboardEvent('keyup')); })()"
+            "for (const kind of ['keyup', 'input']) "
+            "q.dispatchEvent(new Event(kind, {bubbles: true})); })()"
         )
         page.wait("document.querySelectorAll('.md-search-result__item').length > 0")
         for name in (

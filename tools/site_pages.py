@@ -18,6 +18,7 @@ from mkdocs.structure.pages import Page
 
 import mrta_falsify as mf
 from mrta_falsify.cli import main
+from mrta_falsify.cli.group import COMMANDS
 from mrta_falsify.cli.reference import Command, Parameter, describe
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -178,8 +179,9 @@ def _section(command: Command) -> str:
     lines = [f"## {command.name}", "", f"```\n{command.usage}\n```", "", command.text, ""]
     if command.options:
         lines += ["| Option | | Default |", "|---|---|---|", *map(_row, command.options), ""]
-    own = {code: text for code, text in command.exit_codes.items() if code in ("1", "3")}
-    lines += [f"Exit code {code}: {text}.\n" for code, text in own.items()]
+    listed = COMMANDS[command.name]
+    own = {1: listed.violated, 3: listed.failed}
+    lines += [f"Exit code {code}: {text}.\n" for code, text in own.items() if text]
     return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import click
 
 from mrta_falsify.cli.door import MEANINGS, Door, ExitCode
+from mrta_falsify.core.errors import UnknownNameError
 
 
 class Listed(NamedTuple):
@@ -117,6 +118,18 @@ class LazyDoor(Door):
         if cmd_name in COMMANDS:
             importlib.import_module(f"mrta_falsify.cli.{COMMANDS[cmd_name].module}")
         return super().get_command(ctx, cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is called.
+
+        Raises:
+            click.UsageError: there is none of that name.
+        """
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            raise click.UsageError(str(UnknownNameError("command", args[0], COMMANDS)), ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands."""

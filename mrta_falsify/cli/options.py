@@ -30,6 +30,27 @@ STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 RUN_OPTIONS = frozenset({"workers", "executor"} | {f.name for f in dataclasses.fields(Limits)})
 
 
+class WholeRange(click.IntRange):
+    """A whole number from a range, refused in words."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number, or fail with a usage error."""
+        try:
+            number = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a whole number; it must be {self._rule()}.", param, ctx)
+        if (self.min is not None and number < self.min) or (
+            self.max is not None and number > self.max
+        ):
+            self.fail(f"{number} is not allowed; it must be {self._rule()}.", param, ctx)
+        return number
+
+    def _rule(self) -> str:
+        if self.max is None:
+            return f"at least {self.min}"
+        return f"from {self.min} to {self.max}"
+
+
 class FiniteRange(click.FloatRange):
     """A number from a range; infinity and NaN, which pass every comparison, are refused."""
 
@@ -138,7 +159,7 @@ def _parameter_type(name: str, hint: Any, rule: Rule) -> tuple[Any, str | None]:
     if typing.get_origin(hint) is Literal:
         return click.Choice(typing.get_args(hint)), None
     if hint is int:
-        return click.IntRange(_whole(rule.low), _whole(rule.high)), "N"
+        return WholeRange(_whole(rule.low), _whole(rule.high)), "N"
     if hint is float:
         low = rule.low if rule.above is None else rule.above
         word = {"s": "SECONDS", "GiB": "GIB"}.get(rule.unit, "X")
@@ -282,7 +303,7 @@ def workers_option(command: Command) -> Command:
     """Add ``--workers W``, processes at a time."""
     return click.option(
         "--workers",
-        type=click.IntRange(1, MOST_WORKERS),
+        type=WholeRange(1, MOST_WORKERS),
         metavar="W",
         help="Processes; default: one per core. Changes no result.",
     )(command)
@@ -294,7 +315,7 @@ def count_option(
     """Make ``flag N``, a whole number from ``low`` to ``high``."""
     return click.option(
         flag,
-        type=click.IntRange(low, high),
+        type=WholeRange(low, high),
         default=default,
         show_default=True,
         metavar="N",

@@ -238,3 +238,29 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
     assert first.startswith("4/40 trials, 0 failed")
     assert first.endswith("about 3 min left")
     assert second.endswith("about 3 min left")
+
+
+# --- what to try next -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("camapign", "hot_room"), "unknown command 'camapign'; did you mean 'campaign'?"),
+        (("list", "nowhere"), "does not exist: `mrta-falsify campaign SCENARIO -o DIR` begins one"),
+        (("list", "."), "did you mean runs/beds?"),
+        (("report", "out"), "it is that of one run, whose page is out/report.html"),
+        (("check", "my_ward"), "did you mean 'my_ward.scenic'?"),
+        (("run", "my_ward"), "did you mean 'my_ward.scenic'?"),
+        (("run", "my_ward.scenic", "--spec", "no_deadlok"), "--spec: unknown specification"),
+    ],
+)
+def test_an_error_says_what_to_try_next(cli, tmp_path, words, hint):
+    (tmp_path / "runs").mkdir()
+    shutil.copytree(RECORDED / "beds", tmp_path / "runs" / "beds")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "verdicts.json").write_text("[]")
+    (tmp_path / "my_ward.scenic").write_text(FIXED)
+    result = cli(*words)
+    assert result.exit_code == 2
+    assert hint in result.stderr
