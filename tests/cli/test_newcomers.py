@@ -240,6 +240,23 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
     assert second.endswith("about 3 min left")
 
 
+@pytest.mark.parametrize(("told", "deadlocks"), [(3, 0), (4, 1), (8, 1)])
+def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys, told, deadlocks):
+    from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.verbs.campaign import CampaignResult
+
+    campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
+    for record in campaign.records[:told]:
+        counts.take(record)
+    result = CampaignResult(campaign=campaign, progress=counts, ended="stop-after", wall_s=1.0)
+    summary = mf.summarise_campaign(result)
+    assert (summary.deadlocks, summary.uncounted) == (deadlocks, 8 - told)
+    assert summary.failed >= summary.deadlocks + summary.afterthoughts
+    campaign_output.print_campaign(result)
+    said = f"{8 - told} more were under way when it ended; they are stored, too"
+    assert (said in capsys.readouterr().out) == (told < 8)
+
+
 # --- what to try next -----------------------------------------------------------------------------
 
 
