@@ -162,7 +162,8 @@ def print_campaign(result: CampaignResult) -> None:
     out = output.stdout()
     data = summarise_campaign(result)
     out.print(
-        f"{data.ran} {'trial' if data.ran == 1 else 'trials'} ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
+        f"{data.ran} {'trial' if data.ran == 1 else 'trials'} "
+        f"({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
         f"{data.deadlocks} with a deadlock, {_other_failures(data)}; "
         f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
