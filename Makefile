@@ -7,7 +7,7 @@ WORKERS ?= 2
 # A worker that is done takes over tests of one that is not.
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: help demo test unit long check format bench clean
+.PHONY: help demo test unit long check format bench docs clean
 
 help:
 	@echo "make demo    one run of the AWS hospital: picture, verdicts, report page"
@@ -16,6 +16,7 @@ help:
 	@echo "make long    what takes minutes and is not in make test"
 	@echo "make check   format, lint, types, import contracts, quick tests"
 	@echo "make format  mend what ruff can mend"
+	@echo "make docs    the documentation as a site, in build/site"
 	@echo "make bench   speed of every layer as JSON"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -25,7 +26,7 @@ $(STAMP): pyproject.toml constraints.txt
 		exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { \
 		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,gym,mcap,mujoco,qd,ros,smt,tsp,video]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,docs,gym,mcap,mujoco,qd,ros,smt,tsp,video]'
 	@touch $@
 
 demo: $(STAMP)
@@ -53,6 +54,10 @@ format: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/mrta-falsify bench --format json
+
+docs: $(STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo build/site/index.html
 
 clean:
 	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis build demo-run

@@ -69,9 +69,10 @@ _NAMES_OF = {
     "scenic_worlds.variation": ("vary_world",),
     "simulator_interface.simulate": ("Outcome", "frames_of", "simulate"),
 }
-_HOME = VERBS | {name: f"{module}:{name}" for module, names in _NAMES_OF.items() for name in names}
+#: every public name but these two, and where it lives, ``module:name``
+HOMES = VERBS | {name: f"{module}:{name}" for module, names in _NAMES_OF.items() for name in names}
 
-__all__ = sorted((*_HOME, "VERBS", "__version__"))  # noqa: PLE0605 - one table says where names live
+__all__ = sorted((*HOMES, "VERBS", "__version__"))  # noqa: PLE0605 - one table says where names live
 
 
 def __getattr__(name: str) -> Any:
@@ -79,9 +80,9 @@ def __getattr__(name: str) -> Any:
         from importlib import metadata  # noqa: PLC0415 - 30 ms that few imports need
 
         return metadata.version("mrta-falsify")
-    if name not in _HOME:
+    if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, attribute = _HOME[name].partition(":")
+    module, _, attribute = HOMES[name].partition(":")
     value = getattr(importlib.import_module(module), attribute)
     globals()[name] = value
     return value

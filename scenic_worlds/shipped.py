@@ -38,7 +38,8 @@ def scenario_path(name_or_path: str) -> Path:
     if path.suffix == ".scenic":
         reason = "it is a directory" if path.is_dir() else "no such file"
         raise FormatError(f"{path}: cannot be read: {reason}")
-    raise UnknownNameError("scenario", name_or_path, scenario_names())
+    here = (path.name for path in Path().glob("*.scenic"))
+    raise UnknownNameError("scenario", name_or_path, (*scenario_names(), *here))
 
 
 @functools.cache

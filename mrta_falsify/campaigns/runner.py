@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
@@ -33,7 +34,7 @@ from mrta_falsify.specs.objectives import differing
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
 MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
-Ended = Literal["budget", "stop-after", "saturated", "errors"]
+Ended = Literal["budget", "clock", "stop-after", "saturated", "errors"]
 
 
 class Executor(Protocol):
@@ -245,6 +246,8 @@ class _Loop:
         self._retried: set[int] = set()
         self._new: set[int] = set()  # trials run by this call
         self._own = Progress(limits)  # counts over them
+        self._began = time.monotonic()
+        self._is_late = False  # a trial was not begun, since the time was over
         # The first and the last stored proposals are asked for again and compared.
         between = sorted(store.finished)[COMPARED:-COMPARED]
         skips = isinstance(self._sampler, SkippingSampler)
@@ -256,7 +259,7 @@ class _Loop:
             self._submit()
             progress = self.progress
             if progress.told == self._submitted:
-                return "budget"
+                return "clock" if self._is_late else "budget"
             record = self._store.finished.get(progress.told)
             if record is None:
                 for finished in self._executor.collect(COLLECT_TIMEOUT):
@@ -299,8 +302,11 @@ class _Loop:
             if progress.ran + flying >= self._limits.budget:
                 return
             number = self._submitted
-            self._submitted += 1
             stored = self._store.finished.get(number)
+            if stored is None and self._time_is_over():
+                self._is_late = True
+                return
+            self._submitted += 1
             if stored is None:
                 self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
                 continue
@@ -311,6 +317,10 @@ class _Loop:
                     "than these settings and this version ask for; it cannot be resumed"
                 )
             self._on_record(stored, False)
+
+    def _time_is_over(self) -> bool:
+        limit = self._limits.wall_clock
+        return limit > 0.0 and time.monotonic() - self._began >= limit
 
     def _take(self, finished: Finished) -> None:
         number = finished.number

@@ -18,6 +18,7 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 
 FORMAT_VERSION = 2
+MOST_TRIALS = 10_000_000  # of a campaign that the clock ends
 CONFIRMING_COPIES = 4  # of a failure on another engine, where the campaign asks for none
 MOST_COPIES = 100  # copies of one failing world
 AGAINST_COPIES = 4  # copies by which two stacks are compared unless told otherwise
@@ -129,8 +130,8 @@ class CampaignSettings:
         text="Wall clock of one trial, its copies included, after which it is killed.",
     )
     budget: int = later(0)
-    """Simulated candidates last asked for, which a resumed campaign keeps; 0: not recorded (a
-    campaign of an older version). Changes no trial."""
+    """Simulated candidates last asked for, which a resumed campaign keeps; 0: none were (the clock
+    ends it, or an older version wrote it). Changes no trial."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +151,8 @@ class Limits:
         text="Stop once the chance that another uniform trial shows a situation not seen yet is "
         "below this, by the upper end of its 95 % interval; 0 runs the whole budget.",
     )
+    wall_clock: float = quantity(low=0.0, unit="s", default=0.0)
+    """After which no trial is begun, those that run are finished; 0: as long as it takes."""
     rejected_in_a_row: int = quantity(low=1, default=200)  #: after which to give up
 
 

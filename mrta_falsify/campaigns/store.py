@@ -223,10 +223,23 @@ def format_version(directory: Path) -> int:
     return int(_stored_settings(directory)["version"])
 
 
+def _hint(directory: Path) -> str:
+    """Say what to try in place of a directory that is no campaign."""
+    if not directory.exists():
+        return "; it does not exist: `mrta-falsify campaign SCENARIO -o DIR` begins one"
+    if (directory / "verdicts.json").is_file():
+        return f"; it is that of one run, whose page is {directory / 'report.html'}"
+    inside = sorted(path.parent for path in directory.glob(f"*/{SETTINGS}"))
+    inside += sorted(path.parent for path in directory.glob(f"*/*/{SETTINGS}"))
+    return f"; did you mean {inside[0]}?" if inside else ""
+
+
 def _stored_settings(directory: Path) -> dict[str, Any]:
     path = directory / SETTINGS
     if not path.is_file():
-        raise StoreError(f"{directory}: is not a campaign directory (it has no {SETTINGS})")
+        raise StoreError(
+            f"{directory}: is not a campaign directory (it has no {SETTINGS}){_hint(directory)}"
+        )
     data = codec.read_json(path)
     version = data.get("version") if isinstance(data, dict) else None
     if version not in (1, FORMAT_VERSION):

@@ -65,10 +65,7 @@ MOST_LINES = 200  # stops printed as text; json prints all
     help="json and smrta print one object on stdout; smrta has SMrTa's agt, ts, td, t2a.",
 )
 def allocate_command(tasks: Path, travel_times: Path, style: str, **options: Any) -> int:
-    """Plan which robot serves which task of a task file, and prove it where none can.
-
-    Exit code 0: all deadlines are kept; 1: some are not, or it is proved that they cannot.
-    """
+    """Plan which robot serves which task of a task file, and prove it where none can."""
     from mrta_falsify.verbs.allocate import allocate, summarise_plan
 
     answer = allocate(tasks, travel_times, **options)

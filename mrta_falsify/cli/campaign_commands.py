@@ -12,9 +12,11 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import SCENARIO, component
 from mrta_falsify.cli.options import (
     FILE,
     RUN_OPTIONS,
+    Duration,
     against_option,
     campaign_options,
     confirm_option,
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @main.command("campaign")
-@click.argument("scenario", required=False)
+@click.argument("scenario", required=False, type=SCENARIO)
 @output_option("DIR", "A new directory.")
 @click.option(
     "--resume",
@@ -41,8 +43,19 @@ if TYPE_CHECKING:
     help="Go on with this campaign, with its own budget unless --budget is given.",
 )
 @campaign_options
+@click.option(
+    "--for",
+    "wall_clock",
+    type=Duration(),
+    default=0.0,
+    metavar="TIME",
+    help="End by the clock, as 8h or 30m: no trial is begun after it. In place of --budget, or "
+    "whichever comes first.",
+)
 @workers_option
-@click.option("--executor", metavar="NAME", help="Instead of local processes.")
+@click.option(
+    "--executor", type=component("executor"), metavar="NAME", help="Instead of local processes."
+)
 @stack_options
 @against_option
 @spec_option
@@ -75,6 +88,8 @@ def campaign_command(
     else:
         from mrta_falsify.verbs.campaign import campaign
 
+        if options["wall_clock"] and not _is_given(context, "budget"):
+            options["budget"] = None
         output.say(f"compiling {scenario}")
         with CampaignWatch(directory) as watch:
             result = campaign(
@@ -113,7 +128,7 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
     given = {}
     for option in context.command.params:
         name = str(option.name)
-        if context.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
+        if not _is_given(context, name):
             continue
         if name in RUN_OPTIONS:
             given[name] = context.params[name]
@@ -131,6 +146,10 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
             on_told=watch.on_told,
             on_note=output.say,
         )
+
+
+def _is_given(context: click.Context, name: str) -> bool:
+    return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
 
 
 def _dry_run(scenario: str, options: dict[str, Any], style: str) -> int:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrta_falsify.campaigns.settings import MOST_TRIALS
 from mrta_falsify.cli import output
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ class CampaignWatch:
         self._task: Any = None
         self._began = time.monotonic()
         self._ran_before: int | None = None
+        self._tenths = 0  # of the time that the campaign may take, when a line was last told
 
     def __enter__(self) -> CampaignWatch:
         return self
@@ -61,22 +63,32 @@ class CampaignWatch:
 
     def on_told(self, record: TrialRecord, counts: Progress) -> None:
         """Show how far the campaign is."""
-        budget = counts.limits.budget
+        limits = counts.limits
+        budget, spent = limits.budget, time.monotonic() - self._began
+        by_clock = budget == MOST_TRIALS
         if self._ran_before is None:
             self._ran_before = counts.ran - record.was_run
         if sys.stderr.isatty():
-            self._show_bar(counts, budget)
+            done, total = (spent, limits.wall_clock) if by_clock else (counts.ran, budget)
+            self._show_bar(counts, f"{counts.ran}" if by_clock else f"{counts.ran}/{budget}")
+            self._bar.update(self._task, completed=done, total=total)
+        elif by_clock and record.was_run:
+            tenths = int(LINES * spent / limits.wall_clock)
+            if tenths > self._tenths:
+                self._tenths = tenths
+                left = output.time_left(spent, limits.wall_clock, spent)
+                self._say(f"{counts.ran} trials, {_count_text(counts)}{left}")
         elif counts.ran % max(1, budget // LINES) == 0 and record.was_run:
             done, total = counts.ran - self._ran_before, budget - self._ran_before
-            left = output.time_left(done, total, time.monotonic() - self._began)
+            left = output.time_left(done, total, spent)
             self._say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
 
-    def _show_bar(self, counts: Progress, budget: int) -> None:
+    def _show_bar(self, counts: Progress, ran: str) -> None:
         if self._bar is None:
             self._bar = _new_bar()
-            self._task = self._bar.add_task("campaign", total=budget, counts="")
+            self._task = self._bar.add_task("campaign", total=None, ran="", counts="")
             self._bar.start()
-        self._bar.update(self._task, completed=counts.ran, counts=_count_text(counts))
+        self._bar.update(self._task, ran=ran, counts=_count_text(counts))
 
     def _say(self, text: str) -> None:
         if self._bar is not None:
@@ -102,7 +114,7 @@ def _new_bar() -> Any:
 
     console = Console(stderr=True, markup=False, highlight=False, emoji=False)
     return progress.Progress(
-        progress.TextColumn("{task.completed:.0f}/{task.total:.0f} trials"),
+        progress.TextColumn("{task.fields[ran]} trials"),
         progress.BarColumn(bar_width=20),
         progress.TextColumn("{task.fields[counts]}"),
         progress.TimeElapsedColumn(),
@@ -150,11 +162,14 @@ def print_campaign(result: CampaignResult) -> None:
     out = output.stdout()
     data = summarise_campaign(result)
     out.print(
-        f"{data.ran} trials ({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
+        f"{data.ran} {'trial' if data.ran == 1 else 'trials'} "
+        f"({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
         f"{data.deadlocks} with a deadlock, {_other_failures(data)}; "
         f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
     )
+    if data.uncounted:
+        out.print(f"{data.uncounted} more were under way when it ended; they are stored, too")
     if data.ended == "errors":
         place = shlex.quote(data.directory)
         out.print(

@@ -11,8 +11,10 @@ from mrta_falsify.campaigns.settings import Limits, TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import SCENARIO
 from mrta_falsify.cli.options import (
     Listing,
+    WholeRange,
     format_option,
     output_option,
     param_option,
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @main.command("compare")
-@click.argument("scenario")
+@click.argument("scenario", type=SCENARIO)
 @click.option(
     "--samplers",
     type=Listing(str, "names of samplers, as random,auto"),
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     metavar="A,B,...",
     help="The first one is what the others are compared with.",
 )
-@click.option("--repeats", type=click.IntRange(min=1), default=10, show_default=True, metavar="N")
+@click.option("--repeats", type=WholeRange(min=1), default=10, show_default=True, metavar="N")
 @setting_option(Limits, "budget", text="Simulations per search.")
 @seed_option("Of the first repeat; each repeat has the next one.")
 @click.option(

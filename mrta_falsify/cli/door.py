@@ -45,6 +45,16 @@ class ExitCode(enum.IntEnum):
     INTERRUPTED = stopping.EXIT_CODE  #: Ctrl-C or SIGTERM
 
 
+#: what they mean in one phrase each; a command may say more about 1 and 3
+MEANINGS: dict[ExitCode, str] = {
+    ExitCode.DONE: "nothing violated, or the command did its work",
+    ExitCode.VIOLATED: "violations found",
+    ExitCode.BAD_INPUT: "bad input or usage",
+    ExitCode.HARNESS: "the toolkit itself failed",
+    ExitCode.INTERRUPTED: "interrupted",
+}
+
+
 class Door(click.Group):
     """A command group whose failures end in one sentence and the right exit code."""
 

@@ -55,8 +55,9 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
-    from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
+    from mrta_falsify.verbs.stored_trials import open_campaign, show_trial, what_happened
 
+    output.say_cost(max_runs + rewinds, show_trial(directory, id).wall_s)
     with output.progress(f"explain {id}", max_runs + rewinds, "runs") as on_progress:
         found = explain_trial(
             directory,
@@ -108,7 +109,7 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
 
     A program of 150 lines without our stack checks it:
     python -m mrta_falsify.verbs.certify.checker FOLDER. All trials with a confirmed deadlock
-    unless an ID is given. Exit code 0 if each has a certificate, 1 otherwise.
+    unless an ID is given.
     """
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.certify.stored import certify_trials
@@ -159,6 +160,7 @@ def minimize_command(
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
+    output.say_cost(max_runs, record.wall_s)
     with output.progress(f"minimize {record.id}", max_runs, "runs") as on_progress:
         found = minimize_trial(
             directory,
@@ -263,12 +265,11 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
 
     Each failure is fixed, still failing, flaky (only copies with small differences fail) or a
-    timeout. Exit code 0 if all are fixed, 1 otherwise. Without --stack and --set the campaign's
-    own stack is run. The recorded engine is kept unless --stack or --set names one.
+    timeout. Without --stack and --set the campaign's own stack is run. The recorded engine is
+    kept unless --stack or --set names one.
 
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
-    kinematic engine unless told otherwise. Exit code 0 if the stack does in each what a good one
-    does. A directory of that name is ./zoo.
+    kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import click
 
-from mrta_falsify.cli.door import Door
+from mrta_falsify.cli.door import MEANINGS, Door, ExitCode
+from mrta_falsify.core.errors import UnknownNameError
 
 
 class Listed(NamedTuple):
@@ -15,19 +16,47 @@ class Listed(NamedTuple):
 
     module: str  #: of ``mrta_falsify.cli``, adds the command when it is imported
     summary: str  #: in one line of 80 columns
+    violated: str = ""  #: what exit code 1 means, empty: the command never ends with it
+    failed: str = ""  #: what exit code 3 means beside a failure of the toolkit
 
 
 COMMANDS = {
-    "allocate": Listed("allocate_command", "Plan which robot serves which task of a task file."),
+    "allocate": Listed(
+        "allocate_command",
+        "Plan which robot serves which task of a task file.",
+        violated="a deadline is not kept, or cannot be",
+    ),
     "bench": Listed("machine_commands", "Measure the speed of every layer on this machine."),
-    "campaign": Listed("campaign_commands", "Search a Scenic program for failures of the stack."),
-    "certify": Listed("failure_commands", "Prove deadlocks from World and trace."),
+    "campaign": Listed(
+        "campaign_commands",
+        "Search a Scenic program for failures of the stack.",
+        violated="a violation was found",
+        failed="every trial ended in an error",
+    ),
+    "certify": Listed(
+        "failure_commands",
+        "Prove deadlocks from World and trace.",
+        violated="a deadlock without a certificate",
+    ),
     "check": Listed("program_commands", "Compile, sample and lint Scenic programs."),
     "compare": Listed("compare_command", "Compare samplers on one scenario."),
-    "corpus": Listed("failure_commands", "Run stored failures, or the zoo, on a stack."),
+    "completion": Listed("completion_command", "Print what lets a shell complete commands."),
+    "corpus": Listed(
+        "failure_commands",
+        "Run stored failures, or the zoo, on a stack.",
+        violated="not all failures are fixed, or a scene of the zoo not as known",
+    ),
     "demo": Listed("demo_command", "Show the main job in miniature on the AWS hospital."),
-    "doctor": Listed("machine_commands", "Check this machine: libraries, cache, determinism."),
-    "door-test": Listed("machine_commands", "Test a stack in a process of its own."),
+    "doctor": Listed(
+        "machine_commands",
+        "Check this machine: libraries, cache, determinism.",
+        failed="something needed is broken",
+    ),
+    "door-test": Listed(
+        "machine_commands",
+        "Test a stack in a process of its own.",
+        violated="a check failed",
+    ),
     "explain": Listed("failure_commands", "Ask which layer a failure belongs to."),
     "export": Listed("export_command", "Write a world, or a trial, for another system."),
     "family": Listed("failure_commands", "Find the rule behind a failure."),
@@ -36,17 +65,49 @@ COMMANDS = {
     "list": Listed("trial_commands", "List the trials of a campaign."),
     "minimize": Listed("failure_commands", "Find the smallest world that fails in the same way."),
     "plugins": Listed("machine_commands", "List the components of every extension point."),
-    "replay": Listed("trial_commands", "Run a stored trial again and compare digests."),
+    "replay": Listed(
+        "trial_commands",
+        "Run a stored trial again and compare digests.",
+        violated="digests differ",
+    ),
     "report": Listed("report_command", "Write the failure report of a campaign."),
-    "run": Listed("run_commands", "Run the full stack in one world and judge it."),
+    "run": Listed(
+        "run_commands",
+        "Run the full stack in one world and judge it.",
+        violated="a violation was found",
+    ),
     "sample": Listed("program_commands", "Write worlds sampled from a Scenic program."),
     "show": Listed("trial_commands", "Show one trial: verdicts, evidence, digests."),
     "travel-times": Listed("run_commands", "Measure how long a robot takes from room to room."),
 }
 
 
+def exit_codes(name: str) -> dict[int, str]:
+    """Say what the exit codes of a command mean."""
+    listed = COMMANDS[name]
+    broken = MEANINGS[ExitCode.HARNESS] + (f", or {listed.failed}" if listed.failed else "")
+    own = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: broken}
+    return {int(code): text for code, text in (MEANINGS | own).items() if text}
+
+
+class CommandWithCodes(click.Command):
+    """A command whose help ends with its own exit codes."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the epilog, then what exit codes 1 and 3 mean here."""
+        super().format_epilog(ctx, formatter)
+        listed = COMMANDS[str(self.name)]
+        told = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: listed.failed}
+        lines = [f"Exit code {code}: {text}." for code, text in told.items() if text]
+        if lines:
+            formatter.write_paragraph()
+            formatter.write_text(" ".join(lines))
+
+
 class LazyDoor(Door):
     """A door whose commands are imported when they are called, so that ``--help`` is quick."""
+
+    command_class = CommandWithCodes
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands, sorted."""
@@ -58,17 +119,50 @@ class LazyDoor(Door):
             importlib.import_module(f"mrta_falsify.cli.{COMMANDS[cmd_name].module}")
         return super().get_command(ctx, cmd_name)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is called.
+
+        Raises:
+            click.UsageError: there is none of that name.
+        """
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            raise click.UsageError(str(UnknownNameError("command", args[0], COMMANDS)), ctx)
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, COMMANDS[name].summary) for name in sorted(COMMANDS)])
 
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what the exit codes mean."""
+        formatter.write_paragraph()
+        told = ", ".join(f"{code} {text}" for code, text in MEANINGS.items())
+        formatter.write_text(f"Exit codes: {told}.")
+
+
+def _print_reference(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from mrta_falsify.cli import output, reference
+
+        output.print_json(reference.describe(main))
+        context.exit()
+
 
 @click.group("mrta-falsify", cls=LazyDoor, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--help-json",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_reference,
+    help="Print all commands, options and exit codes as one JSON object.",
+)
 @click.version_option(package_name="mrta-falsify", message="mrta-falsify %(version)s")
 def main() -> None:
     """Find, explain and reproduce deadlocks in multi-robot task-allocation stacks.
 
-    Exit codes: 0 nothing violated, 1 violations found, 2 bad input, 3 the toolkit itself
-    failed, 130 interrupted.
+    The first time: `mrta-falsify demo`, or `mrta-falsify init` for files of your own.
     """

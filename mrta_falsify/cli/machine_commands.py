@@ -10,6 +10,7 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import component
 from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
 
 MOST_ROBOTS = 1000  # in a fleet
@@ -48,6 +49,7 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
 @click.option(
     "--engine",
     "engines",
+    type=component("engine"),
     multiple=True,
     metavar="NAME",
     help="Run the fleets on this engine as well. Repeatable.",
@@ -141,8 +143,7 @@ def doctor_command(style: str) -> int:
 def door_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
     """Test a stack in a process of its own: protocol, determinism, copies, speed.
 
-    CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`. Exit code 1: a
-    check failed.
+    CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`.
     """
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.door_test.testing import door_test, steps

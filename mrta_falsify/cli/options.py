@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 import typing
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ import click
 
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.cli import output
+from mrta_falsify.cli.names import component
 from mrta_falsify.core.codec import Rule
 from mrta_falsify.core.config import Choice
 
@@ -26,6 +28,27 @@ STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
 RUN_OPTIONS = frozenset({"workers", "executor"} | {f.name for f in dataclasses.fields(Limits)})
+
+
+class WholeRange(click.IntRange):
+    """A whole number from a range, refused in words."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number, or fail with a usage error."""
+        try:
+            number = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a whole number; it must be {self._rule()}.", param, ctx)
+        if (self.min is not None and number < self.min) or (
+            self.max is not None and number > self.max
+        ):
+            self.fail(f"{number} is not allowed; it must be {self._rule()}.", param, ctx)
+        return number
+
+    def _rule(self) -> str:
+        if self.max is None:
+            return f"at least {self.min}"
+        return f"from {self.min} to {self.max}"
 
 
 class FiniteRange(click.FloatRange):
@@ -72,6 +95,25 @@ class Listing(click.ParamType[tuple[Any, ...]]):
         return found
 
 
+class Duration(click.ParamType[float]):
+    """A time as ``8h``, ``1h30m`` or ``90s``, in seconds."""
+
+    name = "duration"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the seconds, or fail with a usage error."""
+        if isinstance(value, float | int):
+            return float(value)
+        parts = re.fullmatch(r"(?:(\d+)h)?(?:(\d+)m(?:in)?)?(?:(\d+)s)?", value.strip())
+        hours, minutes, seconds = (int(part or 0) for part in parts.groups()) if parts else (0,) * 3
+        total = 3600 * hours + 60 * minutes + seconds
+        if not total:
+            self.fail(f"{value!r} is no time; give one as 8h, 1h30m or 90s.", param, ctx)
+        return float(total)
+
+
 # --- from settings -------------------------------------------------------------------------
 
 
@@ -96,7 +138,8 @@ def setting_option(
         text: instead of the field's.
     """
     field = next(f for f in dataclasses.fields(settings) if f.name == name)
-    kind, metavar = _parameter_type(typing.get_type_hints(settings)[name], field.metadata["rule"])
+    hint = typing.get_type_hints(settings)[name]
+    kind, metavar = _parameter_type(name, hint, field.metadata["rule"])
     chosen = field.default if default is None else default
     return click.option(
         f"--{name.replace('_', '-')}",
@@ -109,19 +152,19 @@ def setting_option(
     )
 
 
-def _parameter_type(hint: Any, rule: Rule) -> tuple[Any, str | None]:
+def _parameter_type(name: str, hint: Any, rule: Rule) -> tuple[Any, str | None]:
     """Choose click's type for a field, and the word for its value in the help."""
     if hint is bool:
         return bool, None
     if typing.get_origin(hint) is Literal:
         return click.Choice(typing.get_args(hint)), None
     if hint is int:
-        return click.IntRange(_whole(rule.low), _whole(rule.high)), "N"
+        return WholeRange(_whole(rule.low), _whole(rule.high)), "N"
     if hint is float:
         low = rule.low if rule.above is None else rule.above
         word = {"s": "SECONDS", "GiB": "GIB"}.get(rule.unit, "X")
         return FiniteRange(low, rule.high, min_open=rule.above is not None), word
-    return str, "NAME"
+    return component(name) if hint is Choice else str, "NAME"
 
 
 def _whole(bound: float | None) -> int | None:
@@ -206,6 +249,7 @@ def spec_option(command: Command) -> Command:
     return click.option(
         "--spec",
         "specs",
+        type=component("specification"),
         multiple=True,
         metavar="NAME",
         help="Judge this specification; stl:FORMULA for your own. Repeatable; default: all.",
@@ -217,6 +261,7 @@ def then_option(command: Command) -> Command:
     return click.option(
         "--then",
         "then",
+        type=component("specification"),
         multiple=True,
         metavar="NAME",
         help="Look for violations of this specification last. Repeatable; default: deadlines and "
@@ -258,7 +303,7 @@ def workers_option(command: Command) -> Command:
     """Add ``--workers W``, processes at a time."""
     return click.option(
         "--workers",
-        type=click.IntRange(1, MOST_WORKERS),
+        type=WholeRange(1, MOST_WORKERS),
         metavar="W",
         help="Processes; default: one per core. Changes no result.",
     )(command)
@@ -270,7 +315,7 @@ def count_option(
     """Make ``flag N``, a whole number from ``low`` to ``high``."""
     return click.option(
         flag,
-        type=click.IntRange(low, high),
+        type=WholeRange(low, high),
         default=default,
         show_default=True,
         metavar="N",

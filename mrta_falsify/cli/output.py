@@ -153,9 +153,25 @@ def time_left(done: float, total: float, spent: float) -> str:
     """Say how long work will still take, from the time spent on what is done; empty if unknown."""
     if not LEAST_DONE * total <= done < total or done <= 0.0:
         return ""
-    seconds = spent * (total - done) / done
-    text = f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
-    return f", about {text} left"
+    return f", about {time_text(spent * (total - done) / done)} left"
+
+
+def time_text(seconds: float) -> str:
+    """Say a time in the unit that suits it."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def say_cost(runs: int, each: float) -> None:
+    """Say what work may take before it begins; nothing of work that ends soon.
+
+    Args:
+        runs: at most.
+        each: wall clock of the run that is repeated [s].
+    """
+    if runs * each > FIRST_LINE:
+        say(f"at most {runs} runs of about {each:.1f} s each: {time_text(runs * each)} on one core")
 
 
 def print_files(directory: Path) -> None:

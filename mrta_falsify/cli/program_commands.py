@@ -12,6 +12,7 @@ from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import SCENARIO
 from mrta_falsify.cli.options import (
     Command,
     count_option,
@@ -44,7 +45,7 @@ def _count_option(default: int, text: str) -> Callable[[Command], Command]:
 
 
 @main.command("check", epilog=SCENARIO_HELP)
-@click.argument("scenarios", nargs=-1, metavar="SCENARIO...")
+@click.argument("scenarios", nargs=-1, metavar="SCENARIO...", type=SCENARIO)
 @click.option("--all", "everything", is_flag=True, help="All shipped programs.")
 @_count_option(20, "Scenes.")
 @_seed_option
@@ -220,7 +221,7 @@ def _values(dimension: Dimension) -> str:
 
 
 @main.command("sample", epilog=SCENARIO_HELP)
-@click.argument("scenario")
+@click.argument("scenario", type=SCENARIO)
 @_count_option(10, "Worlds.")
 @_seed_option
 @param_option

@@ -11,8 +11,10 @@ from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import WORLD
 from mrta_falsify.cli.options import (
     FILE,
+    WholeRange,
     format_option,
     output_option,
     seed_option,
@@ -32,10 +34,10 @@ WORLD_HELP = (
 
 
 @main.command("run", epilog=WORLD_HELP)
-@click.argument("world")
+@click.argument("world", type=WORLD)
 @click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=WholeRange(min=0),
     metavar="N",
     help="Vary a fixed world (starts within 0.2 m, people's phase and pace, sensor noise), or "
     "sample a program. Without it a fixed world runs exactly as written.",
@@ -131,10 +133,8 @@ def print_run(summary: RunSummary) -> None:
 
 
 @main.command("travel-times", epilog=WORLD_HELP)
-@click.argument("world")
-@click.option(
-    "--iterations", type=click.IntRange(1, 1000), default=3, show_default=True, metavar="N"
-)
+@click.argument("world", type=WORLD)
+@click.option("--iterations", type=WholeRange(1, 1000), default=3, show_default=True, metavar="N")
 @click.option(
     "--statistic",
     type=click.Choice(("max", "mean", "p95")),

@@ -160,7 +160,7 @@ def _verdict_line(verdict: Verdict) -> str:
 def replay_command(
     directory: Path, id: str, verify: int, live: bool, against: bool, style: str
 ) -> int:
-    """Run a stored trial again and compare digests. Exit code 1: they differ.
+    """Run a stored trial again and compare digests.
 
     Where they do, says whether the verdicts still agree, and names the first tick that differs
     from the stored trace. For a trial that another version recorded, verdicts count instead of

@@ -109,7 +109,9 @@ def build(
         UnknownNameError: unknown name.
         InputError: unknown or ill-typed option.
     """
-    component = load(point, choice.name, where=f"{where}.{point}")
+    # An option names the component by itself; elsewhere the layer says which one is meant.
+    place = where if where.startswith("--") else f"{where}.{point}"
+    component = load(point, choice.name, where=place)
     options = codec.decode(component.Options, choice.options, where=f"{where}.{point}")
     if defects and any(f.name == "defects" for f in dataclasses.fields(component.Options)):
         options = dataclasses.replace(options, defects=defects)

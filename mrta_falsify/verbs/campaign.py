@@ -13,6 +13,7 @@ from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
     DEFAULTS,
+    MOST_TRIALS,
     CampaignSettings,
     Limits,
     Mode,
@@ -26,6 +27,7 @@ from mrta_falsify.campaigns.store import (
 )
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.interruption import heard
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_settings import new_settings
@@ -56,7 +58,8 @@ def campaign(
     scenario: Place,
     output: Place,
     *,
-    budget: int = DEFAULT_LIMITS.budget,
+    budget: int | None = DEFAULT_LIMITS.budget,
+    wall_clock: float = DEFAULT_LIMITS.wall_clock,
     stop_after: int = DEFAULT_LIMITS.stop_after,
     until_saturated: float = DEFAULT_LIMITS.until_saturated,
     sampler: Choice | str = DEFAULTS.sampler.name,
@@ -87,7 +90,8 @@ def campaign(
     Args:
         scenario: shipped name or path of a Scenic program.
         output: directory of the campaign, empty or missing.
-        budget: simulated candidates.
+        budget: simulated candidates; None: as many as ``wall_clock`` allows.
+        wall_clock: time [s] after which no trial is begun; 0: as long as it takes.
         stop_after: failures to stop at; 0 runs the whole budget.
         until_saturated: chance of a situation not seen yet to stop at; 0 runs the whole budget.
         sampler: registered name, or a choice with options.
@@ -118,7 +122,12 @@ def campaign(
     Raises:
         InputError: anything of it is wrong; a directory that holds something.
     """
-    limits = Limits(budget=budget, stop_after=stop_after, until_saturated=until_saturated)
+    limits = Limits(
+        budget=_or_clock(budget, wall_clock),
+        wall_clock=wall_clock,
+        stop_after=stop_after,
+        until_saturated=until_saturated,
+    )
     chosen = new_settings(
         scenario,
         output=output,
@@ -147,7 +156,7 @@ def campaign(
         )
     place = chosen_executor(executor, workers)
     _note_idle_workers(chosen, executor, workers, on_note)
-    with Store.create(Path(output), dataclasses.replace(chosen, budget=budget)) as store:
+    with Store.create(Path(output), dataclasses.replace(chosen, budget=budget or 0)) as store:
         return run_store(store, limits, place, on_record=on_record, on_told=on_told)
 
 
@@ -155,6 +164,7 @@ def resume_campaign(
     directory: Place,
     *,
     budget: int | None = None,
+    wall_clock: float = DEFAULT_LIMITS.wall_clock,
     stop_after: int = DEFAULT_LIMITS.stop_after,
     until_saturated: float = DEFAULT_LIMITS.until_saturated,
     workers: int | None = None,
@@ -168,6 +178,7 @@ def resume_campaign(
     Args:
         directory: of the campaign.
         budget: simulated candidates, those already stored included; the campaign's own if None.
+        wall_clock: time [s] of this call after which no trial is begun; 0: as long as it takes.
         stop_after: failures to stop at; 0 runs the whole budget.
         until_saturated: chance of a situation not seen yet to stop at; 0 runs the whole budget.
         workers: processes; one per core if None.
@@ -181,13 +192,25 @@ def resume_campaign(
     """
     place = chosen_executor(executor, workers)
     with Store.resume(Path(directory)) as store:
+        if budget is None and not (wall_clock and not store.settings.budget):
+            budget = _own_budget(store, on_note)
         limits = Limits(
-            budget=budget or _own_budget(store, on_note),
+            budget=_or_clock(budget, wall_clock),
+            wall_clock=wall_clock,
             stop_after=stop_after,
             until_saturated=until_saturated,
         )
-        store.keep_budget(limits.budget)
+        store.keep_budget(budget or 0)
         return run_store(store, limits, place, on_record=on_record, on_told=on_told)
+
+
+def _or_clock(budget: int | None, wall_clock: float) -> int:
+    """Give the budget, or as good as none where the clock ends the campaign."""
+    if budget is not None:
+        return budget
+    if not wall_clock:
+        raise ConfigError("a campaign needs a budget, or a time after which it ends")
+    return MOST_TRIALS
 
 
 def _note_idle_workers(
@@ -210,8 +233,8 @@ def _own_budget(store: Store, on_note: OnNote) -> int:
     ran = sum(record.was_run for record in store.finished.values())
     kept = f"the {ran} trials it has run are kept" if ran else "the default is taken"
     on_note(
-        f"{store.directory}: recorded no budget (an older version wrote it); {kept} as budget "
-        f"{ran or DEFAULT_LIMITS.budget}; give --budget for another one"
+        f"{store.directory}: recorded no budget (the clock ended it, or an older version wrote "
+        f"it); {kept} as budget {ran or DEFAULT_LIMITS.budget}; give --budget for another one"
     )
     return ran or DEFAULT_LIMITS.budget
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -104,6 +105,7 @@ class CampaignSummary:
     directory: str
     repeated: RepeatCounts | None = later(None)  #: of a stack in a process of its own
     deadlocks: int = later(0)  #: of the failures
+    uncounted: int = later(0)  #: trials that were under way when the search ended; stored, too
     afterthoughts: int = later(0)  #: of the failures, those only in what is looked for last
     then: tuple[str, ...] = later(())  #: what is looked for last
     unseen: Unseen | None = later(None)  #: None without uniform trials
@@ -115,6 +117,9 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
     """Sum a campaign up."""
     campaign, progress = result.campaign, result.progress
     against = stack_comparison(campaign)
+    counted = campaign.records
+    if result.ended != "interrupted":  # what the search knew when it ended, as is all of progress
+        counted = tuple(r for r in campaign.records if r.candidate.number < progress.told)
     if result.ended == "interrupted":
         probability: Probability | NoProbability = NoProbability(why_not=INTERRUPTED)
     else:
@@ -141,7 +146,8 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         directory=str(campaign.directory),
         repeated=repeat_counts(campaign),
         confirmed=engine_agreement(campaign),
-        deadlocks=deadlock_count(campaign),
+        deadlocks=deadlock_count(counted),
+        uncounted=len(campaign.records) - len(counted),
         afterthoughts=progress.afterthoughts,
         then=campaign.settings.trials.then,
         unseen=unseen_in(campaign),
@@ -176,11 +182,11 @@ def comparison_sentence(counts: StackComparison) -> str:
     )
 
 
-def deadlock_count(campaign: Campaign) -> int:
+def deadlock_count(records: Sequence[TrialRecord]) -> int:
     """Count the trials with a deadlock."""
     return sum(
         any(verdict.violated and verdict.spec == DEADLOCK for verdict in record.verdicts)
-        for record in campaign.records
+        for record in records
     )
 
 

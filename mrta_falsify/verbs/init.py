@@ -49,7 +49,10 @@ def init(directory: Place = ".", stack: Language | None = None) -> tuple[Path, .
     paths = tuple(folder / name for name in STARTERS[stack])
     for path in paths:
         if path.exists():
-            raise FormatError(f"{path}: is there already; nothing was written")
+            raise FormatError(
+                f"{path}: is there already; nothing was written (another place: "
+                "mrta-falsify init DIRECTORY)"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path in paths:

@@ -7,9 +7,9 @@ import json
 import math
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -156,6 +156,7 @@ class VerdictSummary:
     who: tuple[str, ...]
     outcome: VerdictOutcome
     not_judged: str  #: what was missing to judge it, empty: it was judged
+    evidence: dict[str, Any] = field(default_factory=dict)  #: of a violation: shows the work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,6 +230,7 @@ def _summarise_verdict(verdict: Verdict) -> VerdictSummary:
         who=verdict.who,
         outcome=verdict.outcome,
         not_judged=verdict.not_judged,
+        evidence=verdict.evidence if verdict.violated else {},
     )
 
 

@@ -81,7 +81,8 @@ def find_world_and_scene(
     elif name.endswith(".json") or Path(name).exists():
         world, fixed = read_world(Path(name)), True
     else:
-        raise UnknownNameError("world", name, (*layouts.world_names(), *scenario_names()))
+        here = (path.name for ending in ("json", "scenic") for path in Path().glob(f"*.{ending}"))
+        raise UnknownNameError("world", name, (*layouts.world_names(), *scenario_names(), *here))
     world = _with_inputs(world, tasks, robots, humans)
     with located(name):
         starts.check_starts(world)

@@ -200,7 +200,10 @@ def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
     [
         (("campaign",), "give a SCENARIO"),
         (("campaign", "hospital_day"), "-o DIR is missing"),
-        (("campaign", "hospital_day", "-o", "x", "--budget", "0"), "0 is not in the range x>=1"),
+        (
+            ("campaign", "hospital_day", "-o", "x", "--budget", "0"),
+            "0 is not allowed; it must be at least 1",
+        ),
         (("campaign", "--resume", "nowhere"), "is not a campaign directory"),
         (("campaign", "--resume", "x", "--seed", "3"), "--seed cannot be changed by --resume"),
         (

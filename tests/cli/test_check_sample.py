@@ -263,7 +263,7 @@ def test_every_bad_scenario_has_a_case():
         (["check", "--all", "hospital_day"], "give a SCENARIO or several, or --all"),
         (["check", "absent.scenic"], "absent.scenic: cannot be read: no such file"),
         (["check", "hospital_dya"], "unknown scenario 'hospital_dya'; did you mean 'hospital_day'"),
-        (["check", "hospital_day", "--count", "0"], "0 is not in the range"),
+        (["check", "hospital_day", "--count", "0"], "0 is not allowed; it must be from 1 to"),
         (["check", "hospital_day", "--mode", "quick"], "'quick' is not one of"),
         (["check", "hospital_day", "-p", "speed"], "-p speed: it must read NAME=VALUE"),
         (["sample", "hospital_day"], "Missing option '-o'"),

@@ -40,7 +40,8 @@ def test_help_lists_every_command_with_what_it_does(cli):
     listing = result.stdout.partition("Commands:")[2]
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
-        "allocate", "bench", "campaign", "certify", "check", "compare", "corpus", "demo", "doctor",
+        "allocate", "bench", "campaign", "certify", "check", "compare", "completion",
+        "corpus", "demo", "doctor",
         "door-test",
         "explain", "export", "family", "import", "init", "list", "minimize", "plugins",
         "replay", "report",
@@ -75,6 +76,7 @@ def test_run_prints_one_json_object_with_what_the_contract_names(cli, ward_file)
     for verdict in data["verdicts"]:
         assert set(verdict) == {
             "spec", "robustness", "violated", "violated_at_s", "who", "outcome", "not_judged",
+            "evidence",
         }  # fmt: skip
         assert verdict["outcome"] == ("violated" if verdict["violated"] else "holds")
     violated = any(verdict["violated"] for verdict in data["verdicts"])

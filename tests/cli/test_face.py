@@ -26,6 +26,9 @@ ONLY_OPTIONS = {
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}
+#: about the command line itself: Python has no use for them
+OF_THE_SHELL = {"completion"}
+NAMES = sorted(set(COMMANDS) - OF_THE_SHELL)
 ANY = inspect.Parameter("any", inspect.Parameter.KEYWORD_ONLY)
 
 
@@ -47,11 +50,11 @@ def parameters(name: str) -> dict[str, inspect.Parameter]:
 
 
 def test_every_command_is_a_function_and_every_function_a_command():
-    assert {python_name(name) for name in COMMANDS} == set(mf.VERBS)
+    assert {python_name(name) for name in NAMES} == set(mf.VERBS)
     assert main.list_commands(click.Context(main)) == sorted(COMMANDS)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_command_and_its_function_have_the_same_options(name):
     options = {param.name for param in command(name).params} - {"style"}
     known = set(parameters(name))
@@ -59,7 +62,7 @@ def test_a_command_and_its_function_have_the_same_options(name):
     assert known - options == ONLY_PARAMETERS.get(name, set())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_command_and_its_function_have_the_same_defaults(name):
     context = command(name).make_context(name, [], resilient_parsing=True)
     known = parameters(name)
@@ -87,7 +90,15 @@ def test_the_options_of_a_campaign_come_from_its_settings():
             if "text" in field.metadata:
                 assert params.pop(field.name).help == field.metadata["text"]
     rest = {"scenario", "output", "resume", "workers", "executor", "stack", "settings", "specs"}
-    assert set(params) == rest | {"against", "then", "confirm", "params", "dry_run", "style"}
+    assert set(params) == rest | {
+        "against",
+        "then",
+        "confirm",
+        "params",
+        "dry_run",
+        "style",
+        "wall_clock",
+    }
 
 
 def test_the_formats_of_export_are_those_of_the_function():

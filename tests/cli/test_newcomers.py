@@ -66,7 +66,7 @@ def test_the_budget_that_was_asked_for_last_is_kept(cli, tmp_path):
 def test_a_campaign_that_recorded_no_budget_keeps_what_it_ran_and_says_so(cli, tmp_path):
     ran, said = resumed(cli, begun(tmp_path / "c", ran=3))
     assert ran == 3
-    assert "recorded no budget (an older version wrote it); the 3 trials it has run" in said
+    assert "recorded no budget (the clock ended it, or an older version wrote it); the 3" in said
     assert "--budget" in said
 
 
@@ -238,3 +238,46 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
     assert first.startswith("4/40 trials, 0 failed")
     assert first.endswith("about 3 min left")
     assert second.endswith("about 3 min left")
+
+
+@pytest.mark.parametrize(("told", "deadlocks"), [(3, 0), (4, 1), (8, 1)])
+def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys, told, deadlocks):
+    from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.verbs.campaign import CampaignResult
+
+    campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
+    for record in campaign.records[:told]:
+        counts.take(record)
+    result = CampaignResult(campaign=campaign, progress=counts, ended="stop-after", wall_s=1.0)
+    summary = mf.summarise_campaign(result)
+    assert (summary.deadlocks, summary.uncounted) == (deadlocks, 8 - told)
+    assert summary.failed >= summary.deadlocks + summary.afterthoughts
+    campaign_output.print_campaign(result)
+    said = f"{8 - told} more were under way when it ended; they are stored, too"
+    assert (said in capsys.readouterr().out) == (told < 8)
+
+
+# --- what to try next -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("camapign", "hot_room"), "unknown command 'camapign'; did you mean 'campaign'?"),
+        (("list", "nowhere"), "does not exist: `mrta-falsify campaign SCENARIO -o DIR` begins one"),
+        (("list", "."), "did you mean runs/beds?"),
+        (("report", "out"), "it is that of one run, whose page is out/report.html"),
+        (("check", "my_ward"), "did you mean 'my_ward.scenic'?"),
+        (("run", "my_ward"), "did you mean 'my_ward.scenic'?"),
+        (("run", "my_ward.scenic", "--spec", "no_deadlok"), "--spec: unknown specification"),
+    ],
+)
+def test_an_error_says_what_to_try_next(cli, tmp_path, words, hint):
+    (tmp_path / "runs").mkdir()
+    shutil.copytree(RECORDED / "beds", tmp_path / "runs" / "beds")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "verdicts.json").write_text("[]")
+    (tmp_path / "my_ward.scenic").write_text(FIXED)
+    result = cli(*words)
+    assert result.exit_code == 2
+    assert hint in result.stderr

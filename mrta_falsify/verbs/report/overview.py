@@ -40,8 +40,8 @@ def facts_of(
     facts = [
         ("scenario", settings.trials.scenario),
         ("trials", str(len(judged))),
-        ("deadlocks", str(deadlock_count(campaign))),
-        ("other failures", str(len(failed) - deadlock_count(campaign) - last)),
+        ("deadlocks", str(deadlock_count(campaign.records))),
+        ("other failures", str(len(failed) - deadlock_count(campaign.records) - last)),
         *([(f"only {' or '.join(settings.trials.then)}", str(last))] if last else []),
         ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
         ("scenes rejected", str(statuses["rejected"])),

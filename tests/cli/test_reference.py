@@ -1,0 +1,124 @@
+"""One source for commands, options and exit codes: help, JSON, the page and completion agree."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mrta_falsify.cli import main, reference
+from mrta_falsify.cli.door import MEANINGS
+from mrta_falsify.cli.group import COMMANDS
+from scenic_worlds.shipped import scenario_names
+
+PAGE = (Path(__file__).parents[2] / "docs" / "commands.md").read_text()
+COMMAND_LINE = reference.describe(main)
+BY_NAME = {command.name: command for command in COMMAND_LINE.commands}
+
+
+def synopses(name: str) -> list[str]:
+    """Calls of a command in the page's blocks, those that go on below as one line each."""
+    blocks = re.findall(r"```\n(.*?)```", PAGE, re.DOTALL)
+    lines = re.sub(r"\n +", " ", "\n".join(blocks)).splitlines()
+    return [line for line in lines if re.match(rf"mrta-falsify {name}( |$)", line)]
+
+
+def options_of(text: str) -> dict[str, bool]:
+    """Options that a synopsis names, and whether each is required: stands in no brackets."""
+    needed = re.sub(r"\[[^][]*(\[[^][]*\][^][]*)*\]", "", text)
+    named = re.findall(r"(?<![\w-])--?[a-z][a-z0-9-]*", text)
+    return {flag: bool(re.search(rf"(?<![\w-]){flag}(?![\w-])", needed)) for flag in named}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_page_of_commands_names_every_option_and_no_other(name):
+    known = {flag: option for option in BY_NAME[name].options for flag in option.flags}
+    texts = synopses(name)
+    assert texts, f"docs/commands.md has no block with `mrta-falsify {name}`"
+    named = {flag: need for text in texts for flag, need in options_of(text).items()}
+    assert set(named) <= set(known), "options that the command does not have"
+    told = {known[flag].name for flag in named}
+    missing = [option.flags for option in BY_NAME[name].options if option.name not in told]
+    assert missing == [], "options that the page does not name"
+    if len(texts) == 1:
+        assert {flag for flag, need in named.items() if need} == {
+            flag for flag in named if known[flag].required
+        }
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_choices_that_the_page_names_are_those_of_the_option(name):
+    known = {flag: option for option in BY_NAME[name].options for flag in option.flags}
+    for text in synopses(name):
+        for flag, values in re.findall(r"(--[a-z-]+) ([a-z][a-z0-9]*(?:\|[a-z][a-z0-9]*)+)", text):
+            assert tuple(values.split("|")) == known[flag].choices, flag
+
+
+def test_the_page_and_the_commands_say_the_same_of_exit_codes():
+    rows = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
+    assert set(rows) == set(COMMAND_LINE.exit_codes)
+    for code, text in MEANINGS.items():
+        assert rows[str(int(code))].startswith(text), code
+    for code, word in (("1", "violated"), ("3", "failed")):
+        told = {name: getattr(listed, word) for name, listed in COMMANDS.items()}
+        for name, text in told.items():
+            assert (f"`{name}`" in rows[code]) == bool(text), (code, name)
+            assert text in rows[code]
+    may_fail = {name for name, listed in COMMANDS.items() if listed.violated}
+    always = set(re.findall(r"`([a-z-]+)`", rows["0"]))
+    assert always == set(COMMANDS) - may_fail - {"doctor"}
+
+
+def test_the_whole_command_line_is_one_json_object(cli):
+    result = cli("--help-json")
+    assert result.exit_code == 0
+    told = json.loads(result.stdout)
+    assert [command["name"] for command in told["commands"]] == sorted(COMMANDS)
+    campaign = next(command for command in told["commands"] if command["name"] == "campaign")
+    options = {option["name"]: option for option in campaign["options"]}
+    assert options["budget"]["default"] == 100
+    assert options["budget"]["kind"] == "integer"
+    assert options["budget"]["low"] == 1
+    assert options["seed"]["default"] == 0
+    assert options["tick_limit"]["low_open"]
+    assert options["mode"]["choices"] == ["repair", "exact"]
+    assert options["specs"]["repeatable"]
+    assert campaign["exit_codes"]["1"] == "a violation was found"
+
+
+def test_the_help_of_a_command_says_what_its_exit_codes_mean(cli):
+    assert "Exit code 1: digests differ." in cli("replay", "--help").stdout
+    assert "Exit code" not in cli("list", "--help").stdout
+
+
+def completed(*words: str) -> set[str]:
+    """What a shell is told to offer for the last of the words."""
+    env = {
+        "_MRTA_FALSIFY_COMPLETE": "bash_complete",
+        "COMP_WORDS": "\n".join(("mrta-falsify", *words)),
+        "COMP_CWORD": str(len(words)),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", "from mrta_falsify.cli import main; main()"],
+        capture_output=True, text=True, check=True, env=os.environ | env,
+    )  # fmt: skip
+    return set(done.stdout.split())
+
+
+def test_a_shell_completes_commands_options_and_names():
+    assert {"plain,campaign", "plain,certify"} <= completed("c")
+    assert completed("campaign", "--until") == {"plain,--until-saturated"}
+    assert {f"plain,{name}" for name in scenario_names()} <= completed("check", "")
+    assert "plain,halton" in completed("campaign", "bookshelf", "--sampler", "ha")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_each_shell_gets_its_script(cli, shell):
+    result = cli("completion", shell)
+    assert result.exit_code == 0
+    assert f"_MRTA_FALSIFY_COMPLETE={shell}_complete" in result.stdout

@@ -1,0 +1,200 @@
+"""What the documentation's site has beside the pages of docs/: a hook of MkDocs.
+
+- Files of the repository that pages link to become pages below ``sources/``, and links lead there.
+- ``options.md`` and ``api/`` are made from the parser and from the public names.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+import mrta_falsify as mf
+from mrta_falsify.cli import main
+from mrta_falsify.cli.group import COMMANDS
+from mrta_falsify.cli.reference import Command, Parameter, describe
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+SOURCES = "sources"  # folder of the site for what lies outside docs/
+LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
+PICTURES = (".png", ".gif", ".svg", ".jpg")
+LANGUAGES = {".py": "python", ".json": "json", ".yaml": "yaml", ".cpp": "cpp", ".scenic": "python"}
+LONGEST = 60_000  # characters of a source that a page shows
+ROLE = re.compile(r":(?:func|class|meth|mod|data|attr|exc):(?=<code)")  # of reStructuredText
+
+
+# --- files outside docs/ ------------------------------------------------------------------------
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that are made, and what pages link to outside docs/."""
+    for source in sorted(_linked_outside()):
+        name = _place(source)
+        if source.suffix in PICTURES:
+            files.append(File.generated(config, name, abs_src_path=str(source)))
+        else:
+            files.append(File.generated(config, name, content=_text(source)))
+    for name, text in _made_pages().items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: Any, files: Files) -> str:
+    """Let links to files outside docs/ lead to their pages."""
+    source = _source(page.file.src_uri)
+    if source is None or (source.suffix != ".md" and source.is_file()):
+        return markdown
+    here = Path(page.file.src_uri).parent
+
+    def mapped(found: re.Match[str]) -> str:
+        target = _target(source, found[2])
+        if target is None:
+            return found[0]
+        return f"{found[1]}{os.path.relpath(_place(target), here)}{found[3] or ''}{found[4]}"
+
+    return LINK.sub(mapped, markdown)
+
+
+def on_page_content(html: str, page: Page, config: Any, files: Files) -> str:
+    """Show docstrings without the marks of reStructuredText."""
+    if not page.file.src_uri.startswith("api/"):
+        return html
+    return ROLE.sub("", html).replace("::</p>", ":</p>")
+
+
+@functools.cache
+def _linked_outside() -> frozenset[Path]:
+    """Find the files outside docs/ that its pages, and pages among these files, link to."""
+    found = set[Path]()
+    waiting = list(DOCS.rglob("*.md"))
+    while waiting:
+        page = waiting.pop()
+        for _, name, _, _ in LINK.findall(page.read_text(encoding="utf-8")):
+            target = _target(page, name)
+            if target is None or target.is_relative_to(DOCS) or target in found:
+                continue
+            found.add(target)
+            waiting += [target] if target.suffix == ".md" else []
+    return frozenset(found)
+
+
+def _target(page: Path, link: str) -> Path | None:
+    """Find the file or folder that a link of a page leads to; None if there is none."""
+    path = Path(os.path.normpath((page if page.is_dir() else page.parent) / link))
+    return path if path.exists() and path.is_relative_to(ROOT) else None
+
+
+def _place(path: Path) -> str:
+    """Say where a file or folder of the repository is in the site."""
+    if path.is_relative_to(DOCS):
+        return path.relative_to(DOCS).as_posix()
+    name = f"{SOURCES}/{path.relative_to(ROOT).as_posix()}"
+    if path.is_dir():
+        return f"{name}/index.md"
+    return name if path.suffix in (".md", *PICTURES) else f"{name}.md"
+
+
+def _source(uri: str) -> Path | None:
+    """Find the file that a page of the site was made from; None if it was made from values."""
+    if not uri.startswith(f"{SOURCES}/"):
+        path = DOCS / uri
+        return path if path.is_file() else None
+    path = ROOT / uri.removeprefix(f"{SOURCES}/")
+    if path.is_file():
+        return path
+    return path.parent if path.name == "index.md" else path.with_suffix("")
+
+
+def _text(source: Path) -> str:
+    if source.is_dir():
+        return "\n".join([f"# {source.name}", *map(_shown, sorted(_children(source)))])
+    text = source.read_text(encoding="utf-8")
+    if source.suffix == ".md":
+        return text
+    return f"# {source.name}\n\n`{source.relative_to(ROOT).as_posix()}`\n\n{_fenced(source)}"
+
+
+def _children(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.iterdir() if path.suffix in (*LANGUAGES, ".md"))
+
+
+def _shown(path: Path) -> str:
+    return f"\n## {path.name}\n\n{_fenced(path)}"
+
+
+def _fenced(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    if len(text) > LONGEST:
+        text = f"{text[:LONGEST]}\n... {len(text) - LONGEST} more characters"
+    return f"````{LANGUAGES.get(path.suffix, 'text')}\n{text}\n````\n"
+
+
+# --- pages that are made ------------------------------------------------------------------------
+
+
+def _made_pages() -> dict[str, str]:
+    homes = {name: home.replace(":", ".") for name, home in mf.HOMES.items()}
+    verbs = {name: homes.pop(name) for name in mf.VERBS}
+    return {
+        "options.md": options_page(),
+        "api/commands.md": _api("Python: commands", "Functions named as the commands.", verbs),
+        "api/values.md": _api("Python: values and files", "The other names of `mf`.", homes),
+        "api/protocols.md": "# Python: protocols\n\nWhat a layer, an engine, a sampler, a "
+        "specification or an executor has to do.\n\n::: mrta_falsify.core.protocols\n"
+        "    options:\n      show_root_heading: false\n      show_root_toc_entry: false\n"
+        "      filters: ['!^_']\n",
+    }
+
+
+def _api(title: str, text: str, homes: dict[str, str]) -> str:
+    blocks = (
+        f"::: {home}\n    options:\n      heading: mf.{name}\n      toc_label: mf.{name}\n"
+        for name, home in sorted(homes.items())
+    )
+    begin = f"# {title}\n\n```python\nimport mrta_falsify as mf\n```\n\n{text}\n"
+    return "\n".join([begin, *blocks])
+
+
+def options_page() -> str:
+    """Write the page of all options, from the parser."""
+    told = describe(main)
+    codes = "\n".join(f"| {code} | {text} |" for code, text in told.exit_codes.items())
+    begin = (
+        "# Options of all commands\n\nMade from the parser, as `mrta-falsify --help-json` is. What "
+        "commands are for, and the fields of their JSON: [commands](commands.md).\n\n"
+        f"| Exit code | Means |\n|---|---|\n{codes}\n"
+    )
+    return "\n".join([begin, *map(_section, told.commands)])
+
+
+def _section(command: Command) -> str:
+    lines = [f"## {command.name}", "", f"```\n{command.usage}\n```", "", command.text, ""]
+    if command.options:
+        lines += ["| Option | | Default |", "|---|---|---|", *map(_row, command.options), ""]
+    listed = COMMANDS[command.name]
+    own = {1: listed.violated, 3: listed.failed}
+    lines += [f"Exit code {code}: {text}.\n" for code, text in own.items() if text]
+    return "\n".join(lines)
+
+
+def _row(option: Parameter) -> str:
+    value = f" {option.value}".replace("|", "\\|") if option.value else ""
+    flags = ", ".join(f"`{flag}`" for flag in option.flags)
+    notes = [option.text, _range(option), "Required." if option.required else ""]
+    default = "" if option.default is None else f"`{option.default}`"
+    text = " ".join(note for note in notes if note).replace("|", "\\|")
+    return f"| {flags}{value} | {text} | {default} |"
+
+
+def _range(option: Parameter) -> str:
+    low = "" if option.low is None else f"{'above' if option.low_open else 'from'} {option.low:g}"
+    high = "" if option.high is None else f"to {option.high:g}"
+    return f"{low} {high}".strip().capitalize() + ("." if low or high else "")
