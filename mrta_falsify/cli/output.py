@@ -149,13 +149,29 @@ class PipedProgress:
         say(f"{self._what}: {done:.0f}/{self._total:.0f} {self._unit}{left}")
 
 
+def say_cost(what: str, runs: int, each: float) -> None:
+    """Say on stderr what work costs at most, before it begins.
+
+    Args:
+        what: is done.
+        runs: at most.
+        each: what the run took that they repeat [s]; 0: that is not known.
+    """
+    if each <= 0.0:
+        say(f"{what}: at most {runs} runs")
+        return
+    say(f"{what}: at most {runs} runs like one of {each:.1f} s, so {_duration(runs * each)} at most")
+
+
 def time_left(done: float, total: float, spent: float) -> str:
     """Say how long work will still take, from the time spent on what is done; empty if unknown."""
     if not LEAST_DONE * total <= done < total or done <= 0.0:
         return ""
-    seconds = spent * (total - done) / done
-    text = f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
-    return f", about {text} left"
+    return f", about {_duration(spent * (total - done) / done)} left"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
 
 
 def print_files(directory: Path) -> None:

@@ -14,7 +14,7 @@ there, it fails later, too, and is not asked again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -179,11 +179,16 @@ def rewind(
     )
 
 
-def _finest_of(branches: Sequence[Branch], found: float) -> dict[Branch, float]:
-    """Choose how closely the turn of each branch is looked for [s]."""
+def _finest_of(branches: Sequence[Branch], found: float) -> Callable[[Branch], float]:
+    """Choose how closely the turn of a branch is looked for [s]."""
     finest = max(FINEST, found / 100.0)
     restores = any(branch.restores for branch in branches)
-    return {b: finest * (COARSER if restores and not b.restores else 1.0) for b in branches}
+
+    def finest_of(branch: Branch) -> float:
+        says_less = restores and branch.replaced != "nothing" and not branch.restores
+        return finest * (COARSER if says_less else 1.0)
+
+    return finest_of
 
 
 def _without_room(branches: Sequence[Branch]) -> str:
@@ -223,7 +228,7 @@ class _Told:
         failure: Failure,
         count: RunCount,
         journal: RunJournal[RewoundCopy],
-        finest: Mapping[Branch, float],
+        finest: Callable[[Branch], float],
     ) -> None:
         self._job, self._failure, self._found = job, failure, failure.found
         self._count, self._journal = count, journal
@@ -320,8 +325,7 @@ class _Told:
     def _half(self, branch: Branch) -> float | None:
         """Choose the time to ask about next; None: the turn is known well enough."""
         turn = self._turn(branch)
-        finest = self._finest.get(branch, min(self._finest.values()))
-        if turn.open_until is None or turn.lost_from - turn.open_until <= finest:
+        if turn.open_until is None or turn.lost_from - turn.open_until <= self._finest(branch):
             return None
         half = self._tick((turn.open_until + turn.lost_from) / 2.0)
         return None if half in self._chances[branch] else half
