@@ -160,7 +160,9 @@ def say_cost(what: str, runs: int, each: float) -> None:
     if each <= 0.0:
         say(f"{what}: at most {runs} runs")
         return
-    say(f"{what}: at most {runs} runs like one of {each:.1f} s, so {_duration(runs * each)} at most")
+    say(
+        f"{what}: at most {runs} runs like one of {each:.1f} s, so {_duration(runs * each)} at most"
+    )
 
 
 def time_left(done: float, total: float, spent: float) -> str:

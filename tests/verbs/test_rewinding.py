@@ -9,7 +9,7 @@ import pytest
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.findings import CopyCount, Counterfactual
+from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain import decided_sentences, rewinding
@@ -66,7 +66,6 @@ def scripted(monkeypatch):
         journal=None,
         told=None,
         config=None,
-        whole=CopyCount(runs=0, failed=0),  # noqa: B008 - frozen
         begun=None,
     ):
         @contextlib.contextmanager
@@ -87,7 +86,7 @@ def scripted(monkeypatch):
         job = Job(world=ward_layout(rooms=2), config=config, specifications=("no_deadlock",))
         count = RunCount(most, most, lambda done, total: None)
         journal = journal or RunJournal(RewoundCopy, None)
-        return rewind(job, FAILURE, branches, whole, count, journal)
+        return rewind(job, FAILURE, branches, count, journal)
 
     return rewound
 
@@ -154,26 +153,28 @@ def test_what_cannot_be_judged_widens_the_interval(scripted):
     assert decided_sentences(found) == ()
 
 
-def test_what_fails_from_the_start_in_copies_of_the_whole_run_is_not_asked_again(scripted):
+def test_a_stack_that_fails_from_the_start_is_not_asked_again(scripted):
     told = []
-    found = scripted(
-        lambda name, time, number: time >= 31.0 * bool(name),
-        PLANNER,
-        told=told,
-        whole=CopyCount(runs=6, failed=6),
-    )
+    found = scripted(lambda name, time, number: time >= 31.0 * bool(name), PLANNER, told=told)
     assert found.by == "planner"
-    assert {name for name, _, _ in told} == {"planner"}
-    assert found.curves[0].at(0.0).chance.trials == 6
+    assert [(time, number) for name, time, number in told if not name] == [
+        (0.0, number) for number in range(1, 7)
+    ]
+
+
+def test_a_stack_that_fails_by_chance_is_asked_where_a_layer_helps(scripted):
+    def fails(name, time, number):
+        return time >= 31.0 if name else time > 0.0 or number % 3 != 0
+
+    found = scripted(fails, PLANNER)
+    assert found.by == "planner"
+    assert found.curves[0].at(found.curves[1].open_until).chance.trials == 6
 
 
 def test_one_run_goes_forward_while_times_are_halved(scripted):
     begun = []
-    whole = CopyCount(runs=6, failed=6)
-    scripted(
-        lambda name, time, number: time >= 31.0 * bool(name), PLANNER, begun=begun, whole=whole
-    )
-    assert len(begun) == 2  # one to see that it can be copied
+    scripted(lambda name, time, number: time >= 31.0 * bool(name), PLANNER, begun=begun)
+    assert len(begun) == 2  # for the stack as it is, and for what is changed
 
 
 def test_beside_a_shipped_layer_in_place_of_another_the_others_are_looked_at_less_closely(scripted):

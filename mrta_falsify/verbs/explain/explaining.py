@@ -140,9 +140,7 @@ def explain_job(
         found, guess, direct=points_directly(verdict, guess), knife_edge=jittered.is_knife_edge
     )
     branches = branches_of(job, verdict, changes, found, at)
-    inevitability = rewind(
-        job, failure, branches, jittered, count.allowing(rewinds), journals.rewound
-    )
+    inevitability = rewind(job, failure, branches, count.allowing(rewinds), journals.rewound)
     return Explanation(
         layer=layer,
         guess=guess,

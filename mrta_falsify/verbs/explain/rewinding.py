@@ -7,9 +7,8 @@ beginning anew, until it is known when most copies begin to fail (see
 :mod:`mrta_falsify.core.inevitability`).
 
 Copies are thrifty: two alike settle on which side a time lies while times are halved. The times
-next to the turn get more, until the interval of their chance leaves one half out. From the start
-the stack as it is has been repeated by then, if it has (:mod:`.small_differences`). If it fails
-there, it fails later, too, and is not asked again.
+next to the turn get more, until the interval of their chance leaves one half out. If the stack as
+it is fails from the start, it fails later, too, and is not asked again.
 """
 
 from __future__ import annotations
@@ -20,10 +19,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.findings import CopyCount, Counterfactual
+from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.inevitability import (
     EVEN,
     ChanceCurve,
@@ -130,7 +128,6 @@ def rewind(
     job: Job,
     failure: Failure,
     branches: Sequence[Branch],
-    from_the_start: CopyCount,
     count: RunCount,
     journal: RunJournal[RewoundCopy],
 ) -> Inevitability | None:
@@ -141,7 +138,6 @@ def rewind(
         failure: its.
         branches: what to replace, the most telling first; the last ones go without if there are
             too few runs left.
-        from_the_start: copies of the whole run with small differences.
         count: of all runs.
         journal: of finished copies.
 
@@ -159,7 +155,7 @@ def rewind(
     told = _Told(job, failure, count, journal, _finest_of(branches, found))
     waiting = list(branches)
     try:
-        told.find_turn_of_stack(from_the_start)
+        told.find_turn_of_stack()
         while waiting and count.left >= FOR_A_CHANGE:
             room = count.left // FOR_A_CHANGE
             told.find_turns(waiting[:room])
@@ -238,23 +234,15 @@ class _Told:
         self._chances: dict[Branch, dict[float, Probability]] = {self._stack: {}}
         self._counted: set[str] = set()  # copies
 
-    def find_turn_of_stack(self, from_the_start: CopyCount) -> None:
+    def find_turn_of_stack(self) -> None:
         """Ask about the stack as it is until its turn is known, or the copies are used up.
-
-        Args:
-            from_the_start: copies of the whole run, which are not run again if they suffice.
 
         Raises:
             CannotRewindError: no copy of the run can go on with small differences.
         """
-        known = failure_probability(from_the_start.failed, from_the_start.runs)
         with ExitStack() as stack:
             run = _Run(self._job, self._failure, stack)
-            if known.trials >= FEW:
-                run.at(0.0)
-                self._chances[self._stack][0.0] = known
-            else:
-                self._ask(run, 0.0, [_Question(self._stack, 0.0, settled=True)])
+            self._ask(run, 0.0, [_Question(self._stack, 0.0, settled=True)])
             self._find(run, [self._stack])
 
     def find_turns(self, changed: Sequence[Branch]) -> None:
@@ -270,7 +258,7 @@ class _Told:
         unsure = [time for time in helped if time is not None and not self._fails_by(time)]
         with ExitStack() as stack:
             run = _Run(self._job, self._failure, stack)
-            self._ask(run, 0.0, [_Question(self._stack, time) for time in unsure])
+            self._ask(run, 0.0, [_Question(self._stack, time, settled=True) for time in unsure])
 
     def curves(self) -> tuple[ChanceCurve, ...]:
         """Say what is known of each branch."""
