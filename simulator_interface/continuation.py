@@ -62,7 +62,12 @@ class Running:
 
 @contextmanager
 def run_to(
-    world: World, config: StackConfig, specifications: Sequence[Specification], time: float
+    world: World,
+    config: StackConfig,
+    specifications: Sequence[Specification],
+    time: float,
+    *,
+    forecasts: bool = True,
 ) -> Iterator[Running]:
     """Run an episode to its first tick not before ``time`` [s].
 
@@ -71,6 +76,7 @@ def run_to(
         config: the stack under test.
         specifications: that see its frames; they are started here.
         time: when to stop [s].
+        forecasts: whether specifications may ask for continuations; without, they only suspect.
     """
     specifications = tuple(specifications)
     episode = Episode(world, config)
@@ -78,7 +84,8 @@ def run_to(
         specification.start(world, episode.dt)
     episode.repeats = repeats_of(specifications, config)
     frames = episode.frames()
-    offer_forecasts(specifications, episode, frames)
+    if forecasts:
+        offer_forecasts(specifications, episode, frames)
     try:
         with heard():
             first = next(frames)

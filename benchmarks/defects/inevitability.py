@@ -1,7 +1,7 @@
 """Planted defects: was the failure decided before its onset, and by the layer that was planted?
 
     python -m benchmarks.defects.inevitability [--only NAME ...] [--engine bullet]
-                                               [--rewinds 160] [-o FILE.json]
+                                               [--rewinds 80] [-o FILE.json]
 
 Each defect's test world runs under the stack with the defect and is explained as `explain` does:
 the run is repeated from earlier and earlier, as it is and with one layer replaced. `others` counts

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "--rewinds",
     0,
     10000,
-    default=160,
+    default=80,
     text="Copies at most, beside these, that repeat the run from earlier and earlier; 0: none.",
 )
 @format_option
@@ -55,10 +55,12 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
-    from mrta_falsify.verbs.stored_trials import open_campaign, show_trial, what_happened
+    from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
 
-    output.say_cost(max_runs + rewinds, show_trial(directory, id).wall_s)
-    with output.progress(f"explain {id}", max_runs + rewinds, "runs") as on_progress:
+    campaign = open_campaign(directory)
+    record = campaign.record(id)
+    output.say_cost(max_runs + rewinds, record.wall_s)
+    with output.progress(f"explain {record.id}", max_runs + rewinds, "runs") as on_progress:
         found = explain_trial(
             directory,
             id,
@@ -69,8 +71,7 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     if style == "json":
         output.print_json(found)
     else:
-        campaign = open_campaign(directory)
-        for text in what_happened(campaign, campaign.record(id)):
+        for text in what_happened(campaign, record):
             output.stdout().print(text)
         _print_explanation(found)
     return ExitCode.DONE
@@ -225,6 +226,7 @@ def family_command(directory: Path, id: str, max_runs: int, style: str, **option
     from mrta_falsify.verbs.stored_trials import show_trial
 
     record = show_trial(directory, id)
+    output.say_cost(max_runs, record.wall_s)
     with output.progress(f"family {record.id}", max_runs, "runs") as on_progress:
         found = family_of_trial(directory, id, max_runs, on_run=on_progress, **options)
     if style == "json":

@@ -15,6 +15,7 @@ from mrta_falsify.stack.resources.policies import DeadlineFirst
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import Change
+from mrta_falsify.verbs.explain.continuing import failure_of
 
 
 def raises(self, waiters):
@@ -38,10 +39,12 @@ def test_a_change_under_which_the_stack_fails_does_not_remove_the_failure(monkey
         specifications=("exclusive_use",),
         early_stop=True,
     )
-    (verdict,) = judge(job).verdicts
+    judged = judge(job)
+    (verdict,) = judged.verdicts
+    failure = failure_of(job, verdict, judged.outcome.trace)
     changed = dataclasses.replace(job.config, queue_policy=Choice("deadline_first"))
     change = Change(layer="queue_policy", text="deadline_first", config=changed)
     journal = RunJournal(Counterfactual, None)
-    (found,) = continued_with(job, verdict, 0.5, [change], journal)
+    (found,) = continued_with(job, failure, 0.5, [change], journal)
     assert told in found.detail
     assert not found.failure_gone

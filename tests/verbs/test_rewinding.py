@@ -14,6 +14,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain import decided_sentences, rewinding
 from mrta_falsify.verbs.explain.changes import Change
+from mrta_falsify.verbs.explain.continuing import Failure
 from mrta_falsify.verbs.explain.explaining import explain_job
 from mrta_falsify.verbs.explain.rewinding import Branch, RewoundCopy, branches_of, rewind
 from mrta_falsify.verbs.explain.run_count import RunCount
@@ -22,6 +23,7 @@ from tests.scenes.ward import ward_layout
 
 FOUND = 40.0  # s
 VERDICT = Verdict(spec="no_deadlock", robustness=-1.0, violated=True, violated_at=FOUND)
+FAILURE = Failure(verdict=VERDICT, found=FOUND, stops={})
 PLANNER = Branch(replaced="layer", name="planner", text="another planner")
 QUEUES = Branch(replaced="layer", name="queue_policy", text="another queue policy")
 
@@ -34,7 +36,7 @@ class _Episode:
 
 @dataclasses.dataclass
 class _Running:
-    """As much of a run as rewinding uses: time, which goes forward."""
+    """As much of a run as rewinding uses: time, which goes forward; copies go on alone."""
 
     time: float
     episode: _Episode
@@ -46,32 +48,45 @@ class _Running:
 
     def in_a_copy(self, run, kind):
         del kind
-        return run()
+        time = self.time
+        answer = run()
+        self.time = time
+        return answer
 
 
 @pytest.fixture
 def scripted(monkeypatch):
     """Rewinds a run in which copies fail as a script says."""
 
-    def rewound(fails, *branches, most=400, episode=None, journal=None, told=None, config=None):
+    def rewound(
+        fails,
+        *branches,
+        most=400,
+        episode=None,
+        journal=None,
+        told=None,
+        config=None,
+        begun=None,
+    ):
         @contextlib.contextmanager
-        def run_to(world, config, specifications, time):
-            del world, config, specifications
+        def run_until(job, failure, time):
+            del job, failure
+            (begun if begun is not None else []).append(time)
             yield _Running(time, episode or _Episode())
 
-        def continued(running, verdict, branch, number, until):
-            del verdict, until
+        def continued(running, failure, branch, number):
+            del failure
             (told if told is not None else []).append((branch.name, running.time, number))
             failed = fails(branch.name, running.time, number)
             return RewoundCopy(failed=bool(failed), answered=failed is not None)
 
-        monkeypatch.setattr(rewinding, "run_to", run_to)
+        monkeypatch.setattr(rewinding, "run_until", run_until)
         monkeypatch.setattr(rewinding, "_continued", continued)
         config = config or StackConfig()
         job = Job(world=ward_layout(rooms=2), config=config, specifications=("no_deadlock",))
         count = RunCount(most, most, lambda done, total: None)
         journal = journal or RunJournal(RewoundCopy, None)
-        return rewind(job, VERDICT, branches, count, journal)
+        return rewind(job, FAILURE, branches, count, journal)
 
     return rewound
 
@@ -108,9 +123,9 @@ def test_times_next_to_the_turn_get_copies_until_one_half_is_left_out(scripted):
 def test_copies_are_bounded_and_what_there_were_none_for_is_named(scripted):
     told = []
     found = scripted(
-        lambda name, time, number: time >= 31.0 * bool(name), PLANNER, QUEUES, most=70, told=told
+        lambda name, time, number: time >= 31.0 * bool(name), PLANNER, QUEUES, most=45, told=told
     )
-    assert found.runs == len(told) <= 70
+    assert found.runs == len(told) <= 45
     assert found.by == "planner"
     assert found.left_out == "another queue policy: the copies were used up (--rewinds)"
     assert scripted(lambda name, time, number: True, most=2) is None
@@ -136,6 +151,38 @@ def test_what_cannot_be_judged_widens_the_interval(scripted):
     found = scripted(lambda name, time, number: None)
     assert found.decided_at is None
     assert decided_sentences(found) == ()
+
+
+def test_a_stack_that_fails_from_the_start_is_not_asked_again(scripted):
+    told = []
+    found = scripted(lambda name, time, number: time >= 31.0 * bool(name), PLANNER, told=told)
+    assert found.by == "planner"
+    assert [(time, number) for name, time, number in told if not name] == [
+        (0.0, number) for number in range(1, 7)
+    ]
+
+
+def test_a_stack_that_fails_by_chance_is_asked_where_a_layer_helps(scripted):
+    def fails(name, time, number):
+        return time >= 31.0 if name else time > 0.0 or number % 3 != 0
+
+    found = scripted(fails, PLANNER)
+    assert found.by == "planner"
+    assert found.curves[0].at(found.curves[1].open_until).chance.trials == 6
+
+
+def test_one_run_goes_forward_while_times_are_halved(scripted):
+    begun = []
+    scripted(lambda name, time, number: time >= 31.0 * bool(name), PLANNER, begun=begun)
+    assert len(begun) == 2  # for the stack as it is, and for what is changed
+
+
+def test_beside_a_shipped_layer_in_place_of_another_the_others_are_looked_at_less_closely(scripted):
+    shipped = dataclasses.replace(PLANNER, restores=True)
+    found = scripted(lambda name, time, number: time >= 31.0 * bool(name), shipped, QUEUES)
+    _, planner, queues = found.curves
+    assert planner.lost_from - planner.open_until <= 0.5
+    assert 0.5 < queues.lost_from - queues.open_until <= 2.0
 
 
 @pytest.mark.parametrize(

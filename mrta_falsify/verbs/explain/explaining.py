@@ -12,9 +12,7 @@ tick on. The whole world is run without each of its things, and under other sche
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +21,8 @@ from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import ChangedRun, CopyCount, Counterfactual, Explanation, Removal
+from mrta_falsify.core.findings import ChangedRun, Counterfactual, Explanation, Removal
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -34,26 +31,19 @@ from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.changed_runs import continued_with
 from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
+from mrta_falsify.verbs.explain.continuing import failure_of
 from mrta_falsify.verbs.explain.removals import removals_of
 from mrta_falsify.verbs.explain.rewinding import RewoundCopy, branches_of, rewind
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import schedules_of
+from mrta_falsify.verbs.explain.small_differences import FEW, CopyRun, copies_of
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.stored_trials import job_of
-from scenic_worlds.variation import jittered_worlds
 from simulator_interface.guard import guarded
 
 LEAD = 10.0  # s before the onset at which things are changed
-JITTERED = 20  # copies with small differences, as far as the runs suffice
 COPIES_KEPT = 8  # runs that absences leave for copies: without any, a knife edge is not seen
 JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CopyRun:
-    """What the run of a copy with small differences gave."""
-
-    failed: bool
 
 
 class Journals:
@@ -129,27 +119,28 @@ def explain_job(
         again = " this time: the stack does not answer the same again" if job.config.stack else ""
         raise InputError(f"the run violates nothing{again}; there is nothing to explain")
     trace = judged.outcome.trace
+    failure = failure_of(job, verdict, trace)
     guess = suspect(job.config, judged.verdicts, trace)
     at = moment_of_change(verdict) if job.config.stack is None else 0.0
     changes = changes_of(job.config)[: max(1, max_runs - 1)]
-    expected = min(max_runs, 1 + len(changes) + JITTERED)
+    expected = min(max_runs, 1 + len(changes) + FEW)
     count = RunCount(max_runs, expected + rewinds, on_done)
     count.add()
-    found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
+    found = tuple(count.each(continued_with(job, failure, at, changes, journals.changes)))
     if at > 0.0 and not any(one.failure_gone for one in found):
         # What was lost long before the onset is not mended by mending the layer that lost it.
         at = 0.0
-        found = tuple(count.each(continued_with(job, verdict, at, changes, journals.changes)))
+        found = tuple(count.each(continued_with(job, failure, at, changes, journals.changes)))
     removals = tuple(count.each(removals_of(job, verdict, trace, count.left, journals.removals)))
     if removals:
         count.add()  # the run up to the onset
     absences, schedules = _changed_runs(job, verdict, trace, count, journals.whole)
-    jittered = _jittered(job, count, journals.copies)
+    jittered = copies_of(job, failure, count, journals.copies)
     layer, reason = suspicion_from(
         found, guess, direct=points_directly(verdict, guess), knife_edge=jittered.is_knife_edge
     )
     branches = branches_of(job, verdict, changes, found, at)
-    inevitability = rewind(job, verdict, branches, count.allowing(rewinds), journals.rewound)
+    inevitability = rewind(job, failure, branches, count.allowing(rewinds), journals.rewound)
     return Explanation(
         layer=layer,
         guess=guess,
@@ -192,16 +183,3 @@ def moment_of_change(verdict: Verdict) -> float:
     for time in (verdict.evidence.get("waiting_since"), *root_onsets(verdict)):
         begun = min(begun, time) if isinstance(time, float) else begun
     return max(0.0, begun - LEAD) if begun < float("inf") else 0.0
-
-
-def _jittered(job: Job, count: RunCount, journal: RunJournal[CopyRun]) -> CopyCount:
-    worlds = jittered_worlds(job.world, max(0, min(JITTERED, count.left)))
-    copies = (_copy_run(dataclasses.replace(job, world=world), journal) for world in worlds)
-    failed = [run.failed for run in count.each(copies)]
-    return CopyCount(runs=len(failed), failed=sum(failed))
-
-
-def _copy_run(job: Job, journal: RunJournal[CopyRun]) -> CopyRun:
-    key = codec.digest([job.world, job.config, job.specifications, job.early_stop])
-    known = journal.answers.get(key)
-    return known or journal.keep(key, CopyRun(failed=judge(job, keep_trace=False).failed))

@@ -18,7 +18,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
 from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
-from mrta_falsify.trial import Job, judges_of
+from mrta_falsify.trial import Job
 from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
 from simulator_interface.watched_copy import CopyFailed
@@ -54,7 +54,7 @@ def removals_of(
     yield from journal.known_first(missing)
     if not missing:
         return
-    with run_to(job.world, job.config, judges_of(job), found) as running:
+    with run_to(job.world, job.config, (), found) as running:
         if not (running.episode.can_remove and running.episode.can_copy):
             return
         for key, name in missing.items():

@@ -1,21 +1,24 @@
 """When a failure was decided: the run repeated from earlier and earlier, with small differences.
 
-One pass of the run stops at each time that is asked about. There copies of it go on, nudged a
-little, each as the stack is, with one layer replaced, or without one robot. The times are halved
-until it is known when most copies begin to fail (see :mod:`mrta_falsify.core.inevitability`).
+The run goes forward once for a few curves. A copy of it goes on to the times that are asked about,
+and there copies of that one begin: nudged a little, each as the stack is, with one layer replaced,
+or without one robot. The run follows as far as is known to be open. So times are halved, without
+beginning anew, until it is known when most copies begin to fail (see
+:mod:`mrta_falsify.core.inevitability`).
 
-Copies are thrifty: three alike settle on which side a time lies while times are halved. The times
-next to the turn get more, until the interval of their chance leaves one half out.
+Copies are thrifty: two alike settle on which side a time lies while times are halved. The times
+next to the turn get more, until the interval of their chance leaves one half out. If the stack as
+it is fails from the start, it fails later, too, and is not asked again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.findings import Counterfactual
@@ -34,19 +37,19 @@ from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import first_deadlock
 from mrta_falsify.specs.causes import cause_begins
-from mrta_falsify.trial import Job, judges_of
-from mrta_falsify.verbs.explain.changed_runs import go_on
+from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.changes import SUSPECTS, Change
+from mrta_falsify.verbs.explain.continuing import Failure, go_on, run_until
 from mrta_falsify.verbs.explain.run_count import RunCount
-from mrta_falsify.verbs.explain.whole_runs import AFTER
+from mrta_falsify.verbs.explain.small_differences import FEW, MANY, Tally
 from simulator_interface import forking
-from simulator_interface.continuation import Running, run_to
+from simulator_interface.continuation import Running
 from simulator_interface.watched_copy import CopyFailed
 
-REWINDS = 160  # copies, unless the caller says otherwise
-FEW, MANY = 3, 12  # copies of a time: alike, they settle its side; at most
+REWINDS = 80  # copies, unless the caller says otherwise
 FINEST = 0.5  # s, or a hundredth of the run if that is more: times are not halved further
-FOR_A_CHANGE = 40  # copies set aside for the curve of a change
+COARSER = 4.0  # times that, beside a shipped layer in place of another: the others say less
+FOR_A_CHANGE = 24  # copies set aside for the curve of a change
 STACK = "the stack as it is"
 
 
@@ -123,7 +126,7 @@ def branches_of(
 
 def rewind(
     job: Job,
-    verdict: Verdict,
+    failure: Failure,
     branches: Sequence[Branch],
     count: RunCount,
     journal: RunJournal[RewoundCopy],
@@ -132,7 +135,7 @@ def rewind(
 
     Args:
         job: that fails.
-        verdict: the violated one that explains the failure.
+        failure: its.
         branches: what to replace, the most telling first; the last ones go without if there are
             too few runs left.
         count: of all runs.
@@ -141,7 +144,7 @@ def rewind(
     Returns:
         None if there is nothing to rewind, or are no runs left for it.
     """
-    found = verdict.violated_at if verdict.violated_at is not None else job.world.horizon
+    found = failure.found
     if found <= 0.0 or count.left < FEW:
         return None
     begun = count.done
@@ -149,7 +152,7 @@ def rewind(
     if job.config.stack is not None and branches:
         branches = []
         left_out = "the layers of a stack in a process of its own, which do not change in mid-run"
-    told = _Told(job, verdict, found, count, journal)
+    told = _Told(job, failure, count, journal, _finest_of(branches, found))
     waiting = list(branches)
     try:
         told.find_turn_of_stack()
@@ -162,7 +165,7 @@ def rewind(
     curves = told.curves()
     first = decisive(curves)
     return Inevitability(
-        onset=min(cause_begins(verdict), found),
+        onset=min(cause_begins(failure.verdict), found),
         found=found,
         curves=curves,
         decided_at=decision(curves),
@@ -172,9 +175,44 @@ def rewind(
     )
 
 
+def _finest_of(branches: Sequence[Branch], found: float) -> Callable[[Branch], float]:
+    """Choose how closely the turn of a branch is looked for [s]."""
+    finest = max(FINEST, found / 100.0)
+    restores = any(branch.restores for branch in branches)
+
+    def finest_of(branch: Branch) -> float:
+        says_less = restores and branch.replaced != "nothing" and not branch.restores
+        return finest * (COARSER if says_less else 1.0)
+
+    return finest_of
+
+
 def _without_room(branches: Sequence[Branch]) -> str:
     names = dict.fromkeys(branch.text for branch in branches)
     return f"{', '.join(names)}: the copies were used up (--rewinds)" if names else ""
+
+
+class _Question(NamedTuple):
+    """What is asked: how often a branch fails from a time on."""
+
+    branch: Branch
+    time: float  #: [s]
+    settled: bool = False  #: whether to go on until the interval leaves one half out
+
+
+class _Row(NamedTuple):
+    """What a copy has told."""
+
+    key: str
+    copy: RewoundCopy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rows:
+    """What the copies of one round have told."""
+
+    keys: tuple[str, ...]
+    copies: tuple[RewoundCopy, ...]
 
 
 class _Told:
@@ -183,15 +221,15 @@ class _Told:
     def __init__(
         self,
         job: Job,
-        verdict: Verdict,
-        found: float,
+        failure: Failure,
         count: RunCount,
         journal: RunJournal[RewoundCopy],
+        finest: Callable[[Branch], float],
     ) -> None:
-        self._job, self._verdict, self._found = job, verdict, found
+        self._job, self._failure, self._found = job, failure, failure.found
         self._count, self._journal = count, journal
-        self._finest = max(FINEST, found / 100.0)
-        self._asked = [job.world, job.config, job.specifications, verdict]
+        self._finest = finest
+        self._asked = codec.digest([job.world, job.config, job.specifications, failure.verdict])
         self._stack = Branch(replaced="nothing", text=STACK)
         self._chances: dict[Branch, dict[float, Probability]] = {self._stack: {}}
         self._counted: set[str] = set()  # copies
@@ -202,17 +240,25 @@ class _Told:
         Raises:
             CannotRewindError: no copy of the run can go on with small differences.
         """
-        half = self._tick(self._found / 2.0)
-        self._ask([(self._stack, time) for time in (0.0, half)], settled=True)
-        self._halve([self._stack])
+        with ExitStack() as stack:
+            run = _Run(self._job, self._failure, stack)
+            self._ask(run, 0.0, [_Question(self._stack, 0.0, settled=True)])
+            self._find(run, [self._stack])
 
     def find_turns(self, changed: Sequence[Branch]) -> None:
         """Ask about changes until their turns are known, or the copies are used up."""
-        self._ask([(b, b.since) for b in changed])
-        self._ask([(b, 0.0) for b in changed if b.since > 0.0 and self._turn(b).open_until is None])
-        self._halve(changed)
+        with ExitStack() as stack:
+            run = _Run(self._job, self._failure, stack)
+            since = {branch: branch.since for branch in changed}
+            self._ask(run, 0.0, [_Question(b, time) for b, time in since.items()])
+            lost = [b for b in changed if b.since > 0.0 and self._turn(b).open_until is None]
+            self._ask(run, 0.0, [_Question(b, 0.0) for b in lost])
+            self._find(run, changed)
         helped = {self._turn(branch).open_until for branch in changed}
-        self._ask([(self._stack, time) for time in helped if time is not None])
+        unsure = [time for time in helped if time is not None and not self._fails_by(time)]
+        with ExitStack() as stack:
+            run = _Run(self._job, self._failure, stack)
+            self._ask(run, 0.0, [_Question(self._stack, time, settled=True) for time in unsure])
 
     def curves(self) -> tuple[ChanceCurve, ...]:
         """Say what is known of each branch."""
@@ -229,19 +275,35 @@ class _Told:
             for branch in self._chances
         )
 
-    def _halve(self, branches: Sequence[Branch]) -> None:
+    # --- what to ask ----------------------------------------------------------------------
+
+    def _find(self, run: _Run, branches: Sequence[Branch]) -> None:
         """Halve the times around each turn, then make sure of those next to it."""
-        while halves := [(b, half) for b in branches if (half := self._half(b)) is not None]:
-            if not self._ask(halves):
-                return
-        self._ask([(b, time) for b in branches for time in self._beside_the_turn(b)], settled=True)
+        waiting = [b for b in branches if self._turn(b).open_until is not None]
+        while waiting and self._count.left > 0:
+            since = min(self._turn(b).open_until or 0.0 for b in waiting)
+            questions = []
+            for branch in list(waiting):
+                half = self._half(branch)
+                if half is not None:
+                    questions.append(_Question(branch, half))
+                    continue
+                waiting.remove(branch)
+                times = self._beside_the_turn(branch)
+                questions += [_Question(branch, time, settled=True) for time in times]
+            self._ask(run, since, questions)
+
+    def _fails_by(self, time: float) -> bool:
+        """Whether the stack as it is is known to fail from a time on or before."""
+        points = self._points(self._stack)
+        return any(p.time <= time and p.chance.low > EVEN for p in points)
 
     def _tick(self, time: float) -> float:
         rate = self._job.config.control_rate
         return round(time * rate) / rate
 
     def _points(self, branch: Branch) -> list[RewoundTo]:
-        chances = sorted(self._chances[branch].items())
+        chances = sorted(self._chances.get(branch, {}).items())
         points = [RewoundTo(time=time, chance=chance) for time, chance in chances]
         return [point for point in points if point.is_tried]
 
@@ -251,60 +313,110 @@ class _Told:
     def _half(self, branch: Branch) -> float | None:
         """Choose the time to ask about next; None: the turn is known well enough."""
         turn = self._turn(branch)
-        if turn.open_until is None or turn.lost_from - turn.open_until <= self._finest:
+        if turn.open_until is None or turn.lost_from - turn.open_until <= self._finest(branch):
             return None
         half = self._tick((turn.open_until + turn.lost_from) / 2.0)
         return None if half in self._chances[branch] else half
 
     def _beside_the_turn(self, branch: Branch) -> list[float]:
         turn = self._turn(branch)
-        if turn.open_until is None:
-            return []
         return [time for time in turn if time is not None and time < self._found]
 
-    def _ask(self, questions: Sequence[tuple[Branch, float]], *, settled: bool = False) -> bool:
-        """Ask about times in one pass of the run; False: there are no runs left.
+    # --- asking ---------------------------------------------------------------------------
+
+    def _ask(self, run: _Run, since: float, questions: Sequence[_Question]) -> None:
+        """Ask about times in one copy of the run, unless the journal knows.
 
         Args:
-            questions: what to replace, from when on [s].
-            settled: whether to go on until the interval leaves one half out.
+            run: which goes on to ``since`` if it is behind.
+            since: time before which nothing will be asked any more [s].
+            questions: in any order.
         """
-        with ExitStack() as stack:
-            run = _Run(self._job, stack)
-            for branch, time in sorted(questions, key=lambda question: question[1]):
-                self._chances.setdefault(branch, {})[time] = self._chance(
-                    run, branch, time, settled=settled
-                )
-        return self._count.left > 0
+        questions = sorted(questions, key=lambda question: question.time)
+        is_known = True
 
-    def _chance(self, run: _Run, branch: Branch, time: float, *, settled: bool) -> Probability:
-        failed = passed = unknown = 0
-        for copy in self._copies(run, branch, time):
-            failed += copy.answered and copy.failed
-            passed += copy.answered and not copy.failed
-            unknown += not copy.answered
-            if _is_enough(failed, passed, settled=settled) or unknown >= FEW:
-                break
-        return failure_probability(failed, failed + passed, undecided=unknown)
+        def known(question: _Question, number: int, key: str) -> RewoundCopy | None:
+            nonlocal is_known
+            copy = self._journal.answers.get(key)
+            is_known = is_known and copy is not None
+            return copy
 
-    def _copies(self, run: _Run, branch: Branch, time: float) -> Iterator[RewoundCopy]:
-        """Run copies until the caller has enough; those in the journal are not run again."""
-        for number in range(1, MANY + 1):
-            key = codec.digest([self._asked, branch, time, number])
-            is_new = key not in self._counted
-            if is_new and self._count.left <= 0:
-                return
-            known = self._journal.answers.get(key)
-            if known is None:
-                known = self._journal.keep(key, self._run(run.at(time), branch, number))
-            if is_new:
-                self._counted.add(key)
-                self._count.add()
-            yield known
+        self._tallies(questions, known, self._spending())
+        if not is_known:
+            since = min(since, *(question.time for question in questions))
+            told = run.in_a_copy(since, lambda running: self._rows(running, questions))
+            for key, copy in zip(told.keys, told.copies, strict=True):
+                self._journal.keep(key, copy)
+        chances = self._tallies(questions, known, self._spend)
+        for question, tally in zip(questions, chances, strict=True):
+            self._chances.setdefault(question.branch, {})[question.time] = tally.chance
+
+    def _rows(self, running: Running, questions: Sequence[_Question]) -> _Rows:
+        """Run the copies that are missing; called in a copy of the process."""
+        rows: list[_Row] = []
+
+        def answered(question: _Question, number: int, key: str) -> RewoundCopy:
+            nonlocal running
+            copy = self._journal.answers.get(key)
+            if copy is None:
+                running = running.at(question.time)
+                copy = self._run(running, question.branch, number)
+                rows.append(_Row(key, copy))
+            return copy
+
+        self._tallies(questions, answered, self._spending())
+        return _Rows(keys=tuple(r.key for r in rows), copies=tuple(r.copy for r in rows))
+
+    def _tallies(
+        self,
+        questions: Sequence[_Question],
+        answer: Callable[[_Question, int, str], RewoundCopy | None],
+        spend: Callable[[str], bool],
+    ) -> list[Tally]:
+        """Count the copies of each question until there are enough, or no more to be had."""
+        tallies = []
+        for question in questions:
+            tally = Tally()
+            for number in range(1, MANY + 1):
+                key = codec.digest([self._asked, question.branch, question.time, number])
+                if not spend(key):
+                    break
+                copy = answer(question, number, key)
+                if copy is None:
+                    break
+                tally.add(failed=copy.failed, answered=copy.answered)
+                if tally.is_settled if question.settled else tally.is_enough:
+                    break
+            tallies.append(tally)
+        return tallies
+
+    def _spend(self, key: str) -> bool:
+        """Count a copy, once; False: there are no runs left."""
+        if key in self._counted:
+            return True
+        if self._count.left <= 0:
+            return False
+        if key in self._journal.answers:
+            self._counted.add(key)
+            self._count.add()
+        return True
+
+    def _spending(self) -> Callable[[str], bool]:
+        """Count as :meth:`_spend` would, without doing so."""
+        seen: set[str] = set()
+
+        def spend(key: str) -> bool:
+            if key not in self._counted:
+                if key not in seen and len(seen) >= self._count.left:
+                    return False
+                seen.add(key)
+            return True
+
+        return spend
 
     def _run(self, running: Running, branch: Branch, number: int) -> RewoundCopy:
         def continued() -> RewoundCopy:
-            return _continued(running, self._verdict, branch, number, self._found + AFTER)
+            return _continued(running, self._failure, branch, number)
 
         try:
             return running.in_a_copy(continued, RewoundCopy)
@@ -312,35 +424,38 @@ class _Told:
             return RewoundCopy(failed=True, answered=True)
 
 
-def _is_enough(failed: int, passed: int, *, settled: bool) -> bool:
-    """Whether copies say on which side of one half a chance lies."""
-    if not settled:
-        return failed + passed >= FEW and (not failed or not passed or failed + passed >= 2 * FEW)
-    if failed + passed < 2 * FEW:
-        return False
-    chance = failure_probability(failed, failed + passed)
-    return chance.low > EVEN or chance.high < EVEN
-
-
 class _Run:
     """The run of a job, which is begun when a copy of it is wanted and goes forward from there."""
 
-    def __init__(self, job: Job, stack: ExitStack) -> None:
-        self._job, self._stack = job, stack
+    def __init__(self, job: Job, failure: Failure, stack: ExitStack) -> None:
+        self._job, self._failure, self._stack = job, failure, stack
         self._running: Running | None = None
+        self._time = 0.0  # that it has reached [s]
 
-    def at(self, time: float) -> Running:
-        """Go on to a time [s], not before the last one.
+    def in_a_copy(self, since: float, ask: Callable[[Running], _Rows]) -> _Rows:
+        """Ask in a copy of the run, which begins at ``since`` [s].
 
         Raises:
             CannotRewindError: no copy of the run can go on with small differences.
         """
-        if self._running is None:
-            job = self._job
-            begun = run_to(job.world, job.config, judges_of(job), time)
+        running = self.at(since)
+        try:
+            return running.in_a_copy(lambda: ask(running), _Rows)
+        except CopyFailed as failed:
+            raise CannotRewindError(f"the whole run: {failed.message}") from failed
+
+    def at(self, time: float) -> Running:
+        """Go on to a time [s], or begin anew if that has passed.
+
+        Raises:
+            CannotRewindError: no copy of the run can go on with small differences.
+        """
+        if self._running is None or time < self._time:
+            self._stack.close()
+            begun = run_until(self._job, self._failure, time)
             self._running = self._stack.enter_context(begun)
             self._check(self._running)
-        self._running = self._running.at(time)
+        self._running, self._time = self._running.at(time), time
         return self._running
 
     def _check(self, running: Running) -> None:
@@ -353,9 +468,7 @@ class _Run:
             raise CannotRewindError(f"the whole run: the engine {name} cannot move robots a little")
 
 
-def _continued(
-    running: Running, verdict: Verdict, branch: Branch, number: int, until: float
-) -> RewoundCopy:
+def _continued(running: Running, failure: Failure, branch: Branch, number: int) -> RewoundCopy:
     """Go on as a branch says; called in a copy of the process."""
     episode = running.episode
 
@@ -366,7 +479,7 @@ def _continued(
         if branch.robot is not None:
             episode.remove(branch.robot)
 
-    ended = go_on(running, verdict, until, change)
+    ended = go_on(running, failure, change, without=branch.robot)
     # a robot that is gone fails at nothing
-    others = [v for v in ended.violated if not v.who or set(v.who) - {branch.name}]
+    others = [v for v in ended.failed if not v.who or set(v.who) - {branch.name}]
     return RewoundCopy(failed=bool(others), answered=not ended.unjudged or bool(others))
