@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -93,6 +94,11 @@ class DrawnCase:
         return self.main.size + (self.minimised.size if self.minimised is not None else 0)
 
 
+def moment_name(id: str) -> str:
+    """Name the drawing of a case's moment in the page."""
+    return "moment-" + re.sub(r"[^A-Za-z0-9_-]+", "-", id)
+
+
 def draw_case(case: CaseContents) -> DrawnCase:
     """Draw a case and, if there is one, its smallest world."""
     smallest = case.minimised
@@ -124,7 +130,12 @@ def _draw_run(case: CaseContents, begin: float | None = None) -> DrawnRun:
         place=_close_up_place(case, violated, who),
         close=any("place" in verdict.evidence for verdict in violated[:1]),
         moment=floor_drawings.draw_moment(
-            world, trace, times.found, account.arrows, members=in_picture or who
+            world,
+            trace,
+            times.found,
+            account.arrows,
+            members=in_picture or who,
+            name=moment_name(case.id),
         )
         if times.found is not None
         else None,

@@ -87,6 +87,30 @@ class TrialScores:
     scores: tuple[float, ...]
     failed: tuple[bool, ...]
     places: np.ndarray  #: (n, 2) where each came closest to trouble [m]
+    deadlocked: tuple[bool, ...] = ()  #: empty: not known
+    situations: tuple[int, ...] = ()  #: different ones seen so far; empty: not known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRow:
+    """One trial of the table of all trials."""
+
+    id: str
+    outcome: str  #: deadlock, failure, pass, rejected, impossible or error
+    mode: int  #: number of its failure mode, from 1; 0: none
+    found: float | None  #: when the violation was found [s]
+    score: float | None  #: None: not judged
+    simulated: float  #: [s]
+    values: tuple[float | None, ...]  #: of the parameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialTable:
+    """All trials of a campaign with the values of their parameters."""
+
+    parameters: tuple[str, ...]  #: names, the most important first
+    rows: tuple[TrialRow, ...]
+    note: str = ""  #: what is left out, or what the values are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +142,8 @@ class ReportContents:
     facts: tuple[tuple[str, str], ...]
     modes: tuple[Mode, ...] = ()
     trials: TrialScores | None = None
+    table: TrialTable | None = None  #: None: there are no trials, or only one run
+    summary: tuple[str, ...] = ()  #: sentences for someone who knows nothing of the campaign
     run: CaseContents | None = None  #: the only case, where the report is of a single run
     errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
     floor: World | None = None  #: whose floor the coverage map shows

@@ -35,6 +35,7 @@ def draw_moment(
     waits: Sequence[Arrow] = (),
     *,
     members: Sequence[str] = (),
+    name: str = "",
 ) -> Markup:
     """Draw the floor at ``time`` [s], close up on ``members`` if there are any.
 
@@ -44,6 +45,7 @@ def draw_moment(
         time: of the moment [s].
         waits: who waits for whom, painted as arrows.
         members: robots that must be in the picture; none: the whole floor is.
+        name: by which the page finds the drawing.
     """
     tick = int(np.clip(round(time / trace.dt), 0, max(len(trace) - 1, 0)))
     places = trace.columns["pose"][tick, :, :2]
@@ -51,7 +53,8 @@ def draw_moment(
     extent = _around(places[chosen]) if chosen else extent_of(world)
     floor = FloorProjection(extent, MOMENT_WIDTH)
     who = ", ".join(members) or "the whole floor"
-    drawing = Drawing(MOMENT_WIDTH, floor.height, label=f"floor plan at {time:.1f} s: {who}")
+    label = f"floor plan at {time:.1f} s: {who}"
+    drawing = Drawing(MOMENT_WIDTH, floor.height, label=label, name=name)
     _paint_floor(drawing, floor, shapes_at(floor_at(world, trace, tick), time))
     for shape in (*path_scene(trace, tick), *moving_scene(world, trace, tick, trail=TRAIL)):
         _paint_moving(drawing, floor, shape)

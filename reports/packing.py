@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zlib
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
+from reports.contents import TrialTable
 from reports.floor_scene import Role, Shape, extent_of, floor_scene
 from reports.furnishing import fixed_outlines, furniture_poses
 
@@ -55,6 +57,24 @@ def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     body = b"".join(array.tobytes() for _, array in arrays)
     return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
+
+
+def pack_trials(table: TrialTable) -> str:
+    """Pack the table of all trials as deflated base64: JSON of column names and rows."""
+    fixed = ("trial", "outcome", "mode", "found [s]", "score", "simulated [s]")
+    rows = [
+        [row.id, row.outcome, row.mode or None, _short(row.found), _short(row.score),
+         round(row.simulated, 1), *map(_short, row.values)]
+        for row in table.rows
+    ]  # fmt: skip
+    data = {"columns": [*fixed, *table.parameters], "rows": rows}
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
+    return base64.b64encode(zlib.compress(text, 9)).decode()
+
+
+def _short(value: float | None) -> float | None:
+    """Keep four digits of a number; None where it is none."""
+    return float(f"{value:.4g}") if value is not None and math.isfinite(value) else None
 
 
 def _happenings(trace: Trace, verdicts: Sequence[Verdict]) -> dict[str, list[list[Any]]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import jinja2
@@ -11,9 +11,10 @@ from markupsafe import Markup
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from reports import floor_drawings, time_charts
-from reports.case_drawings import DrawnCase, draw_case
+from reports.case_drawings import DrawnCase, draw_case, moment_name
 from reports.colours import css_variables
-from reports.contents import CaseContents, ReportContents
+from reports.contents import CaseContents, Mode, ReportContents
+from reports.packing import pack_trials
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
@@ -49,7 +50,8 @@ def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:
         report: what it says.
         most_bytes: size of all cases together; the page only counts those that do not fit.
     """
-    drawn = _draw_cases(_by_urgency(report), most_bytes)
+    table = pack_trials(report.table) if report.table is not None else ""
+    drawn = _draw_cases(_by_urgency(report), most_bytes - len(table))
     trials, floor = report.trials, report.floor
     return (
         _environment()
@@ -58,7 +60,9 @@ def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:
             report=report,
             style=_own_text("report.css"),
             colours=Markup(css_variables()),
-            script=_own_text("replay.js") if drawn else "",
+            trial_data=Markup(table),
+            script=_script(has_table=bool(table), has_replay=bool(drawn)),
+            undrawn=_undrawn,
             scores=time_charts.draw_scores(trials) if trials and trials.numbers else "",
             coverage=floor_drawings.draw_coverage(floor, trials)
             if floor and trials and trials.numbers
@@ -82,12 +86,23 @@ def _environment() -> jinja2.Environment:
     environment.filters["account_sentences"] = account_sentences
     environment.filters["robustness"] = robustness_text
     environment.filters["evidence"] = evidence_text
+    environment.filters["moment_name"] = moment_name
     return environment
 
 
 def _own_text(name: str) -> Markup:
     """Read a file of our own templates, to be put into the page unescaped."""
     return Markup((Path(__file__).parent / "templates" / name).read_text(encoding="utf-8"))
+
+
+def _script(*, has_table: bool, has_replay: bool) -> Markup:
+    names = ["page.js"] + ["table.js"] * has_table + ["replay.js"] * has_replay
+    return Markup("\n").join(_own_text(name) for name in names)
+
+
+def _undrawn(modes: Iterable[Mode], drawn: Mapping[str, DrawnCase]) -> list[Mode]:
+    """List the modes of which no case is drawn."""
+    return [mode for mode in modes if not mode.cases or mode.cases[0].id not in drawn]
 
 
 def _by_urgency(report: ReportContents) -> list[CaseContents]:

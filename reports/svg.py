@@ -15,8 +15,15 @@ class Drawing:
     """An SVG that is built element by element; y points down, units are pixels."""
 
     def __init__(
-        self, width: float, height: float, *, label: str, data: dict[str, float] | None = None
+        self,
+        width: float,
+        height: float,
+        *,
+        label: str,
+        data: dict[str, float] | None = None,
+        name: str = "",
     ) -> None:
+        self._name = name  # in the page, where another part shows it, too
         self._size = (width, height)
         self._label = label
         self._data = data or {}  # for the page's script, as data-NAME
@@ -77,8 +84,9 @@ class Drawing:
         body = "".join(self._parts)
         # every text and attribute in it has been escaped above
         data = "".join(f' data-{name}="{value:g}"' for name, value in self._data.items())
+        name = f" id={quoteattr(self._name)}" if self._name else ""
         return Markup(
-            f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}"{data} role="img" '
+            f'<svg{name} viewBox="0 0 {width:g} {height:g}" width="{width:g}"{data} role="img" '
             f"aria-label={quoteattr(self._label)}>"
             f"<title>{escape(self._label)}</title>{body}</svg>"
         )

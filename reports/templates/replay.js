@@ -6,9 +6,7 @@
   const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   async function unpack(base64) {
-    const raw = Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
-    const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const bytes = await Page.inflate(base64);
     const end = bytes.indexOf(10);
     const data = JSON.parse(new TextDecoder().decode(bytes.subarray(0, end)));
     let at = end + 1;
@@ -51,7 +49,7 @@
       if ("close" in root.dataset && Math.max(whole.x1 - whole.x0, whole.y1 - whole.y0) > LARGE) this.zoom();
       this.seek(begin);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+      document.addEventListener("theme", () => this.draw());
     }
 
     connect() {
@@ -360,12 +358,6 @@
       root.querySelector(".now").textContent = `The replay cannot be shown here: ${error.message}. The pictures below do not need it.`;
     }
   }
-
-  const closed = new Set(); // details opened for the printer only
-  addEventListener("beforeprint", () => {
-    for (const part of document.querySelectorAll("details:not([open])")) { closed.add(part); part.open = true; }
-  });
-  addEventListener("afterprint", () => { for (const part of closed) part.open = false; closed.clear(); });
 
   const watch = new IntersectionObserver((entries) => {
     for (const entry of entries) if (entry.isIntersecting) { watch.unobserve(entry.target); start(entry.target); }
