@@ -38,10 +38,18 @@ CM = 100.0
 NOWHERE = -32768  # for absent people
 
 
-def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
+def pack(
+    world: World, trace: Trace, verdicts: Sequence[Verdict], *, concerned: Sequence[str] = ()
+) -> str:
     """Pack a replay as deflated base64: JSON text, a line feed, then little-endian arrays.
 
     The JSON names each array with its type and shape, in order.
+
+    Args:
+        world: of the run.
+        trace: of the run.
+        verdicts: on it; frames around violations are kept.
+        concerned: things that took part, which the replay names from afar, too.
     """
     moments = [v.violated_at for v in verdicts if v.violated and v.violated_at is not None]
     ticks = kept_ticks(len(trace), trace.dt, moments)
@@ -50,6 +58,7 @@ def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays],
         "time": [round(float(t), 2) for t in trace.columns["time"][ticks]],
         "world": _world(world),
+        "concerned": list(concerned),
         "phases": [phase.name.lower().replace("_", " ") for phase in Phase],
         "paths": _paths(trace),
         **_happenings(trace, verdicts),
@@ -182,6 +191,9 @@ def _world(world: World) -> dict[str, Any]:
     return {
         "extent": [round(value, 2) for value in extent_of(world)],
         "scene": [_shape(shape) for shape in scene],
+        "things": [  # that stand still: name, middle
+            [item.name, *_points_all(item.center)] for item in world.furniture if not item.movable
+        ],
         "pieces": [  # movable; outlines around their centres
             [item.name, item.kind, _points_all(item.polygon - item.center)]
             for item in world.movable_furniture()

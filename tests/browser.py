@@ -85,12 +85,18 @@ class Browser:
         self, path: Path, *, width: int = 1280, height: int = 900, mobile: bool = False
     ) -> None:
         """Open a file and wait until it has loaded."""
+        self.open_address(path.resolve().as_uri(), width=width, height=height, mobile=mobile)
+
+    def open_address(
+        self, address: str, *, width: int = 1280, height: int = 900, mobile: bool = False
+    ) -> None:
+        """Open an address and wait until it has loaded."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
             width=width, height=height, deviceScaleFactor=1, mobile=mobile,
         )  # fmt: skip
-        self.send("Page.navigate", url=path.resolve().as_uri())
-        self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
+        self.send("Page.navigate", url=address)
+        self.wait("document.readyState === 'complete' && location.protocol !== 'about:'")
 
     def open_replay(
         self, path: Path, *, width: int = 1280, height: int = 900, mobile: bool = False

@@ -40,6 +40,7 @@ COMMANDS = {
     "report": Listed("report_command", "Write the failure report of a campaign."),
     "run": Listed("run_commands", "Run the full stack in one world and judge it."),
     "sample": Listed("program_commands", "Write worlds sampled from a Scenic program."),
+    "serve": Listed("serve_command", "Show a campaign in the browser while it runs."),
     "show": Listed("trial_commands", "Show one trial: verdicts, evidence, digests."),
     "travel-times": Listed("run_commands", "Measure how long a robot takes from room to room."),
 }

@@ -6,8 +6,8 @@ epsilon squared, which is zero on average where the coordinate does not matter. 
 the noncentral F distribution around (Steiger, Psychological Methods 9, 2004). It holds for all
 coordinates together (Bonferroni). What only two coordinates together bring about is not seen.
 
-A sampler that looks for failures moves coordinates together. Then a coordinate may go with failing
-because another one causes it.
+A sampler that looks for failures repeats coordinates and moves them together. Then the intervals
+are too narrow, and a coordinate may go with failing because another one causes it.
 """
 
 from __future__ import annotations

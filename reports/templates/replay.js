@@ -2,6 +2,7 @@
 "use strict";
 (() => {
   const NOWHERE = -32768;
+  const NEAR = 40; // px a metre; nearer, all furniture is named
   const LARGE = 20; // m; a floor larger than this opens as a close-up
   const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -175,6 +176,7 @@
       for (const row of this.data.world.scene) this.paintShape(pen, row);
       this.paintPieces(pen, f);
       for (const row of this.data.world.scene) if (row[0] === "room") this.paintRoom(pen, row);
+      if (this.shows("names")) this.nameThings(pen, f);
       if (this.shows("clusters")) this.paintClusters(pen, f, places);
       if (this.shows("paths")) this.paintPaths(pen);
       if (this.shows("rays")) this.paintRays(pen);
@@ -258,6 +260,19 @@
         for (let k = 0; k < outline.length; k += 2) moved.push(
           100 * place[0] + c * outline[k] - s * outline[k + 1], 100 * place[1] + s * outline[k] + c * outline[k + 1]);
         line(moved, true); fill(colour("furniture"));
+      });
+    }
+
+    nameThings({ px, scale, ratio, colour, text }, f) { // what took part from afar, all from near
+      const { things, pieces } = this.data.world, near = scale / ratio > NEAR;
+      const write = (name, x, y) => {
+        const concerned = this.data.concerned.includes(name);
+        if (concerned || near) text(name, ...px(x, y), concerned ? 11 : 9, colour(concerned ? "bad" : "soft"));
+      };
+      for (const [name, x, y] of things) write(name, x / 100, y / 100);
+      pieces.forEach(([name], i) => {
+        const place = this.point(this.data.pieces, f, i);
+        if (place) write(name, ...place);
       });
     }
 

@@ -39,7 +39,7 @@
       const table = element("table", {}, element("caption", { className: "unseen", textContent: "All trials with their parameters" }),
         element("thead", {}, this.head), this.body);
       const frame = element("div", { className: "wide", tabIndex: 0 }, table);
-      frame.setAttribute("role", "region");
+      frame.setAttribute("role", "group");
       frame.setAttribute("aria-label", "all trials");
       const controls = element("div", { className: "controls" },
         element("label", {}, "filter ", this.filter), element("label", {}, "outcome ", this.outcome));

@@ -15,7 +15,6 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.importance import Importance, importances
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import leading
@@ -28,6 +27,7 @@ from mrta_falsify.verbs.campaign_summary import (
 )
 from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
 from mrta_falsify.verbs.report.cases import readable_cases
+from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
 from mrta_falsify.verbs.report.summary import summary_sentences
 from mrta_falsify.verbs.report.trial_table import is_deadlock, trial_table
@@ -79,15 +79,17 @@ def build_report(
     versions = next((record.versions for record in judged), {})
     kinds = modes(campaign)
     found = _modes(kinds, failed, shown)
-    ranked = ranked_dimensions(campaign, judged)
+    ranking = rank_dimensions(campaign, judged)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
         headline=_headline(campaign, failed, len(judged), kinds),
-        summary=summary_sentences(campaign, judged, kinds, ranked),
+        summary=summary_sentences(campaign, judged, kinds, ranking.mattering),
         facts=facts_of(campaign, judged, failed),
         modes=found,
         trials=_trials(judged, floor),
-        table=trial_table(campaign, kinds, ranked),
+        importances=parameter_importances(campaign, judged, ranking),
+        even=ranking.is_even,
+        table=trial_table(campaign, kinds, [one.dimension for one in ranking.found]),
         errors=error_kinds(campaign),
         floor=floor,
         stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
@@ -139,21 +141,6 @@ def _headline(
         first += " that is looked for first" if last else ""
     names = " or ".join(campaign.settings.trials.then)
     return f"{first}; {last} only {names}" if last else first
-
-
-def ranked_dimensions(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[Importance, ...]:
-    """Rank the search dimensions by how much failing goes with them.
-
-    Args:
-        campaign: whose dimensions.
-        judged: its judged trials.
-    """
-    cube = campaign.settings.cube
-    points = [record.candidate.u for record in judged]
-    if not cube.dimensions or any(len(u) != cube.dimensions for u in points) or not points:
-        return ()
-    failed = np.array([record.is_reported for record in judged])
-    return importances(np.array(points), failed, cube.levels)
 
 
 def _modes(

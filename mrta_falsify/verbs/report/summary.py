@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.core.importance import Importance
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_summary import FailureMode, unseen_in
 from mrta_falsify.verbs.report.trial_table import dimension_names, is_deadlock
@@ -21,7 +20,7 @@ def summary_sentences(
     campaign: Campaign,
     judged: Sequence[TrialRecord],
     found: Sequence[FailureMode],
-    ranked: Sequence[Importance],
+    mattering: Sequence[int],
 ) -> tuple[str, ...]:
     """Sum a campaign up for someone who knows nothing of it; empty without judged trials.
 
@@ -29,7 +28,7 @@ def summary_sentences(
         campaign: to report.
         judged: its judged trials.
         found: its failure modes.
-        ranked: dimensions, the most important first.
+        mattering: dimensions that failing goes with beyond chance.
     """
     if not judged:
         return ()
@@ -37,7 +36,7 @@ def summary_sentences(
         *_failure_sentences(campaign, judged),
         *_mode_sentences(judged, found),
         *_layer_sentences(judged),
-        *_parameter_sentences(campaign, ranked),
+        *_parameter_sentences(campaign, mattering),
         *_unseen_sentences(campaign),
     )
 
@@ -79,12 +78,10 @@ def _layer_sentences(judged: Sequence[TrialRecord]) -> list[str]:
     return [f"Suspected part of the stack, by trials: {listed(named)}."]
 
 
-def _parameter_sentences(campaign: Campaign, ranked: Sequence[Importance]) -> list[str]:
+def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:
     names = dimension_names(campaign)
-    mattering = [names[one.dimension] for one in ranked if one.matters][:MOST_NAMED]
-    if not mattering:
-        return []
-    return [f"Failing goes with {listed(mattering)}."]
+    named = [names[i] for i in mattering[:MOST_NAMED]]
+    return [f"Failing goes with {listed(named)}."] if named else []
 
 
 def _unseen_sentences(campaign: Campaign) -> list[str]:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.core.importance import Importance
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import DEADLOCK, leading
 from mrta_falsify.verbs.campaign_summary import FailureMode
@@ -18,7 +17,7 @@ FATES = {"crashed": "error", "timeout": "error"}  # of trials that were not judg
 
 
 def trial_table(
-    campaign: Campaign, found: Sequence[FailureMode], ranked: Sequence[Importance]
+    campaign: Campaign, found: Sequence[FailureMode], ranked: Sequence[int]
 ) -> TrialTable | None:
     """Tabulate the trials of a campaign; None without any.
 
@@ -31,8 +30,7 @@ def trial_table(
     if not records:
         return None
     names = dimension_names(campaign)
-    order = [one.dimension for one in ranked]
-    order += [i for i in range(len(names)) if i not in set(order)]
+    order = [*ranked, *(i for i in range(len(names)) if i not in set(ranked))]
     kept = order[: max(1, MOST_CELLS // len(records))]
     mode_of = {id: number for number, mode in enumerate(found, start=1) for id in mode.ids}
     has_values = any(record.values for record in records)
