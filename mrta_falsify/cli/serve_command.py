@@ -18,16 +18,22 @@ PORT = 8377
 @main.command("serve")
 @click.argument("directory", type=FILE)
 @count_option("--port", 0, 65535, default=PORT, text="Of this machine; 0: any that is free.")
+@click.option(
+    "--lichtblick",
+    default="",
+    metavar="ADDRESS",
+    help="Let this Lichtblick read the runs of failures, as http://localhost:8080, and link to it.",
+)
 @click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
-def serve_command(directory: Path, port: int, opened: bool) -> int:
+def serve_command(directory: Path, port: int, lichtblick: str, opened: bool) -> int:
     """Show a campaign in the browser while it runs, until Ctrl-C.
 
     Only this machine can ask for it, and nothing can be changed by it. Requests that another page
-    makes are refused.
+    makes are refused; only the Lichtblick that is named may read runs.
     """
     from mrta_falsify.verbs.serve import LiveServer
 
-    with LiveServer(directory, port) as server:
+    with LiveServer(directory, port, lichtblick=lichtblick) as server:
         click.echo(server.address)
         if opened and not webbrowser.open(server.address):
             output.say(f"no browser was found; open {server.address} yourself")

@@ -2,12 +2,14 @@
 
 The page asks for a small summary every two seconds. The server reads only what has been appended
 to the log since, and keeps counts, so its memory does not grow with the trials. The full report is
-written by a process of its own, when it is asked for and the log has grown.
+written by a process of its own, when it is asked for and the log has grown. So are the runs of
+failures as MCAP files, which one Lichtblick that the user names may read.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -32,6 +34,9 @@ MOST_POINTS = 200  # of the curve of failures
 MOST_MODES = 500  # counted one by one
 SHOWN_MODES = 30  # told to the page
 PATIENCE = 10.0  # s for a request to arrive
+ORIGIN = re.compile(r"https?://[\w.-]+(:\d+)?")
+RUN = re.compile(r"/runs/(\d{4,18})\.mcap")  # address of a trial's run
+RANGE = re.compile(r"bytes=(\d+)-(\d*)")
 
 
 @dataclass(slots=True)
@@ -133,17 +138,31 @@ class _Reports:
         """Give the page; ``size`` [bytes] of the log says whether it is still true."""
         with self._lock:
             if size != self._size:
-                command = [sys.executable, "-m", "mrta_falsify.cli", "report"]
-                done = subprocess.run(
-                    [*command, str(self.directory), "-o", str(self.path)],
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.PIPE,
-                    check=False,
-                )
-                if done.returncode:
-                    raise InputError(done.stderr.decode(errors="replace").strip())
+                _command("report", str(self.directory), "-o", str(self.path))
                 self._size = size
             return self.path.read_bytes()
+
+    def run(self, id: str) -> bytes:
+        """Give the run of a trial as an MCAP file; the last one asked for is kept."""
+        with self._lock:
+            path = self.path.with_name(f"{id}.mcap")
+            if not path.is_file():
+                for other in self.path.parent.glob("*.mcap"):
+                    other.unlink()
+                _command("export", str(self.directory), id, "--format", "mcap", "-o", str(path))
+            return path.read_bytes()
+
+
+def _command(*words: str) -> None:
+    """Run one of our commands in a process of its own, whose memory goes with it."""
+    done = subprocess.run(
+        [sys.executable, "-m", "mrta_falsify.cli", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        check=False,
+    )
+    if done.returncode:
+        raise InputError(done.stderr.decode(errors="replace").strip())
 
 
 class LiveServer(ThreadingHTTPServer):
@@ -151,7 +170,13 @@ class LiveServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, directory: Place, port: int = 0) -> None:
+    def __init__(self, directory: Place, port: int = 0, *, lichtblick: str = "") -> None:
+        self.lichtblick = lichtblick.rstrip("/")
+        if self.lichtblick and not ORIGIN.fullmatch(self.lichtblick):
+            raise InputError(
+                f"--lichtblick is {lichtblick}; it must be an address without a path, as "
+                "http://localhost:8080"
+            )
         self.summary = LiveSummary(Path(directory))
         self._title = Path(read_campaign_settings(Path(directory)).trials.scenario).stem
         self._lock = threading.Lock()
@@ -180,7 +205,7 @@ class LiveServer(ThreadingHTTPServer):
     def _update(self) -> dict[str, Any]:
         with self._lock:
             self.summary.update()
-            return self.summary.data()
+            return {**self.summary.data(), "lichtblick": self.lichtblick}
 
     def live_page(self) -> bytes:
         """Render the page that asks for the summary."""
@@ -195,20 +220,33 @@ class LiveServer(ThreadingHTTPServer):
         self._update()
         return self._reports.page(self.summary.offset)
 
-    def allows(self, host: str | None, origin: str | None) -> bool:
-        """Whether a request with these headers comes from this page, or from no page at all."""
+    def run_file(self, id: str) -> bytes:
+        """Give the run of a trial as an MCAP file."""
+        return self._reports.run(id)
+
+    def allows(self, host: str | None, origin: str | None, *, is_run: bool = False) -> bool:
+        """Whether a request with these headers comes from this page, or from no page at all.
+
+        Args:
+            host: that was asked for.
+            origin: of the page that asks; None: none does.
+            is_run: a run is asked for, which Lichtblick may read as well.
+        """
         own = {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
-        return host in own and (origin is None or origin in {f"http://{name}" for name in own})
+        known = {f"http://{name}" for name in own}
+        if is_run and self.lichtblick:
+            known.add(self.lichtblick)
+        return host in own and (origin is None or origin in known)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET for three addresses; everything else is refused."""
+    """Answers GET for three pages, and for runs where Lichtblick may read them."""
 
     server: LiveServer
     timeout = PATIENCE
     server_version = "mrta-falsify"
     sys_version = ""
-    PAGES: ClassVar[dict[str, tuple[str, Callable[[LiveServer], bytes]]]] = {
+    PAGES: ClassVar[dict[str, tuple[str, Callable[[LiveServer], bytes] | None]]] = {
         "/": ("text/html; charset=utf-8", LiveServer.live_page),
         "/summary.json": ("application/json", LiveServer.summary_text),
         "/report": ("text/html; charset=utf-8", LiveServer.report_page),
@@ -216,29 +254,59 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request."""
-        if not self.server.allows(self.headers.get("Host"), self.headers.get("Origin")):
+        path = self.path.partition("?")[0]
+        run = RUN.fullmatch(path)
+        origin = self.headers.get("Origin")
+        if not self.server.allows(self.headers.get("Host"), origin, is_run=run is not None):
             self._answer(HTTPStatus.FORBIDDEN, "text/plain", b"only pages of this server may ask\n")
             return
-        found = self.PAGES.get(self.path.partition("?")[0])
-        if found is None:
-            self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"no such page\n")
-            return
-        kind, page = found
+        kind, page = self.PAGES.get(path, ("", None))
         try:
-            body = page(self.server)
+            if run is not None and self.server.lichtblick:
+                self._answer_run(self.server.run_file(run[1]))
+            elif page is not None:
+                self._answer(HTTPStatus.OK, kind, page(self.server))
+            else:
+                self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"no such page\n")
         except InputError as error:
             self._answer(HTTPStatus.INTERNAL_SERVER_ERROR, "text/plain", f"{error}\n".encode())
-            return
-        self._answer(HTTPStatus.OK, kind, body)
 
-    def _answer(self, status: HTTPStatus, kind: str, body: bytes) -> None:
+    def _answer_run(self, body: bytes) -> None:
+        """Send a file, or the part of it that is asked for."""
+        headers = {
+            "Access-Control-Allow-Origin": self.server.lichtblick,
+            "Access-Control-Expose-Headers": "Accept-Ranges, Content-Range, Content-Length",
+            "Accept-Ranges": "bytes",
+            "Cross-Origin-Resource-Policy": "cross-origin",
+        }
+        part = RANGE.fullmatch(self.headers.get("Range", ""))
+        if part is None:
+            self._answer(HTTPStatus.OK, "application/octet-stream", body, headers)
+            return
+        first = int(part[1])
+        last = min(int(part[2] or len(body) - 1), len(body) - 1)
+        if first > last:
+            status = HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE
+            self._answer(status, "text/plain", b"", {"Content-Range": f"bytes */{len(body)}"})
+            return
+        headers["Content-Range"] = f"bytes {first}-{last}/{len(body)}"
+        status = HTTPStatus.PARTIAL_CONTENT
+        self._answer(status, "application/octet-stream", body[first : last + 1], headers)
+
+    def _answer(
+        self, status: HTTPStatus, kind: str, body: bytes, headers: dict[str, str] | None = None
+    ) -> None:
         self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("X-Frame-Options", "DENY")
+        sent = {
+            "Content-Type": kind,
+            "Content-Length": str(len(body)),
+            "Cache-Control": "no-store",
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "X-Frame-Options": "DENY",
+        }
+        for name, value in {**sent, **(headers or {})}.items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
 

@@ -28,6 +28,14 @@
       make("text", { x: LEFT, y: y(0) + 18, class: "tick" }, "solid: failures, dashed: deadlocks"));
   }
 
+  function lichtblickLink(address, id) {
+    const run = `${location.origin}/runs/${id}.mcap`, link = document.createElement("a");
+    link.href = `${address}/?ds=remote-file&ds.url=${encodeURIComponent(run)}`;
+    link.textContent = `open ${id} in Lichtblick`;
+    link.rel = "noreferrer";
+    return link;
+  }
+
   function tell(data) {
     const { judged, deadlocks, failed } = data;
     show("headline", `${count(judged, "trial", "trials")}${data.budget ? ` of ${data.budget}` : ""}: ` +
@@ -37,7 +45,8 @@
     show("latest", data.latest ? `Latest: ${data.latest}` : "No failure yet.");
     document.getElementById("list").replaceChildren(...data.modes.map(([n, happened, first]) => {
       const item = document.createElement("li");
-      item.textContent = `${count(n, "trial", "trials")}, first ${first}: ${happened}`;
+      item.textContent = `${count(n, "trial", "trials")}, first ${first}: ${happened} `;
+      if (data.lichtblick) item.append(lichtblickLink(data.lichtblick, first));
       return item;
     }));
     show("further", data.further_modes ? `${data.further_modes} further modes.` : "");

@@ -150,6 +150,21 @@ def test_a_port_in_use_and_a_directory_that_is_no_campaign_are_bad_input(served,
     assert "is not a campaign directory" in result.stderr
 
 
+def test_one_lichtblick_may_read_runs_in_parts_and_nothing_else(served, monkeypatch):
+    server, _, _ = served
+    monkeypatch.setattr(server, "run_file", lambda id: f"run of {id}".encode())
+    assert asked(server, "/runs/0000.mcap")[0] == 404  # unless it is named
+    server.lichtblick = "http://localhost:8080"
+    viewer = {"Origin": "http://localhost:8080"}
+    assert asked(server, "/runs/0000.mcap", **viewer) == (200, b"run of 0000")
+    assert asked(server, "/runs/0000.mcap", Range="bytes=7-9", **viewer) == (206, b"000")
+    assert asked(server, "/runs/0000.mcap", Range="bytes=7-", **viewer) == (206, b"0000")
+    assert asked(server, "/runs/0000.mcap", Range="bytes=70-", **viewer)[0] == 416
+    assert asked(server, "/runs/0000.mcap", Origin="http://evil.example")[0] == 403
+    assert asked(server, "/summary.json", **viewer)[0] == 403
+    assert asked(server, "/runs/../lock.mcap", **viewer)[0] == 403
+
+
 @pytest.mark.browser
 @pytest.mark.parametrize("width", [1280, 390])
 def test_the_live_page_follows_a_campaign(served, width):
