@@ -101,7 +101,9 @@ def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_
 def test_arrows_in_the_mcap_file_show_who_waits_for_whom(hall, hall_trace, tmp_path):
     highlevel = pytest.importorskip("rosbags.highlevel")
     edge = BlockedBy(robot=0, cause="queue", other=1, resource="ward")
-    trace = dataclasses.replace(hall_trace, edges=(EdgeSpan(0, len(hall_trace) // 2, edge),))
+    trace = dataclasses.replace(
+        hall_trace, edges=(EdgeSpan(first=0, last=len(hall_trace) // 2, edge=edge),)
+    )
     path = tmp_path / "run.mcap"
     write_mcap(hall, trace, costmap_of(hall), path)
     first, last = {}, {}
