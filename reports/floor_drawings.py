@@ -89,7 +89,7 @@ def draw_coverage(world: World, trials: TrialScores) -> Markup:
     bad = np.asarray(trials.failed, dtype=bool)
     points = floor(trials.places)
     drawing.dots(points[~bad], radius=3.0, stroke="var(--driving)", opacity=0.7)
-    drawing.dots(points[bad], radius=4.5, stroke="var(--bad)", opacity=0.7)
+    drawing.crosses(points[bad], radius=4.0, stroke="var(--bad)")
     return drawing.markup()
 
 

@@ -76,7 +76,7 @@ def draw_slice(one: ParameterImportance, trials: TrialScores) -> Markup | None:
         drawing.add("text", f"{value:g}", x=LEFT - 5, y=y + 4, class_="tick", text_anchor="end")
     failed = np.asarray(trials.failed, dtype=bool)
     drawing.dots(places[known & ~failed], radius=2.3, stroke="var(--driving)")
-    _draw_crosses(drawing, places[known & failed])
+    drawing.crosses(places[known & failed], radius=CROSS, stroke="var(--bad)")
     _draw_strip(drawing, one, across)
     base = TOP + SLICE_HEIGHT + STRIP
     for value in ticks(across.low, across.high, 5):
@@ -113,15 +113,3 @@ def _draw_strip(drawing: Drawing, one: ParameterImportance, across: _Across) -> 
         if right - left > ROOM_FOR_SHARE:
             drawing.add("text", f"{share:.0%}", x=0.5 * (left + right), y=y + 11.0, class_="tick",
                         text_anchor="middle")  # fmt: skip
-
-
-def _draw_crosses(drawing: Drawing, places: np.ndarray) -> None:
-    """Mark failures by crosses, which need no colour to be told from dots."""
-    spots = np.unique(np.round(places).astype(int), axis=0).tolist()
-    c = CROSS
-    path = "".join(
-        f"M{x - c:g} {y - c:g}l{2 * c:g} {2 * c:g}M{x - c:g} {y + c:g}l{2 * c:g} {-2 * c:g}"
-        for x, y in spots
-    )
-    if path:
-        drawing.add("path", d=path, fill="none", stroke="var(--bad)", stroke_width=1.6)

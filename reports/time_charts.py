@@ -174,7 +174,7 @@ def draw_scores(trials: TrialScores) -> Markup:
     places = axis.points(np.asarray(trials.numbers, dtype=float), scores)
     bad = np.asarray(trials.failed, dtype=bool)
     drawing.dots(places[~bad], radius=2.5, stroke="var(--driving)")
-    drawing.dots(places[bad], radius=2.5, stroke="var(--bad)")
+    drawing.crosses(places[bad], radius=3.0, stroke="var(--bad)")
     drawing.line(_best_so_far(places), stroke="var(--soft)")
     for number in sorted({round(tick) for tick in ticks(0.0, last, 8)}):
         axis.label_x(drawing, number, f"{number}", 22)

@@ -102,10 +102,10 @@ def _group_labels(values: Array, levels: int) -> np.ndarray:
         levels: of a discrete coordinate, 0: continuous.
     """
     if 0 < levels <= MOST_GROUPS:
-        return np.minimum((values * levels).astype(int), levels - 1)
+        return np.asarray(np.minimum((values * levels).astype(int), levels - 1))
     count = int(np.clip(len(values) // LEAST_IN_GROUP, 2, MOST_GROUPS))
     edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
-    return np.searchsorted(np.unique(edges), values, side="right")
+    return np.asarray(np.searchsorted(np.unique(edges), values, side="right"))
 
 
 def _groups(values: Array, labels: np.ndarray, failed: BoolArray) -> tuple[Group, ...]:

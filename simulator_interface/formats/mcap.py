@@ -209,16 +209,16 @@ def _waits(trace: Trace, tick: int, time: float) -> Iterator[Message]:
     for robot in range(len(trace.robots)):
         arrow = _marker(time, "waits_for", robot, ARROW, WAIT_COLOUR)
         text = _marker(time, "waits_why", robot, TEXT, WAIT_COLOUR)
-        edge = edges.get(robot)
+        waited = edges.get(robot)
         x, y = poses[robot, :2]
-        if edge is not None and edge.other >= 0:
-            end = people[edge.other] if edge.cause == "human" else poses[edge.other, :2]
+        if waited is not None and waited.other >= 0:
+            end = people[waited.other] if waited.cause == "human" else poses[waited.other, :2]
             arrow["scale"] = _point(0.06, 0.16, 0.2)  # shaft, head, length of the head [m]
             arrow["points"] = [_point(x, y, 0.3), _point(end[0], end[1], 0.3)]
-        if edge is not None:
+        if waited is not None:
             text["pose"] = _pose(x, y, z=0.8)
             text["scale"] = _point(0.0, 0.0, 0.25)  # height of the letters [m]
-            text["text"] = " ".join(part for part in (edge.cause, edge.resource) if part)
+            text["text"] = " ".join(part for part in (waited.cause, waited.resource) if part)
         arrow["action"] = ADD if arrow["points"] else DELETE
         text["action"] = ADD if text["text"] else DELETE
         yield arrow
