@@ -38,6 +38,7 @@ class Browser:
         self._buffer = b""
         self._number = 0
         self._session: str | None = None
+        self.patience = 30.0  #: s for an answer
         self.requests: list[str] = []  #: every address asked for
         self.errors: list[str] = []  #: of scripts
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
@@ -54,7 +55,7 @@ class Browser:
             message["sessionId"] = self._session
         os.write(self._to, json.dumps(message).encode() + b"\0")
         while True:
-            answer = self._read(30.0)
+            answer = self._read(self.patience)
             if answer.get("id") == self._number:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")

@@ -30,6 +30,7 @@ def pages(tmp_path_factory):
     (folder / "live.html").write_text(render_live("hot_room"), encoding="utf-8")
     reporting.write_report(open_campaign(CAMPAIGN), folder / "report.html")
     with browser.browser() as running:
+        running.patience = 300.0  # with every folded part open, the rules take a while
         yield running, folder
 
 
