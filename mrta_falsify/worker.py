@@ -116,6 +116,7 @@ class TrialRunner:
         record = dataclasses.replace(
             record,
             candidate=realised.candidate,
+            values=self._program.values_of(realised.candidate),
             world_digest=realised.world.digest(),
             attempts=realised.attempts,
             scene_s=time.perf_counter() - began,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -64,7 +65,7 @@ class DrawnRun:
     chances: Markup | None  #: of failure, by the time from which the run is repeated
     signals: tuple[tuple[str, Markup], ...]  #: name and plot
     costmap: CostmapPicture | None
-    other: DrawnRun | None  #: of the other stack, in the same world
+    other: DrawnRun | None  #: beside it: of the other stack, or of the nearest passing trial
 
     @property
     def size(self) -> int:
@@ -93,6 +94,11 @@ class DrawnCase:
         return self.main.size + (self.minimised.size if self.minimised is not None else 0)
 
 
+def moment_name(id: str) -> str:
+    """Name the drawing of a case's moment in the page."""
+    return "moment-" + re.sub(r"[^A-Za-z0-9_-]+", "-", id)
+
+
 def draw_case(case: CaseContents) -> DrawnCase:
     """Draw a case and, if there is one, its smallest world."""
     smallest = case.minimised
@@ -104,8 +110,10 @@ def draw_case(case: CaseContents) -> DrawnCase:
 def _draw_run(case: CaseContents, begin: float | None = None) -> DrawnRun:
     """Draw a run; its replay begins before the onset, or at ``begin`` [s]."""
     world, trace = case.world, case.trace
+    beside = case.other or case.passing
     violated = tuple(verdict for verdict in case.verdicts if verdict.violated)
     account = wait_account(violated[0], trace) if violated else WaitAccount(waits=())
+    concerned = [item.name for item in account.objects]
     times = _Times.of(violated, trace.duration)
     tasks = task_history.tasks_of(violated[0]) if violated else []
     told = confirmed(trace, world)
@@ -118,13 +126,19 @@ def _draw_run(case: CaseContents, begin: float | None = None) -> DrawnRun:
         violated=violated,
         account=account,
         tasks=tuple(task_history.stories(tasks, world, told)),
-        replay=Markup(packing.pack(world, trace, case.verdicts)),
+        replay=Markup(packing.pack(world, trace, case.verdicts, concerned=concerned)),
         begin=begin,
         jumps=times.jumps(deadlock=bool(account.members)),
         place=_close_up_place(case, violated, who),
         close=any("place" in verdict.evidence for verdict in violated[:1]),
         moment=floor_drawings.draw_moment(
-            world, trace, times.found, account.arrows, members=in_picture or who
+            world,
+            trace,
+            times.found,
+            account.arrows,
+            members=in_picture or who,
+            named=concerned,
+            name=moment_name(case.id),
         )
         if times.found is not None
         else None,
@@ -135,7 +149,7 @@ def _draw_run(case: CaseContents, begin: float | None = None) -> DrawnRun:
         else None,
         signals=tuple(time_charts.draw_signals(trace, violated, who)),
         costmap=encode_costmap(case.costmap) if case.costmap is not None else None,
-        other=_draw_run(case.other, begin) if case.other is not None else None,
+        other=_draw_run(beside, begin) if beside is not None else None,
     )
 
 

@@ -76,6 +76,26 @@ PHASES = {
 }
 
 
+class Shade(NamedTuple):
+    """One colour of a page, in light and in dark."""
+
+    light: str
+    dark: str
+
+
+#: text, lines, grounds; at least 4.5 to 1 between text and ground
+PAGE = {
+    "ink": Shade(INK, "#e6e9ef"),
+    "soft": Shade("#5d6675", "#a2abba"),
+    "line": Shade("#dde1e8", "#363c48"),
+    "paper": Shade("#ffffff", "#1c2027"),
+    "back": Shade("#f4f5f8", "#12151a"),
+    "bad": Shade(UNSAFE, "#ff6b6b"),
+    "good": Shade(SAFE, "#5cd68a"),
+    "link": Shade("#1f5f99", "#7cb8ee"),
+}
+
+
 def robot_colour(number: int) -> str:
     """Colour (#rrggbb) of a robot, the same in every picture."""
     return ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
@@ -87,13 +107,26 @@ def person_colour(*, blind: bool) -> str:
 
 
 def css_variables() -> str:
-    """Declare ``--ROLE``, ``--ROLE-edge`` and ``--PHASE`` as a style sheet of a page."""
-    light = "".join(f" --{r}: {p.fill}; --{r}-edge: {p.edge};" for r, p in PAINTS.items())
-    dark = "".join(f" --{r}: {p.dark_fill}; --{r}-edge: {p.dark_edge};" for r, p in PAINTS.items())
-    light += "".join(f" --{paint.name}: {paint.light};" for paint in PHASES.values())
-    dark += "".join(f" --{paint.name}: {paint.dark};" for paint in PHASES.values())
-    screen = "@media screen and (prefers-color-scheme: dark)"
-    return f":root {{{light} }}\n{screen} {{ :root {{{dark} }} }}"
+    """Declare ``--ROLE``, ``--ROLE-edge``, ``--PHASE`` and the page's own colours.
+
+    Dark ones hold on screens that ask for them, unless the page says ``data-theme``.
+    """
+    light, dark = (_declared(which) for which in (0, 1))
+    return (
+        f":root {{ color-scheme: light; {light} }}\n"
+        "@media screen and (prefers-color-scheme: dark) "
+        f"{{ :root:not([data-theme=light]) {{ color-scheme: dark; {dark} }} }}\n"
+        f"@media screen {{ :root[data-theme=dark] {{ color-scheme: dark; {dark} }} }}"
+    )
+
+
+def _declared(which: int) -> str:
+    """Declare all colours for light (0) or dark (1) pages."""
+    shown = [(name, shade[which]) for name, shade in PAGE.items()]
+    for role, paint in PAINTS.items():
+        shown += [(str(role), paint[2 * which]), (f"{role}-edge", paint[2 * which + 1])]
+    shown += [(paint.name, paint[1 + which]) for paint in PHASES.values()]
+    return " ".join(f"--{name}: {colour};" for name, colour in shown)
 
 
 def costmap_image(costmap: Costmap) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.importance import Group
 from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -33,6 +34,16 @@ class ErrorKind:
     reason: str  #: one line
     ids: tuple[str, ...]
     text: str = ""  #: of the first of them, in full
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbour:
+    """The passing trial nearest to a failure."""
+
+    id: str
+    differences: tuple[tuple[str, str, str], ...]  #: parameter, value here and value there
+    further: int  #: parameters that differ less
+    command: str  #: that runs it again and shows it beside the failure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +75,8 @@ class CaseContents:
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
     minimised: CaseContents | None = None
     other: CaseContents | None = None  #: the other stack's run of the same world, if two are shown
+    neighbour: Neighbour | None = None  #: None: no trial passes
+    passing: CaseContents | None = None  #: the neighbour's run, where it was kept
     compared: tuple[str, ...] = ()  #: what the other stack does, and what copies say, in words
     family: FailureFamily | None = None  #: None: `family` has not been run
 
@@ -87,6 +100,43 @@ class TrialScores:
     scores: tuple[float, ...]
     failed: tuple[bool, ...]
     places: np.ndarray  #: (n, 2) where each came closest to trouble [m]
+    deadlocked: tuple[bool, ...] = ()  #: empty: not known
+    situations: tuple[int, ...] = ()  #: different ones seen so far; empty: not known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterImportance:
+    """How much of the variance of failing one parameter explains."""
+
+    name: str
+    share: float  #: estimate, in [0, 1]
+    low: float  #: of the interval
+    high: float
+    matters: bool  #: failing goes with it beyond chance
+    values: tuple[float | None, ...]  #: of the judged trials, in order
+    parts: tuple[Group, ...]  #: of its range, in the units of the values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRow:
+    """One trial of the table of all trials."""
+
+    id: str
+    outcome: str  #: deadlock, failure, pass, rejected, impossible or error
+    mode: int  #: number of its failure mode, from 1; 0: none
+    found: float | None  #: when the violation was found [s]
+    score: float | None  #: None: not judged
+    simulated: float  #: [s]
+    values: tuple[float | None, ...]  #: of the parameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialTable:
+    """All trials of a campaign with the values of their parameters."""
+
+    parameters: tuple[str, ...]  #: names, the most important first
+    rows: tuple[TrialRow, ...]
+    note: str = ""  #: what is left out, or what the values are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +168,10 @@ class ReportContents:
     facts: tuple[tuple[str, str], ...]
     modes: tuple[Mode, ...] = ()
     trials: TrialScores | None = None
+    importances: tuple[ParameterImportance, ...] = ()  #: the largest first
+    even: bool = True  #: these are of trials that were drawn evenly
+    table: TrialTable | None = None  #: None: there are no trials, or only one run
+    summary: tuple[str, ...] = ()  #: sentences for someone who knows nothing of the campaign
     run: CaseContents | None = None  #: the only case, where the report is of a single run
     errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
     floor: World | None = None  #: whose floor the coverage map shows

@@ -22,6 +22,7 @@ CLOSE_UP = 4.0  # m around the robots concerned that a close-up shows
 TRAIL = 20.0  # s of the way behind a robot
 MOMENT_WIDTH = 520.0  # px
 COVERAGE_WIDTH = 420.0  # px
+LETTER = 5.5  # px, width of a letter of a name
 LEAST_BODY = 3.0  # px, radius of a robot on a large floor
 #: line widths [px] of areas, painted as one element a role
 AREAS = {Role.FURNITURE: 0.5, Role.WALL: 0.0, Role.BLOCKAGE: 1.0}
@@ -35,6 +36,8 @@ def draw_moment(
     waits: Sequence[Arrow] = (),
     *,
     members: Sequence[str] = (),
+    named: Sequence[str] = (),
+    name: str = "",
 ) -> Markup:
     """Draw the floor at ``time`` [s], close up on ``members`` if there are any.
 
@@ -44,6 +47,8 @@ def draw_moment(
         time: of the moment [s].
         waits: who waits for whom, painted as arrows.
         members: robots that must be in the picture; none: the whole floor is.
+        named: furniture and blockages that took part; others are named where there is room.
+        name: by which the page finds the drawing.
     """
     tick = int(np.clip(round(time / trace.dt), 0, max(len(trace) - 1, 0)))
     places = trace.columns["pose"][tick, :, :2]
@@ -51,10 +56,12 @@ def draw_moment(
     extent = _around(places[chosen]) if chosen else extent_of(world)
     floor = FloorProjection(extent, MOMENT_WIDTH)
     who = ", ".join(members) or "the whole floor"
-    drawing = Drawing(MOMENT_WIDTH, floor.height, label=f"floor plan at {time:.1f} s: {who}")
+    label = f"floor plan at {time:.1f} s: {who}"
+    drawing = Drawing(MOMENT_WIDTH, floor.height, label=label, name=name)
     _paint_floor(drawing, floor, shapes_at(floor_at(world, trace, tick), time))
     for shape in (*path_scene(trace, tick), *moving_scene(world, trace, tick, trail=TRAIL)):
         _paint_moving(drawing, floor, shape)
+    _name_things(drawing, floor, world, trace, tick, named)
     for arrow in waits:
         start, end = (place_of(world, trace, tick, name) for name in (arrow.start, arrow.end))
         if start is not None and end is not None:
@@ -82,7 +89,7 @@ def draw_coverage(world: World, trials: TrialScores) -> Markup:
     bad = np.asarray(trials.failed, dtype=bool)
     points = floor(trials.places)
     drawing.dots(points[~bad], radius=3.0, stroke="var(--driving)", opacity=0.7)
-    drawing.dots(points[bad], radius=4.5, stroke="var(--bad)", opacity=0.7)
+    drawing.crosses(points[bad], radius=4.0, stroke="var(--bad)")
     return drawing.markup()
 
 
@@ -127,6 +134,26 @@ def _paint_moving(drawing: Drawing, floor: FloorProjection, shape: Shape) -> Non
         ahead = (x + size * np.cos(shape.yaw), y - size * np.sin(shape.yaw))
         drawing.line([(x, y), ahead], stroke="#fff", stroke_width=2)
         _write_name(drawing, shape.text, x, y + size + 12)
+
+
+def _name_things(
+    drawing: Drawing,
+    floor: FloorProjection,
+    world: World,
+    trace: Trace,
+    tick: int,
+    named: Sequence[str],
+) -> None:
+    """Name furniture that is in the picture: what took part, and what has room for its name."""
+    for item in world.furniture:
+        place = place_of(world, trace, tick, item.name)
+        if place is None or not floor.shows(place):
+            continue
+        across = float(np.ptp(item.polygon[:, 0])) * floor.scale
+        if item.name in named or across >= LETTER * len(item.name):
+            x, y = floor(place)
+            style = "label" if item.name in named else "room"
+            drawing.add("text", item.name, x=x, y=y + 4, class_=style, text_anchor="middle")
 
 
 def _write_name(drawing: Drawing, name: str, x: float, y: float) -> None:

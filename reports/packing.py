@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zlib
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +23,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
+from reports.contents import TrialTable
 from reports.floor_scene import Role, Shape, extent_of, floor_scene
 from reports.furnishing import fixed_outlines, furniture_poses
 
@@ -36,10 +38,18 @@ CM = 100.0
 NOWHERE = -32768  # for absent people
 
 
-def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
+def pack(
+    world: World, trace: Trace, verdicts: Sequence[Verdict], *, concerned: Sequence[str] = ()
+) -> str:
     """Pack a replay as deflated base64: JSON text, a line feed, then little-endian arrays.
 
     The JSON names each array with its type and shape, in order.
+
+    Args:
+        world: of the run.
+        trace: of the run.
+        verdicts: on it; frames around violations are kept.
+        concerned: things that took part, which the replay names from afar, too.
     """
     moments = [v.violated_at for v in verdicts if v.violated and v.violated_at is not None]
     ticks = kept_ticks(len(trace), trace.dt, moments)
@@ -48,6 +58,7 @@ def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays],
         "time": [round(float(t), 2) for t in trace.columns["time"][ticks]],
         "world": _world(world),
+        "concerned": list(concerned),
         "phases": [phase.name.lower().replace("_", " ") for phase in Phase],
         "paths": _paths(trace),
         **_happenings(trace, verdicts),
@@ -55,6 +66,24 @@ def pack(world: World, trace: Trace, verdicts: Sequence[Verdict]) -> str:
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     body = b"".join(array.tobytes() for _, array in arrays)
     return base64.b64encode(zlib.compress(text + b"\n" + body, 9)).decode()
+
+
+def pack_trials(table: TrialTable) -> str:
+    """Pack the table of all trials as deflated base64: JSON of column names and rows."""
+    fixed = ("trial", "outcome", "mode", "found [s]", "score", "simulated [s]")
+    rows = [
+        [row.id, row.outcome, row.mode or None, _short(row.found), _short(row.score),
+         round(row.simulated, 1), *map(_short, row.values)]
+        for row in table.rows
+    ]  # fmt: skip
+    data = {"columns": [*fixed, *table.parameters], "rows": rows}
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
+    return base64.b64encode(zlib.compress(text, 9)).decode()
+
+
+def _short(value: float | None) -> float | None:
+    """Keep four digits of a number; None where it is none."""
+    return float(f"{value:.4g}") if value is not None and math.isfinite(value) else None
 
 
 def _happenings(trace: Trace, verdicts: Sequence[Verdict]) -> dict[str, list[list[Any]]]:
@@ -162,6 +191,9 @@ def _world(world: World) -> dict[str, Any]:
     return {
         "extent": [round(value, 2) for value in extent_of(world)],
         "scene": [_shape(shape) for shape in scene],
+        "things": [  # that stand still: name, middle
+            [item.name, *_points_all(item.center)] for item in world.furniture if not item.movable
+        ],
         "pieces": [  # movable; outlines around their centres
             [item.name, item.kind, _points_all(item.polygon - item.center)]
             for item in world.movable_furniture()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import jinja2
@@ -11,9 +11,11 @@ from markupsafe import Markup
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from reports import floor_drawings, time_charts
-from reports.case_drawings import DrawnCase, draw_case
+from reports.case_drawings import DrawnCase, draw_case, moment_name
 from reports.colours import css_variables
-from reports.contents import CaseContents, ReportContents
+from reports.contents import CaseContents, Mode, ReportContents
+from reports.importance_drawings import draw_importances, draw_slice
+from reports.packing import pack_trials
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
@@ -22,6 +24,7 @@ from reports.sentences import (
     violation_sentence,
 )
 
+MOST_SLICES = 4  # parameters plotted one by one
 MOST_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
 
 
@@ -49,24 +52,36 @@ def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:
         report: what it says.
         most_bytes: size of all cases together; the page only counts those that do not fit.
     """
-    drawn = _draw_cases(_by_urgency(report), most_bytes)
+    table = pack_trials(report.table) if report.table is not None else ""
+    drawn = _draw_cases(_by_urgency(report), most_bytes - len(table))
     trials, floor = report.trials, report.floor
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
-            report=report,
-            style=_own_text("report.css"),
-            colours=Markup(css_variables()),
-            script=_own_text("replay.js") if drawn else "",
-            scores=time_charts.draw_scores(trials) if trials and trials.numbers else "",
-            coverage=floor_drawings.draw_coverage(floor, trials)
-            if floor and trials and trials.numbers
-            else "",
-            drawn=drawn,
-            costmaps=_name_costmaps(drawn.values()),
-        )
+    return template("page.html").render(
+        report=report,
+        style=own_text("report.css"),
+        colours=Markup(css_variables()),
+        trial_data=Markup(table),
+        script=_script(has_table=bool(table), has_replay=bool(drawn)),
+        undrawn=_undrawn,
+        scores=time_charts.draw_scores(trials) if trials and trials.numbers else "",
+        progress=time_charts.draw_progress(trials)
+        if trials and any(trials.failed) and len(trials.numbers) > 1
+        else "",
+        situations=time_charts.draw_situations(trials)
+        if trials and len(trials.situations) > 1
+        else "",
+        importances=draw_importances(report.importances) if report.importances else "",
+        slices=_draw_slices(report),
+        coverage=floor_drawings.draw_coverage(floor, trials)
+        if floor and trials and trials.numbers
+        else "",
+        drawn=drawn,
+        costmaps=_name_costmaps(drawn.values()),
     )
+
+
+def template(name: str) -> jinja2.Template:
+    """Load one of our own templates; what it is given is escaped."""
+    return _environment().get_template(name)
 
 
 def _environment() -> jinja2.Environment:
@@ -82,12 +97,31 @@ def _environment() -> jinja2.Environment:
     environment.filters["account_sentences"] = account_sentences
     environment.filters["robustness"] = robustness_text
     environment.filters["evidence"] = evidence_text
+    environment.filters["moment_name"] = moment_name
     return environment
 
 
-def _own_text(name: str) -> Markup:
+def own_text(name: str) -> Markup:
     """Read a file of our own templates, to be put into the page unescaped."""
     return Markup((Path(__file__).parent / "templates" / name).read_text(encoding="utf-8"))
+
+
+def _script(*, has_table: bool, has_replay: bool) -> Markup:
+    names = ["page.js"] + ["table.js"] * has_table + ["replay.js"] * has_replay
+    return Markup("\n").join(own_text(name) for name in names)
+
+
+def _draw_slices(report: ReportContents) -> list[tuple[str, Markup]]:
+    """Draw slices of the most important parameters, each with its name."""
+    if report.trials is None:
+        return []
+    drawn = [(one.name, draw_slice(one, report.trials)) for one in report.importances[:MOST_SLICES]]
+    return [(name, plot) for name, plot in drawn if plot is not None]
+
+
+def _undrawn(modes: Iterable[Mode], drawn: Mapping[str, DrawnCase]) -> list[Mode]:
+    """List the modes of which no case is drawn."""
+    return [mode for mode in modes if not mode.cases or mode.cases[0].id not in drawn]
 
 
 def _by_urgency(report: ReportContents) -> list[CaseContents]:

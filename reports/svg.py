@@ -15,8 +15,15 @@ class Drawing:
     """An SVG that is built element by element; y points down, units are pixels."""
 
     def __init__(
-        self, width: float, height: float, *, label: str, data: dict[str, float] | None = None
+        self,
+        width: float,
+        height: float,
+        *,
+        label: str,
+        data: dict[str, float] | None = None,
+        name: str = "",
     ) -> None:
+        self._name = name  # in the page, where another part shows it, too
         self._size = (width, height)
         self._label = label
         self._data = data or {}  # for the page's script, as data-NAME
@@ -57,6 +64,17 @@ class Drawing:
             self.add("path", d=path, fill="none", stroke_linecap="round",
                      stroke_width=2.0 * radius, **attributes)  # fmt: skip
 
+    def crosses(self, points: Array, *, radius: float, **attributes: object) -> None:
+        """Add crosses as one element, to be told from dots without colour; one for a pixel."""
+        places = np.unique(np.round(np.asarray(points).reshape(-1, 2)).astype(int), axis=0)
+        if len(places):
+            r = radius
+            path = "".join(
+                f"M{x - r:g} {y - r:g}l{2 * r:g} {2 * r:g}m0 {-2 * r:g}l{-2 * r:g} {2 * r:g}"
+                for x, y in places.tolist()
+            )
+            self.add("path", d=path, fill="none", stroke_width=1.6, **attributes)
+
     def arrow(self, start: Array, end: Array, **attributes: object) -> None:
         """Add a straight arrow with a head of 9 px."""
         way = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
@@ -77,8 +95,9 @@ class Drawing:
         body = "".join(self._parts)
         # every text and attribute in it has been escaped above
         data = "".join(f' data-{name}="{value:g}"' for name, value in self._data.items())
+        name = f" id={quoteattr(self._name)}" if self._name else ""
         return Markup(
-            f'<svg viewBox="0 0 {width:g} {height:g}" width="{width:g}"{data} role="img" '
+            f'<svg{name} viewBox="0 0 {width:g} {height:g}" width="{width:g}"{data} role="img" '
             f"aria-label={quoteattr(self._label)}>"
             f"<title>{escape(self._label)}</title>{body}</svg>"
         )

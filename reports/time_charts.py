@@ -174,8 +174,47 @@ def draw_scores(trials: TrialScores) -> Markup:
     places = axis.points(np.asarray(trials.numbers, dtype=float), scores)
     bad = np.asarray(trials.failed, dtype=bool)
     drawing.dots(places[~bad], radius=2.5, stroke="var(--driving)")
-    drawing.dots(places[bad], radius=2.5, stroke="var(--bad)")
+    drawing.crosses(places[bad], radius=3.0, stroke="var(--bad)")
     drawing.line(_best_so_far(places), stroke="var(--soft)")
+    for number in sorted({round(tick) for tick in ticks(0.0, last, 8)}):
+        axis.label_x(drawing, number, f"{number}", 22)
+    return drawing.markup()
+
+
+def draw_progress(trials: TrialScores) -> Markup:
+    """Draw how many failures, and of them deadlocks, there were after each trial."""
+    counts = [("failures", "var(--bad)", np.cumsum(trials.failed), "")]
+    if any(trials.deadlocked):
+        counts.append(("deadlocks", "var(--ink)", np.cumsum(trials.deadlocked), "5 3"))
+    return _draw_counts(trials.numbers, counts, "failures found so far, by trial")
+
+
+def draw_situations(trials: TrialScores) -> Markup:
+    """Draw how many different situations trials had shown after each trial."""
+    counts = [("situations", "var(--driving)", np.asarray(trials.situations), "")]
+    return _draw_counts(trials.numbers, counts, "different situations seen so far, by trial")
+
+
+def _draw_counts(
+    numbers: Sequence[int], counts: Sequence[tuple[str, str, np.ndarray, str]], label: str
+) -> Markup:
+    """Draw counts that grow over trials: name, colour, values, dashes."""
+    last = float(max([*numbers, 1]))
+    most = max(float(values[-1]) for _, _, values, _ in counts)
+    axis = ChartAxes(last, 0.0, max(1.08 * most, 1.0), SIGNAL_HEIGHT)
+    drawing = axis.drawing(label, 26.0)
+    for value in sorted({round(tick) for tick in ticks(0.0, axis.high, 4)}):
+        axis.rule(drawing, value, stroke="var(--line)")
+        axis.label_y(drawing, value)
+    for name, colour, values, dashes in counts:
+        places = axis.points(np.asarray(numbers, dtype=float), values.astype(float))
+        corners = np.repeat(places, 2, axis=0)[:-1]
+        corners[1::2, 0] = places[1:, 0]  # level up to the next trial
+        style = {"stroke_dasharray": dashes} if dashes else {}
+        drawing.line(_simplified(corners), stroke=colour, stroke_width=1.8, **style)
+        x, y = places[-1]
+        drawing.add("text", f"{int(values[-1])} {name}", x=x - 4, y=max(y - 5, 10.0),
+                    class_="label", text_anchor="end")  # fmt: skip
     for number in sorted({round(tick) for tick in ticks(0.0, last, 8)}):
         axis.label_x(drawing, number, f"{number}", 22)
     return drawing.markup()

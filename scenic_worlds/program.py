@@ -147,6 +147,10 @@ class Program:
         sample.move(u, driver.all_units)
         return [driver.value_of(sample, place) for place in places]
 
+    def values_of(self, candidate: Candidate) -> tuple[float | None, ...]:
+        """Compute the values of all coordinates of a realised candidate, as :meth:`values_at`."""
+        return tuple(self.values_at(candidate.u, range(len(self.space))))
+
     def sample(self, seed: int, mode: Mode = "repair") -> World:
         """Make the world of candidate 0 of a campaign with ``seed``.
 

@@ -38,6 +38,7 @@ class Browser:
         self._buffer = b""
         self._number = 0
         self._session: str | None = None
+        self.patience = 30.0  #: s for an answer
         self.requests: list[str] = []  #: every address asked for
         self.errors: list[str] = []  #: of scripts
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
@@ -54,7 +55,7 @@ class Browser:
             message["sessionId"] = self._session
         os.write(self._to, json.dumps(message).encode() + b"\0")
         while True:
-            answer = self._read(30.0)
+            answer = self._read(self.patience)
             if answer.get("id") == self._number:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")
@@ -85,12 +86,18 @@ class Browser:
         self, path: Path, *, width: int = 1280, height: int = 900, mobile: bool = False
     ) -> None:
         """Open a file and wait until it has loaded."""
+        self.open_address(path.resolve().as_uri(), width=width, height=height, mobile=mobile)
+
+    def open_address(
+        self, address: str, *, width: int = 1280, height: int = 900, mobile: bool = False
+    ) -> None:
+        """Open an address and wait until it has loaded."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
             width=width, height=height, deviceScaleFactor=1, mobile=mobile,
         )  # fmt: skip
-        self.send("Page.navigate", url=path.resolve().as_uri())
-        self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
+        self.send("Page.navigate", url=address)
+        self.wait("document.readyState === 'complete' && location.protocol !== 'about:'")
 
     def open_replay(
         self, path: Path, *, width: int = 1280, height: int = 900, mobile: bool = False

@@ -11,6 +11,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from mrta_falsify.core.candidate import SearchSpace
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
@@ -114,6 +115,7 @@ class CampaignSettings:
     target: str = "mrta_falsify.worker:open_trials"  #: what a worker opens, ``module:function``
     sampler: Choice = quantity(default=Choice("auto"), text="See `mrta-falsify plugins`.")
     cube: Cube = Cube()
+    space: SearchSpace = later(SearchSpace(()))  #: names and ranges; empty: an older version
     window: int = quantity(
         low=1,
         high=1024,

@@ -158,8 +158,25 @@ def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:CHECKSUM_LENGTH]
 
 
-def _records(path: Path) -> tuple[list[TrialRecord], int]:
-    """Read the records of a log, and the length [bytes] of its sound part.
+def read_records(directory: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
+    """Read the records that stand in a campaign's log from a place on.
+
+    Args:
+        directory: of the campaign, which may be running.
+        start: where to begin [bytes]; what an earlier call returned.
+
+    Returns:
+        The records, in the order they ended, and where the next call begins.
+
+    Raises:
+        StoreError: damage anywhere but in a torn last line.
+    """
+    records, sound = _records(directory / RECORDS, start)
+    return records, start + sound
+
+
+def _records(path: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
+    """Read the records of a log from ``start`` on, and the length [bytes] of its sound part.
 
     Raises:
         StoreError: damage anywhere but in a torn last line.
@@ -167,7 +184,7 @@ def _records(path: Path) -> tuple[list[TrialRecord], int]:
     records: list[TrialRecord] = []
     seen: set[int] = set()
     sound = 0
-    for number, raw in enumerate(_lines(path), start=1):
+    for number, raw in enumerate(_lines(path, start), start=1):
         where = f"{path}:{number}"
         torn = not raw.endswith(b"\n")
         checksum, _, text = raw.rstrip(b"\n").decode("utf-8", "replace").partition("\t")
@@ -189,9 +206,10 @@ def _records(path: Path) -> tuple[list[TrialRecord], int]:
     return records, sound
 
 
-def _lines(path: Path) -> Iterator[bytes]:
+def _lines(path: Path, start: int) -> Iterator[bytes]:
     try:
         with path.open("rb") as file:
+            file.seek(start)
             yield from file
     except FileNotFoundError:
         return

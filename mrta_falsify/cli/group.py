@@ -77,6 +77,7 @@ COMMANDS = {
         violated="a violation was found",
     ),
     "sample": Listed("program_commands", "Write worlds sampled from a Scenic program."),
+    "serve": Listed("serve_command", "Show a campaign in the browser while it runs."),
     "show": Listed("trial_commands", "Show one trial: verdicts, evidence, digests."),
     "travel-times": Listed("run_commands", "Measure how long a robot takes from room to room."),
 }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import webbrowser
 from pathlib import Path
 from typing import Any
 
 import click
 
+from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE, count_option, output_option
@@ -27,13 +29,22 @@ from mrta_falsify.cli.options import FILE, count_option, output_option
     default=20,
     text="Failures to show in full at most, as far as the page has room.",
 )
-def report_command(directory: Path, **options: Any) -> int:
+@click.option(
+    "--beside",
+    is_flag=True,
+    help="Run the nearest passing trial of each mode again, and show it beside the failure.",
+)
+@click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
+def report_command(directory: Path, opened: bool, **options: Any) -> int:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
     Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
     """
     from mrta_falsify.verbs.stored_failures import write_reports
 
-    for file in write_reports(directory, **options):
+    files = write_reports(directory, **options)
+    for file in files:
         click.echo(str(file))
+    if opened and not webbrowser.open(files[0].resolve().as_uri()):
+        output.say(f"no browser was found; open {files[0]} yourself")
     return ExitCode.DONE

@@ -143,6 +143,8 @@ class TrialRecord:
     candidate: Candidate
     status: Status
     proposal_digest: str = ""  #: of the point the sampler asked for, before repair
+    #: in the program's units, by dimension; None: no number; empty: not known
+    values: tuple[float | None, ...] = later(())
     world_digest: str = ""
     verdicts: tuple[Verdict, ...] = ()  #: those that the executed part decides
     objectives: dict[str, float] = field(default_factory=dict)  #: see specs.objectives

@@ -109,6 +109,7 @@ def new_settings(
         trials=dataclasses.replace(trials, sources_digest=program.sources_digest),
         sampler=Choice(sampler) if isinstance(sampler, str) else sampler,
         cube=cube_of(program.space),
+        space=program.space,
         window=window,
         time_limit=time_limit,
     )

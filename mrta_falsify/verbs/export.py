@@ -110,7 +110,12 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
         InputError: unknown kind, a missing extra, a place that cannot be written, or a world
             that cannot do without its Scenic program.
     """
-    from simulator_interface.formats import mcap, mrta_sim_files, sdf_world  # noqa: PLC0415
+    from simulator_interface.formats import (  # noqa: PLC0415
+        lichtblick_layout,
+        mcap,
+        mrta_sim_files,
+        sdf_world,
+    )
 
     _check_format(kind)
     _check_scripted(subject, kind)
@@ -126,7 +131,9 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
     trace, verdicts = _run_of(subject)
     if kind == "mcap":
         mcap.write_mcap(world, trace, costmap_of(world, config), path)
-        return (path,)
+        layout = path.with_suffix(".layout.json")
+        lichtblick_layout.write_layout(world, layout)
+        return (path, layout)
     from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
 
     view = RunView(world=world, trace=trace, verdicts=verdicts, costmap=costmap_of(world, config))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mrta_falsify.core.findings import Explanation, Family, Minimisation, Recheck
+from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import REWINDS, explain
 from mrta_falsify.verbs.family import find_family
@@ -17,6 +18,7 @@ from mrta_falsify.verbs.report import (
     markdown_report,
     write_report,
 )
+from mrta_falsify.verbs.report.neighbours import keep_neighbours
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.workers import count_cores
@@ -168,6 +170,7 @@ def write_reports(
     markdown: Place | None = None,
     against: Place | None = None,
     cases: int = MOST_CASES,
+    beside: bool = False,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -178,12 +181,15 @@ def write_reports(
         markdown: also as Markdown.
         against: directory of a campaign on another stack to compare with.
         cases: failures to show in full at most.
+        beside: run the passing trial nearest to the first failure of each mode again, if it was
+            not kept, and show it beside the failure.
 
     Returns:
         The files written, the page first.
 
     Raises:
-        InputError: not a campaign, or a place that cannot be written.
+        InputError: not a campaign, a place that cannot be written, or a trial that runs
+            differently now.
     """
     campaign = open_campaign(directory)
     other = open_campaign(against) if against is not None else None
@@ -191,6 +197,8 @@ def write_reports(
     places = [Path(place) for place in (page, junit, markdown) if place is not None]
     for place in places:
         make_directory(place.parent)
+    if beside:
+        keep_neighbours(campaign, [campaign.record(mode.ids[0]) for mode in modes(campaign)])
     write_report(campaign, page, against=other, cases=cases)
     if junit is not None:
         Path(junit).write_text(junit_report(campaign), encoding="utf-8")

@@ -2,13 +2,12 @@
 "use strict";
 (() => {
   const NOWHERE = -32768;
+  const NEAR = 40; // px a metre; nearer, all furniture is named
   const LARGE = 20; // m; a floor larger than this opens as a close-up
   const reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   async function unpack(base64) {
-    const raw = Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
-    const stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("deflate"));
-    const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+    const bytes = await Page.inflate(base64);
     const end = bytes.indexOf(10);
     const data = JSON.parse(new TextDecoder().decode(bytes.subarray(0, end)));
     let at = end + 1;
@@ -51,7 +50,7 @@
       if ("close" in root.dataset && Math.max(whole.x1 - whole.x0, whole.y1 - whole.y0) > LARGE) this.zoom();
       this.seek(begin);
       new ResizeObserver(() => this.draw()).observe(this.canvas);
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+      document.addEventListener("theme", () => this.draw());
     }
 
     connect() {
@@ -177,6 +176,7 @@
       for (const row of this.data.world.scene) this.paintShape(pen, row);
       this.paintPieces(pen, f);
       for (const row of this.data.world.scene) if (row[0] === "room") this.paintRoom(pen, row);
+      if (this.shows("names")) this.nameThings(pen, f);
       if (this.shows("clusters")) this.paintClusters(pen, f, places);
       if (this.shows("paths")) this.paintPaths(pen);
       if (this.shows("rays")) this.paintRays(pen);
@@ -260,6 +260,19 @@
         for (let k = 0; k < outline.length; k += 2) moved.push(
           100 * place[0] + c * outline[k] - s * outline[k + 1], 100 * place[1] + s * outline[k] + c * outline[k + 1]);
         line(moved, true); fill(colour("furniture"));
+      });
+    }
+
+    nameThings({ px, scale, ratio, colour, text }, f) { // what took part from afar, all from near
+      const { things, pieces } = this.data.world, near = scale / ratio > NEAR;
+      const write = (name, x, y) => {
+        const concerned = this.data.concerned.includes(name);
+        if (concerned || near) text(name, ...px(x, y), concerned ? 11 : 9, colour(concerned ? "bad" : "soft"));
+      };
+      for (const [name, x, y] of things) write(name, x / 100, y / 100);
+      pieces.forEach(([name], i) => {
+        const place = this.point(this.data.pieces, f, i);
+        if (place) write(name, ...place);
       });
     }
 
@@ -360,12 +373,6 @@
       root.querySelector(".now").textContent = `The replay cannot be shown here: ${error.message}. The pictures below do not need it.`;
     }
   }
-
-  const closed = new Set(); // details opened for the printer only
-  addEventListener("beforeprint", () => {
-    for (const part of document.querySelectorAll("details:not([open])")) { closed.add(part); part.open = true; }
-  });
-  addEventListener("afterprint", () => { for (const part of closed) part.open = false; closed.clear(); });
 
   const watch = new IntersectionObserver((entries) => {
     for (const entry of entries) if (entry.isIntersecting) { watch.unobserve(entry.target); start(entry.target); }

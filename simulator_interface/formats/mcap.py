@@ -1,7 +1,8 @@
 """A run as an MCAP file with ROS 2 messages: opens in Foxglove, reads with ``rosbags``.
 
 Topics: ``/tf`` (map to every robot and person), ``/ROBOT/odom``, ``/ROBOT/plan``, ``/map`` (once),
-``/markers`` (walls, furniture, people, who blocks whom), ``/events`` (the event table as text).
+``/markers`` (walls, furniture, people, arrows to whom a robot waits for), ``/events`` (the event
+table as text).
 Times count from 0, the start of the episode.
 """
 
@@ -18,6 +19,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from simulator_interface.formats.nav2 import occupancy_of
@@ -34,7 +36,9 @@ TYPES = {
     "markers": "visualization_msgs/msg/MarkerArray",
     "events": "std_msgs/msg/String",
 }
-CYLINDER, LINE_STRIP, LINE_LIST = 3, 4, 5  # visualization_msgs/Marker types
+ARROW, CYLINDER, LINE_STRIP, TEXT = 0, 3, 4, 9  # visualization_msgs/Marker types
+ADD, DELETE = 0, 2  # and actions
+WAIT_COLOUR = (0.8, 0.1, 0.1, 1.0)
 Message = dict[str, Any]
 
 
@@ -182,16 +186,7 @@ def _markers(world: World, trace: Trace, tick: int, time: float, *, with_solids:
         marker["action"] = 0 if np.isfinite(x) else 2
         marker["scale"] = _point(2.0 * human.radius, 2.0 * human.radius, 1.7)
         markers.append(marker)
-    waits = _marker(time, "blocked_by", 0, LINE_LIST, (0.8, 0.1, 0.1, 1.0))
-    waits["scale"] = _point(0.06, 0.0)
-    for edge in trace.edges_at(tick):
-        if edge.other >= 0:
-            start = trace.columns["pose"][tick, edge.robot, :2]
-            end = people[edge.other] if edge.cause == "human" else None
-            end = trace.columns["pose"][tick, edge.other, :2] if end is None else end
-            waits["points"] += [_point(start[0], start[1], 0.3), _point(end[0], end[1], 0.3)]
-    waits["action"] = 0 if waits["points"] else 2
-    markers.append(waits)
+    markers += _waits(trace, tick, time)
     if with_solids:
         for i, outline in enumerate(world.solid_polygons()):
             marker = _marker(time, "solids", i, LINE_STRIP, (0.2, 0.2, 0.25, 1.0))
@@ -199,6 +194,35 @@ def _markers(world: World, trace: Trace, tick: int, time: float, *, with_solids:
             marker["points"] = [_point(x, y) for x, y in (*outline, outline[0])]
             markers.append(marker)
     return {"markers": markers}
+
+
+def _waits(trace: Trace, tick: int, time: float) -> Iterator[Message]:
+    """Mark who waits for whom: an arrow to the one waited for, and the cause in words.
+
+    Each robot has the first of its edges; its markers are deleted while it waits for nobody.
+    """
+    edges: dict[int, BlockedBy] = {}
+    for edge in trace.edges_at(tick):
+        if edge.cause != "task":
+            edges.setdefault(edge.robot, edge)
+    poses, people = trace.columns["pose"][tick], trace.columns["human_position"][tick]
+    for robot in range(len(trace.robots)):
+        arrow = _marker(time, "waits_for", robot, ARROW, WAIT_COLOUR)
+        text = _marker(time, "waits_why", robot, TEXT, WAIT_COLOUR)
+        waited = edges.get(robot)
+        x, y = poses[robot, :2]
+        if waited is not None and waited.other >= 0:
+            end = people[waited.other] if waited.cause == "human" else poses[waited.other, :2]
+            arrow["scale"] = _point(0.06, 0.16, 0.2)  # shaft, head, length of the head [m]
+            arrow["points"] = [_point(x, y, 0.3), _point(end[0], end[1], 0.3)]
+        if waited is not None:
+            text["pose"] = _pose(x, y, z=0.8)
+            text["scale"] = _point(0.0, 0.0, 0.25)  # height of the letters [m]
+            text["text"] = " ".join(part for part in (waited.cause, waited.resource) if part)
+        arrow["action"] = ADD if arrow["points"] else DELETE
+        text["action"] = ADD if text["text"] else DELETE
+        yield arrow
+        yield text
 
 
 def _marker(

@@ -10,10 +10,13 @@ import pytest
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.trace import EdgeSpan
 from mrta_falsify.core.world import Blockage
 from mrta_falsify.verbs import export as exporting
 from mrta_falsify.verbs.stacks import costmap_of
 from simulator_interface.formats import mrta_sim
+from simulator_interface.formats.lichtblick_layout import layout_of
 from simulator_interface.formats.mcap import write_mcap
 from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim
 from simulator_interface.formats.sdf_world import sdf_text
@@ -89,6 +92,33 @@ def test_an_independent_reader_finds_the_same_poses_in_the_mcap_file(hall, hall_
     assert grid.data.max() == 100
     kinds = [json.loads(message.data)["kind"] for _, message in seen["/events"]]
     assert kinds == [event.kind for event in hall_trace.events]
+    layout = layout_of(hall)
+    plotted = [path["value"].split(".")[0] for path in layout["configById"]["Plot!speed"]["paths"]]
+    shown = {*layout["configById"]["3D!floor"]["topics"], *plotted, "/events"}
+    assert set(seen) <= shown
+
+
+def test_arrows_in_the_mcap_file_show_who_waits_for_whom(hall, hall_trace, tmp_path):
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    edge = BlockedBy(robot=0, cause="queue", other=1, resource="ward")
+    trace = dataclasses.replace(
+        hall_trace, edges=(EdgeSpan(first=0, last=len(hall_trace) // 2, edge=edge),)
+    )
+    path = tmp_path / "run.mcap"
+    write_mcap(hall, trace, costmap_of(hall), path)
+    first, last = {}, {}
+    with highlevel.AnyReader([path]) as reader:
+        for _, _, raw in reader.messages([c for c in reader.connections if c.topic == "/markers"]):
+            message = reader.deserialize(raw, "visualization_msgs/msg/MarkerArray")
+            last = {(m.ns, m.id): m for m in message.markers}
+            first = first or last
+    arrow = first["waits_for", 0]
+    ends = [(point.x, point.y) for point in arrow.points]
+    assert ends == [tuple(hall_trace.columns["pose"][0, i, :2]) for i in (0, 1)]
+    assert first["waits_why", 0].text == "queue ward"
+    deleted = 2
+    assert last["waits_for", 0].action == last["waits_why", 0].action == deleted
+    assert first["waits_for", 1].action == deleted
 
 
 @pytest.mark.parametrize("kind", ["mrta-sim", "mcap", "gif", "mp4"])

@@ -17,7 +17,9 @@ from reports.contents import (
     ErrorKind,
     Mode,
     ReportContents,
+    TrialRow,
     TrialScores,
+    TrialTable,
 )
 from reports.markdown import render_markdown
 from reports.page import render_page
@@ -66,6 +68,22 @@ def report(stalled):
         errors=(ErrorKind(reason="worker ended by signal 9", ids=("0003",)),),
         floor=world,
         stack="planner: astar",
+        summary=("40 trials of same_room (0.5 h simulated): 14 of 40 ended in a deadlock (35%).",),
+        table=TrialTable(
+            parameters=("<b>.x",),
+            rows=tuple(
+                TrialRow(
+                    id=f"{i:04d}",
+                    outcome="deadlock" if i > 25 else "pass",
+                    mode=int(i > 25),
+                    found=100.0 - i if i > 25 else None,
+                    score=0.5 - 0.02 * i,
+                    simulated=60.0,
+                    values=(float(i % 7),),
+                )
+                for i in range(40)
+            ),
+        ),
     )
 
 
@@ -113,7 +131,7 @@ def test_the_page_says_and_draws_when_the_failure_was_decided(page):
     text = " ".join(page.text)
     assert "It was decided at 31.4 s, by the queue policy." in text
     assert "decided at 31.4 s" in text.split("What makes the failure go away")[0]
-    assert ("div", {"class": "wide chances"}) in page.tags
+    assert "wide chances" in [attrs.get("class") for _, attrs in page.tags]
 
 
 def test_page_and_markdown_say_what_the_failure_needs_and_how_often_it_comes_again(report, page):
@@ -140,12 +158,27 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
     assert "worker ended by signal 9" in text  # errors are apart
 
 
-def test_a_campaign_without_failures_says_so_and_carries_no_script(report):
+def test_a_campaign_without_failures_says_so_and_carries_no_replay(report):
     empty = dataclasses.replace(report, modes=(), headline="None of 40 trials ...")
     reader = _Reader()
     reader.feed(render_page(empty))
     assert "No violation was found. That is not a proof" in "".join(reader.text)
-    assert "script" not in [tag for tag, _ in reader.tags]
+    assert "canvas" not in [tag for tag, _ in reader.tags]
+    assert "class Replay" not in render_page(empty)
+
+
+def test_a_mode_shows_one_case_and_folds_the_others(report):
+    (mode,) = report.modes
+    (case,) = mode.cases
+    second = dataclasses.replace(case, id="0012")
+    two = dataclasses.replace(mode, cases=(case, second))
+    page = render_page(dataclasses.replace(report, modes=(two,)))
+    open_part, _, folded = page.partition("1 further trial fails in the same way")
+    assert 'aria-labelledby="trial-0007"' in open_part
+    assert 'aria-labelledby="trial-0012"' not in open_part
+    assert 'aria-labelledby="trial-0012"' in folded
+    assert '<use href="#moment-0007"/>' in open_part  # its thumbnail
+    assert 'id="moment-0007"' in open_part
 
 
 @pytest.mark.parametrize(
@@ -238,6 +271,70 @@ def test_a_click_in_the_timelines_jumps_there_and_a_line_shows_the_time(open_pag
     assert running.value(f"Number({svg}.querySelector('.cursor').getAttribute('x1'))") == (
         pytest.approx(middle, abs=1.0)
     )
+
+
+@pytest.mark.browser
+def test_the_table_of_trials_sorts_and_filters(open_page):
+    running, path = open_page
+    running.errors.clear()
+    running.open(path)
+    running.value("document.querySelector('.trials').scrollIntoView()")
+    running.wait("document.querySelector('.trials').table !== undefined")
+    first = "document.querySelector('.trials tbody td').textContent"
+    assert running.value(first) == "0000"
+    assert running.value("document.querySelectorAll('.trials th')[6].textContent") == "<b>.x"
+    running.click(".trials th:nth-child(4) button")  # found, empty ones last
+    assert running.value(first) == "0039"
+    running.click(".trials th:nth-child(4) button")
+    sort = "document.querySelector('.trials th:nth-child(4)').getAttribute('aria-sort')"
+    assert running.value(sort) == "descending"
+    running.value(
+        "(() => { const f = document.querySelector('.trials input'); "
+        "f.value = 'deadlock found<65'; f.dispatchEvent(new Event('input')); })()"
+    )
+    assert running.value("document.querySelectorAll('.trials tbody tr').length") == 4
+    assert running.value("document.querySelector('.trials output').textContent") == (
+        "4 of 40 trials"
+    )
+    assert running.errors == []
+
+
+@pytest.mark.browser
+def test_a_link_opens_the_folded_part_it_points_to(report, tmp_path):
+    if browser.find() is None:
+        pytest.skip("no Chromium on this machine")
+    (mode,) = report.modes
+    (case,) = mode.cases
+    two = dataclasses.replace(mode, cases=(case, dataclasses.replace(case, id="0012")))
+    path = tmp_path / "report.html"
+    path.write_text(render_page(dataclasses.replace(report, modes=(two,))), encoding="utf-8")
+    with browser.browser() as running:
+        running.open(path)
+        running.value("location.hash = '#trial-0012'")
+        running.wait("document.getElementById('trial-0012').closest('details').open")
+        running.wait("document.querySelectorAll('.replay')[1].dataset.state === 'ready'")
+
+
+@pytest.mark.browser
+def test_the_page_can_be_switched_to_dark_and_back(open_page):
+    running, path = open_page
+    running.open(path)
+    back = "getComputedStyle(document.body).backgroundColor"
+    light = running.value(back)
+    running.click("#theme")
+    assert running.value(back) != light
+    running.click("#theme")
+    assert running.value(back) == light
+
+
+@pytest.mark.browser
+def test_a_command_is_copied_by_its_button(open_page):
+    running, path = open_page
+    running.open(path)
+    running.value("Page.copy = async (text) => { window.copied = text; }")
+    running.click(".copy")
+    assert running.value("window.copied") == "mrta-falsify replay runs/a 0007 --verify 3"
+    running.wait("document.querySelector('.copy').textContent === 'Copied'")
 
 
 @pytest.mark.browser

@@ -27,7 +27,10 @@ from mrta_falsify.verbs.campaign_summary import (
 )
 from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
 from mrta_falsify.verbs.report.cases import readable_cases
+from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
+from mrta_falsify.verbs.report.summary import summary_sentences
+from mrta_falsify.verbs.report.trial_table import is_deadlock, trial_table
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.page import write_page
 from reports.sentences import violation_sentence
@@ -74,13 +77,19 @@ def build_report(
     shown, lost = readable_cases(campaign, cases)
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
-    found = _modes(campaign, failed, shown)
+    kinds = modes(campaign)
+    found = _modes(kinds, failed, shown)
+    ranking = rank_dimensions(campaign, judged)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
-        headline=_headline(campaign, failed, len(judged), modes(campaign)),
+        headline=_headline(campaign, failed, len(judged), kinds),
+        summary=summary_sentences(campaign, judged, kinds, ranking.mattering),
         facts=facts_of(campaign, judged, failed),
         modes=found,
         trials=_trials(judged, floor),
+        importances=parameter_importances(campaign, judged, ranking),
+        even=ranking.is_even,
+        table=trial_table(campaign, kinds, [one.dimension for one in ranking.found]),
         errors=error_kinds(campaign),
         floor=floor,
         stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
@@ -135,14 +144,14 @@ def _headline(
 
 
 def _modes(
-    campaign: Campaign, failed: Sequence[TrialRecord], shown: Sequence[CaseContents]
+    kinds: Sequence[FailureMode], failed: Sequence[TrialRecord], shown: Sequence[CaseContents]
 ) -> tuple[Mode, ...]:
     by_id = {record.id: record for record in failed}
     cases: dict[str, list[CaseContents]] = {}
     for case in shown:
         cases.setdefault(case.signature, []).append(case)
     found = []
-    for mode in modes(campaign):
+    for mode in kinds:
         verdict = leading(by_id[mode.ids[0]].verdicts)
         explained = {case.id: case.layer for case in cases.get(mode.signature, [])}
         layers = Counter(explained.get(i) or by_id[i].layer for i in mode.ids)
@@ -178,5 +187,17 @@ def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
         failed=tuple(record.is_reported for record in judged),
+        deadlocked=tuple(record.is_reported and is_deadlock(record) for record in judged),
+        situations=_situations_so_far(judged),
         places=places,
     )
+
+
+def _situations_so_far(judged: Sequence[TrialRecord]) -> tuple[int, ...]:
+    """Count the different situations that trials have shown, after each; empty: none are stored."""
+    seen: set[str] = set()
+    counts = []
+    for record in judged:
+        seen.update(record.situations)
+        counts.append(len(seen))
+    return tuple(counts) if seen else ()

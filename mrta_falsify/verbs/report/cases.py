@@ -22,6 +22,7 @@ from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
+from mrta_falsify.verbs.report.neighbours import nearest_passing, neighbour_of
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.stored_trials import compared_sentences, of_other_stack, other_stack_of
 from mrta_falsify.worker import stack_of
@@ -109,6 +110,8 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
             record.jittered, record.other, campaign.settings.trials.jittered
         ),
         other=_of_other_stack(campaign, record),
+        neighbour=neighbour_of(campaign, record),
+        passing=_passing(campaign, record),
     )
     if explanation is not None:
         case = _with_explanation(case, explanation)
@@ -117,6 +120,25 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         theirs = other_stack_of(campaign, record)
         case = _with_minimised(case, minimisation, folder, config, theirs)
     return case
+
+
+def _passing(campaign: Campaign, record: TrialRecord) -> CaseContents | None:
+    """Read the run of the nearest passing trial, if it was kept and no two stacks are compared."""
+    near = nearest_passing(campaign, record) if record.other is None else None
+    if near is None or not (campaign.folder(near) / "trace.zip").is_file():
+        return None
+    folder = campaign.folder(near)
+    world, trace = _read_run(folder / "world.json", folder / "trace.zip")
+    return CaseContents(
+        id=near.id,
+        signature="",
+        world=world,
+        trace=trace,
+        verdicts=near.verdicts,
+        facts=(),
+        commands=(),
+        costmap=costmap_of(world, stack_of(campaign.settings.trials, near)),
+    )
 
 
 def _of_other_stack(campaign: Campaign, record: TrialRecord) -> CaseContents | None:

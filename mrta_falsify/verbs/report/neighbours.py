@@ -1,0 +1,107 @@
+"""The passing trial nearest to a failure: what differs, and its run beside the failing one."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.world import write_world
+from mrta_falsify.verbs.folders import make_directory
+from mrta_falsify.verbs.report.trial_table import dimension_names, values_of
+from mrta_falsify.verbs.stored_trials import stored_world
+from mrta_falsify.worker import rerun
+from reports.contents import Neighbour
+from simulator_interface.guard import guarded
+
+MOST_DIFFERENCES = 8  # parameters named, those that differ most
+
+
+def nearest_passing(campaign: Campaign, record: TrialRecord) -> TrialRecord | None:
+    """Find the passing trial nearest to a failure in the cube of parameters; None without any.
+
+    Continuous coordinates differ by their distance, discrete ones by 1 where their values do.
+    """
+    u = record.candidate.u
+    passing = [
+        other
+        for other in campaign.records
+        if other.status == "ok" and not other.failed and len(other.candidate.u) == len(u)
+    ]
+    if not passing or not len(u):
+        return None
+    return min(passing, key=lambda other: float((_steps(campaign, record, other) ** 2).sum()))
+
+
+def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
+    """Tell in which parameters the nearest passing trial differs; None without any."""
+    near = nearest_passing(campaign, record)
+    if near is None:
+        return None
+    steps = _steps(campaign, record, near)
+    names = dimension_names(campaign)
+    here, there = values_of(record), values_of(near)
+    order = [int(i) for i in np.argsort(-steps, kind="stable") if steps[i] > 0.0]
+    return Neighbour(
+        id=near.id,
+        differences=tuple(
+            (names[i], _text(here[i]), _text(there[i])) for i in order[:MOST_DIFFERENCES]
+        ),
+        further=max(0, len(order) - MOST_DIFFERENCES),
+        command=shlex.join(["mrta-falsify", "report", str(campaign.directory), "--beside"]),
+    )
+
+
+def _steps(campaign: Campaign, one: TrialRecord, other: TrialRecord) -> Array:
+    """Differences ``(k,)`` of two trials by coordinate, in [0, 1]."""
+    cube, a, b = campaign.settings.cube, one.candidate.u, other.candidate.u
+    steps = np.abs(a - b)
+    if len(cube.levels) == len(a):
+        levels = np.array(cube.levels)
+        is_other = np.floor(a * levels) != np.floor(b * levels)
+        steps = np.where(levels > 0, is_other.astype(float), steps)
+    return np.asarray(steps)
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+@guarded()
+def keep_run(campaign: Campaign, record: TrialRecord) -> None:
+    """Run a trial again and keep its world and trace beside it, if they are not kept yet.
+
+    Raises:
+        InputError: it runs differently now.
+    """
+    folder = campaign.folder(record)
+    if (folder / "trace.zip").is_file():
+        return
+    world = stored_world(campaign, record)
+    judged = rerun(campaign.settings.trials, record, world)
+    trace = judged.outcome.trace
+    if trace.digest != record.trace_digest:
+        raise InputError(
+            f"trial {record.id} runs differently now: its trace has digest {trace.digest[:12]}, "
+            f"the record says {record.trace_digest[:12]}; another version has recorded it"
+        )
+    make_directory(folder)
+    write_world(world, folder / "world.json")
+    write_trace(trace, folder / "trace.zip")
+
+
+def keep_neighbours(campaign: Campaign, failures: Sequence[TrialRecord]) -> None:
+    """Run the passing trials nearest to failures again, and keep them for the report.
+
+    Raises:
+        InputError: as of :func:`keep_run`.
+    """
+    found = (nearest_passing(campaign, record) for record in failures)
+    for near in {record.number: record for record in found if record is not None}.values():
+        keep_run(campaign, near)

@@ -1,0 +1,94 @@
+"""What a report says first: a campaign in a few sentences, deadlocks before all else."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs.campaign_summary import FailureMode, unseen_in
+from mrta_falsify.verbs.report.trial_table import dimension_names, is_deadlock
+from reports.sentences import listed
+
+SECONDS_PER_HOUR = 3600.0
+MOST_NAMED = 3  # parameters and layers
+
+
+def summary_sentences(
+    campaign: Campaign,
+    judged: Sequence[TrialRecord],
+    found: Sequence[FailureMode],
+    mattering: Sequence[int],
+) -> tuple[str, ...]:
+    """Sum a campaign up for someone who knows nothing of it; empty without judged trials.
+
+    Args:
+        campaign: to report.
+        judged: its judged trials.
+        found: its failure modes.
+        mattering: dimensions that failing goes with beyond chance.
+    """
+    if not judged:
+        return ()
+    return (
+        *_failure_sentences(campaign, judged),
+        *_mode_sentences(judged, found),
+        *_layer_sentences(judged),
+        *_parameter_sentences(campaign, mattering),
+        *_unseen_sentences(campaign),
+    )
+
+
+def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> list[str]:
+    name = Path(campaign.settings.trials.scenario).stem
+    hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
+    reported = [record for record in judged if record.is_reported]
+    deadlocks = sum(map(is_deadlock, reported))
+    others = [record for record in reported if not is_deadlock(record)]
+    last = sum(record.is_afterthought for record in others)
+    told = [_share("ended in a deadlock", deadlocks, len(judged))]
+    if len(others) > last:
+        told.append(_share("failed otherwise", len(others) - last, len(judged)))
+    if last:
+        missed = " or ".join(name.replace("_", " ") for name in campaign.settings.trials.then)
+        told.append(_share(f"failed only in {missed}", last, len(judged)))
+    trials = "One trial" if len(judged) == 1 else f"{len(judged)} trials"
+    return [f"{trials} of {name} ({hours:.2f} h simulated): {'; '.join(told)}."]
+
+
+def _share(what: str, count: int, total: int) -> str:
+    return f"{count} of {total} {what} ({count / total:.0%})" if count else f"none {what}"
+
+
+def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode]) -> list[str]:
+    if not found:
+        return []
+    first = next((i for i, record in enumerate(judged, start=1) if record.is_reported), 0)
+    kinds = "one way" if len(found) == 1 else f"{len(found)} different ways"
+    return [f"They fail in {kinds}; the first failure came in trial {first} of {len(judged)}."]
+
+
+def _layer_sentences(judged: Sequence[TrialRecord]) -> list[str]:
+    layers = Counter(r.layer.replace("_", " ") for r in judged if r.is_reported and r.layer)
+    if not layers:
+        return []
+    named = [f"the {name} ({count})" for name, count in layers.most_common(MOST_NAMED)]
+    return [f"Suspected part of the stack, by trials: {listed(named)}."]
+
+
+def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:
+    names = dimension_names(campaign)
+    named = [names[i] for i in mattering[:MOST_NAMED]]
+    return [f"Failing goes with {listed(named)}."] if named else []
+
+
+def _unseen_sentences(campaign: Campaign) -> list[str]:
+    unseen = unseen_in(campaign)
+    if unseen is None or unseen.estimate is None:
+        return []
+    return [
+        f"Another random trial would show something new with a chance of {unseen.estimate:.0%} "
+        f"({unseen.low:.0%} to {unseen.high:.0%})."
+    ]
