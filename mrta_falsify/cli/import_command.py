@@ -28,6 +28,7 @@ DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
     metavar="FILE",
     help="YAML with the rooms; default: NAME.rooms.yaml beside the map.",
 )
+@click.option("--level", metavar="NAME", help="Of an Open-RMF building with several levels.")
 @click.option(
     "--radius",
     type=FiniteRange(0.05, 1.0),
@@ -41,8 +42,8 @@ DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
 def import_command(map: Path, style: str, **options: Any) -> int:
     """Make a floor of a Nav2 map and a file of rooms, and a scenario on it.
 
-    Roadways, waiting spots and parking are derived. MAP may also be an SDF world or a floor
-    file.
+    Roadways, waiting spots and parking are derived. MAP may also be an SDF world, a floor file,
+    or an Open-RMF building (NAME.building.yaml), whose lanes are kept.
     """
     from mrta_falsify.verbs.floor_import import import_floor
 
@@ -51,6 +52,8 @@ def import_command(map: Path, style: str, **options: Any) -> int:
         output.print_json(done)
         return ExitCode.DONE
     _print_floor(done)
+    for thing in done.left_out:
+        output.say(f"no counterpart: {thing}")
     for warning in done.warnings:
         output.say(f"note: {warning}")
     for path in filter(None, (done.floor, done.picture, done.derived)):
