@@ -12,12 +12,12 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
+from mrta_falsify.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.incident.importing import Confirmation, ImportedLog
     from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
+    from mrta_falsify.verbs.incident.importing import Confirmation, ImportedLog
 
 DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
 

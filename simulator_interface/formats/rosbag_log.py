@@ -87,7 +87,7 @@ def read_bag(path: Path) -> FleetLog:
                 _HEARD[connection.msgtype](seen, connection.topic, 1e-9 * stamp, message)
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001 - what the library meets in damaged bytes is anything
+    except Exception as error:
         said = str(error).splitlines() or [type(error).__name__]
         raise FormatError(f"{path}: is damaged, or no log of ROS 2: {said[0][:200]}") from None
     return seen.log(path)

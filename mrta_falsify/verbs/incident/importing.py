@@ -16,7 +16,7 @@ from mrta_falsify.verbs.incident.legs import Leg, legs_of
 from mrta_falsify.verbs.incident.logs import read_log
 from mrta_falsify.verbs.incident.scene import Scene, floor_of_log, scene_of, with_robots
 from mrta_falsify.verbs.stacks import Stack
-from simulator_interface.formats.fleet_log import FleetLog
+from simulator_interface.formats.fleet_log import FleetLog, RobotLog
 
 MOST_ROBOTS = 100
 PROGRAM_ENDING, WORLD_ENDING = ".scenic", ".world.json"
@@ -167,9 +167,9 @@ def _understood(
     return legs, seen, scene
 
 
-def _origins(robot: object, legs: tuple[Leg, ...]) -> str:
+def _origins(robot: RobotLog, legs: tuple[Leg, ...]) -> str:
     kinds = dict.fromkeys(leg.origin for leg in legs)
-    return f"{getattr(robot, 'name')}: {', '.join(kinds) or 'none'}"
+    return f"{robot.name}: {', '.join(kinds) or 'none'}"
 
 
 def _map_note(record: FleetLog, known: World | None) -> tuple[str, ...]:
@@ -185,7 +185,7 @@ def _comment(source: Path, scene: Scene, members: tuple[str, ...], waits: tuple[
         "",
         *(f"- {line}" for line in waits),
         *([""] if waits else []),
-        "Starts, headings, arrivals and goals vary around the incident; -p spread=0 is the incident.",
+        "Starts, headings, arrivals and goals vary around it; -p spread=0 is the incident itself.",
     ]
     return "\n".join(lines)
 

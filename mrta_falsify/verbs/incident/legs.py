@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -114,7 +115,7 @@ def _derived(
 ) -> tuple[Leg, ...]:
     legs = [
         Leg(begin=before.end, goal=stop.place, origin="went there")
-        for before, stop in zip(halts, halts[1:], strict=False)
+        for before, stop in itertools.pairwise(halts)
     ]
     if held and legs:
         origin, last = halts[-2].place, halts[-1]
