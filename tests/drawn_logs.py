@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from simulator_interface.formats.rosbag_log import RMF_TYPES
 
-DURATION = 75.0  # s
+DURATION = 75.0  # s; they have stood for more than a minute then
 EVERY = 0.2  # s
 MET = 12.0  # s
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -166,18 +166,19 @@ def _map() -> tuple[str, str, Any]:
     return "/map", kind, _new(kind, header=_header(0.0), info=info, data=data.ravel())
 
 
-def messages(kind: str) -> list[tuple[float, str, str, Any]]:
+def messages(kind: str, until: float = DURATION) -> list[tuple[float, str, str, Any]]:
     """List the messages of a log: time [s], topic, type, message.
 
     Args:
         kind: ``odometry`` (with goals and a map), ``tf`` (with plans and a map), ``poses`` (no
             goals, with a map), ``fleet`` (Open-RMF's, no map).
+        until: when it ends [s].
     """
     names = ["ada", "bob", "cyd"]
     rows: list[tuple[float, str, str, Any]] = []
     if kind != "fleet":
         rows.append((0.0, *_map()))
-    for time in np.arange(0.0, DURATION, EVERY).tolist():
+    for time in np.arange(0.0, until, EVERY).tolist():
         if kind == "odometry":
             rows += [(time, *_odometry(name, time)) for name in names]
         elif kind == "poses":
@@ -195,12 +196,13 @@ def messages(kind: str) -> list[tuple[float, str, str, Any]]:
     return sorted(rows, key=lambda row: (row[0], row[1]))
 
 
-def write(path: Path, kind: str, storage: str) -> Path:
+def write(path: Path, kind: str, storage: str, until: float = DURATION) -> Path:
     """Write a log as a rosbag2 folder with ``storage`` ``mcap`` or ``sqlite3``."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with Writer(path, version=9, storage_plugin=plugin) as bag:
         topics: dict[str, Any] = {}
-        for time, topic, msgtype, message in messages(kind):
+        for time, topic, msgtype, message in messages(kind, until):
             if topic not in topics:
                 topics[topic] = bag.add_connection(topic, msgtype, typestore=STORE)
             raw = STORE.serialize_cdr(message, msgtype)

@@ -101,7 +101,7 @@ def _print_log(done: ImportedLog) -> None:
 def _confirmed_text(done: Confirmation) -> str:
     if not done.deadlock:
         return f"no deadlock; {done.delivered} of {done.tasks} tasks delivered"
-    same = "confirmed: the same robots" if done.same else "another one"
+    same = "confirmed" if done.same else "of other robots than in the log"
     return f"a deadlock of {', '.join(done.members)} ({same})"
 
 

@@ -185,7 +185,8 @@ def _lanes(
 def _doors(level: Level, graph: LaneGraph) -> tuple[list[Edge], list[Edge]]:
     """Split the doors in those that a lane leads through, and the others."""
     lanes = shapely.union_all([_segment(level, lane) for lane in graph.lanes])
-    passed, shut = [], []
+    passed: list[Edge] = []
+    shut: list[Edge] = []
     for door in level.doors:
         if door.start != door.end:
             (passed if _segment(level, door).intersects(lanes) else shut).append(door)

@@ -149,8 +149,11 @@ class _Seen:
 
     def log(self, path: Path) -> FleetLog:
         """Put together what was heard."""
-        chosen = {robot: self._best(tracks) for robot, tracks in sorted(self.tracks.items())}
-        chosen = {robot: best for robot, best in chosen.items() if best is not None}
+        chosen = {
+            robot: best
+            for robot, tracks in sorted(self.tracks.items())
+            if (best := self._best(tracks)) is not None
+        }
         if not chosen:
             raise FormatError(
                 f"{path}: tells no robot's poses; it needs Odometry, PoseStamped, "
@@ -173,7 +176,12 @@ class _Seen:
                     paths=self._since(self.paths.get(robot, []), begin),
                 )
             )
-        notes = [f"poses of {robot.name} are from {robot.source}" for robot in robots]
+        sources = {source: [r.name for r in robots if r.source == source] for source in SOURCES}
+        notes = [
+            f"poses of {', '.join(names) if len(names) < len(robots) else 'all'} are from {source}"
+            for source, names in sources.items()
+            if names
+        ]
         if len(self.levels) > 1:
             said = ", ".join(f"{name} ({count} poses)" for name, count in self.levels.items())
             notes.append(f"the log has several levels, taken for one: {said}")

@@ -29,7 +29,7 @@ class Confirmation:
     stack: str
     deadlock: bool
     members: tuple[str, ...]  #: of its deadlock
-    same: bool  #: they are those of the log
+    same: bool  #: they are among those of the log, or those among them
     delivered: int
     tasks: int
 
@@ -202,7 +202,7 @@ def _confirmation(
         stack=str(stack) if isinstance(stack, (str, Path)) else "given",
         deadlock=verdict.violated,
         members=found,
-        same=bool(found) and set(found) == members,
+        same=bool(found) and (set(found) <= members or members <= set(found)),
         delivered=outcome.tasks.completed,
         tasks=outcome.tasks.total,
     )
