@@ -34,6 +34,7 @@ VERBS = {
     "export": "mrta_falsify.verbs.export:export",
     "family": "mrta_falsify.verbs.stored_failures:family_of_trial",
     "import_": "mrta_falsify.verbs.floor_import:import_floor",
+    "import_log": "mrta_falsify.verbs.incident.importing:import_log",
     "init": "mrta_falsify.verbs.init:init",
     "list": "mrta_falsify.verbs.stored_trials:list_trials",
     "minimize": "mrta_falsify.verbs.stored_failures:minimize_trial",

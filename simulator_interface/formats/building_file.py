@@ -267,8 +267,8 @@ def _parameters(data: Any, where: str) -> Parameters:
     return found
 
 
-def _is(value: Any, kind: type) -> bool:
-    return type(value) is kind and (kind is not float or math.isfinite(value))
+def _is(value: Any, kind: type[Any]) -> bool:
+    return type(value) is kind and not (isinstance(value, float) and not math.isfinite(value))
 
 
 def _row(entry: Any, least: int, where: str) -> list[Any]:
