@@ -55,7 +55,8 @@ class Floor:
     spots: int  #: waiting spots wanted per room
     source: Path | None = None  #: the file with the rooms
     map_facts: MapFacts | None = None  #: of the map that it was made from
-    described: FloorFile  #: the file, or what a building makes of it
+    #: the file, or what a building makes of it
+    described: FloorFile = field(default_factory=FloorFile)
     starts: tuple[tuple[str, Array], ...] = ()  #: name and place (2,) [m] of a building's robots
     left_out: tuple[str, ...] = ()  #: what of a building has no counterpart, in words
 

@@ -16,7 +16,7 @@ from mrta_falsify.verbs.incident.legs import Leg
 from scenic_worlds.layouts.derivation import derive_layout
 from scenic_worlds.layouts.routes import RouteMap
 from simulator_interface.formats.fleet_log import FleetLog
-from simulator_interface.formats.floor_fields import FloorFile, FloorRoom
+from simulator_interface.formats.floor_fields import FloorRoom
 from simulator_interface.formats.floor_yaml import Floor
 from simulator_interface.formats.map_walls import map_corners, walls_of_map
 
@@ -125,7 +125,6 @@ def scene_of(
             parking=floor.parking,
             travel_times=np.zeros((0, 0)),
             spots=2,
-            described=FloorFile(),
         ),
         radius=radius,
     )
