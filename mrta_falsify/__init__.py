@@ -53,6 +53,7 @@ _NAMES_OF = {
     "mrta_falsify.verbs.check": ("summarise_check", "write_check"),
     "mrta_falsify.verbs.estimate": ("estimate_cost",),
     "mrta_falsify.verbs.export": ("export_nav2",),
+    "mrta_falsify.verbs.incident.importing": ("import_log",),
     "mrta_falsify.verbs.programs": ("open_scenario",),
     "mrta_falsify.verbs.run": ("summarise_run", "write_run"),
     "mrta_falsify.verbs.stacks": ("load_stack",),

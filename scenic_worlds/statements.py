@@ -95,7 +95,7 @@ HUMAN_VALUES = {
 }
 
 
-def _changed(item: RobotSpec | HumanSpec, names: dict[str, str]) -> list[tuple[str, str]]:
+def changed_values(item: RobotSpec | HumanSpec, names: dict[str, str]) -> list[tuple[str, str]]:
     """List the properties of ``item`` that are not at their default."""
     defaults = {field.name: field.default for field in dataclasses.fields(item)}
     return [
@@ -112,7 +112,7 @@ def robot_text(robot: RobotSpec) -> str:
     return _lines(
         f"new Robot with name {robot.name!r}",
         f"at ({number_text(x)}, {number_text(y)}, 0.075), facing {heading_text(float(yaw))}",
-        _withs([*model, *_changed(robot, ROBOT_VALUES)]),
+        _withs([*model, *changed_values(robot, ROBOT_VALUES)]),
         PLACED,
     )
 
@@ -127,7 +127,7 @@ def human_text(human: HumanSpec) -> str:
     return _lines(
         f"new Human with name {human.name!r}",
         f"with route [{route}]",
-        _withs([*_changed(human, HUMAN_VALUES), *flags]),
+        _withs([*changed_values(human, HUMAN_VALUES), *flags]),
     )
 
 
@@ -147,7 +147,7 @@ def _scripted(human: HumanSpec) -> str:
     return _lines(
         f"new Human with name {human.name!r}, at {place}",
         f"with behavior {behavior}",
-        _withs([*_changed(human, HUMAN_VALUES), *flags]),
+        _withs([*changed_values(human, HUMAN_VALUES), *flags]),
     )
 
 

@@ -13,9 +13,11 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
+from mrta_falsify.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
+    from mrta_falsify.verbs.incident.importing import Confirmation, ImportedLog
 
 DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
 
@@ -28,6 +30,7 @@ DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
     metavar="FILE",
     help="YAML with the rooms; default: NAME.rooms.yaml beside the map.",
 )
+@click.option("--level", metavar="NAME", help="Of an Open-RMF building with several levels.")
 @click.option(
     "--radius",
     type=FiniteRange(0.05, 1.0),
@@ -36,14 +39,73 @@ DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
     metavar="M",
     help="Of the largest robot [m].",
 )
-@output_option("DIR", "Gets NAME.floor.json, .floor.png, .derived.yaml, .scenic.", required=True)
+@click.option("--floor", type=FILE, help="Of a log: the building, instead of the log's map.")
+@click.option("--stack", metavar="STACK", help="Of a log: run the incident on it.")
+@click.option("--set", "settings", multiple=True, metavar="K=V", help="Change that stack.")
+@output_option("DIR", "Gets NAME.scenic and the files that it needs.", required=True)
 @format_option
 def import_command(map: Path, style: str, **options: Any) -> int:
-    """Make a floor of a Nav2 map and a file of rooms, and a scenario on it.
+    """Make a scenario of a building's map, or of a log of a fleet.
 
-    Roadways, waiting spots and parking are derived. MAP may also be an SDF world or a floor
-    file.
+    Of a Nav2 map and a file of rooms, a floor: roadways, waiting spots and parking are derived.
+    MAP may also be an SDF world, a floor file, or an Open-RMF building (NAME.building.yaml),
+    whose lanes are kept. Of a log (a rosbag2 folder, an .mcap or .db3 file, or a run's folder):
+    who waited for whom, and the worlds near by.
     """
+    from mrta_falsify.verbs.incident.logs import is_log
+
+    is_of_log = is_log(map)
+    names = ("rooms", "level") if is_of_log else ("floor", "stack", "settings")
+    given = [name for name in names if options.pop(name)]
+    if given:
+        what, other = ("map", "log") if is_of_log else ("log", "map")
+        name = "set" if given[0] == "settings" else given[0]
+        raise ConfigError(f"--{name} is for a {what}; {map} is taken for a {other}")
+    return _import_log(map, style, **options) if is_of_log else _import_map(map, style, **options)
+
+
+def _import_log(log: Path, style: str, **options: Any) -> int:
+    from mrta_falsify.verbs.incident.importing import import_log
+
+    done = import_log(log, **options)
+    if style == "json":
+        output.print_json(done)
+        return ExitCode.DONE
+    _print_log(done)
+    for note in done.notes:
+        output.say(f"note: {note}")
+    output.say(f"wrote {done.scenario}")
+    output.say(f"wrote {done.world}")
+    scenario, runs = shlex.quote(str(done.scenario)), shlex.quote(f"runs/{done.scenario.stem}")
+    output.say(f"try: mrta-falsify run {shlex.quote(str(done.world))}")
+    output.say(f"then: mrta-falsify campaign {scenario} -o {runs}")
+    return ExitCode.DONE
+
+
+def _print_log(done: ImportedLog) -> None:
+    out = output.stdout()
+    out.print(f"log       {done.duration_s:.0f} s, {len(done.robots)} robots")
+    out.print(f"goals     {'; '.join(done.goals)}")
+    if done.suspected:
+        since = "" if done.onset_s is None else f", since {done.onset_s:.1f} s"
+        out.print(f"suspected a deadlock of {', '.join(done.suspected)}{since}")
+        for line in done.waits:
+            out.print(f"          {line}")
+    else:
+        out.print("suspected nothing: no robots stood for 30 s because of each other")
+    out.print(f"scenario  from {done.begin_s:.1f} s of the log on, {done.tasks} tasks")
+    if done.confirmed is not None:
+        out.print(f"on stack  {_confirmed_text(done.confirmed)}")
+
+
+def _confirmed_text(done: Confirmation) -> str:
+    if not done.deadlock:
+        return f"no deadlock; {done.delivered} of {done.tasks} tasks delivered"
+    same = "confirmed" if done.same else "of other robots than in the log"
+    return f"a deadlock of {', '.join(done.members)} ({same})"
+
+
+def _import_map(map: Path, style: str, **options: Any) -> int:
     from mrta_falsify.verbs.floor_import import import_floor
 
     done = import_floor(map, **options)
@@ -51,6 +113,8 @@ def import_command(map: Path, style: str, **options: Any) -> int:
         output.print_json(done)
         return ExitCode.DONE
     _print_floor(done)
+    for thing in done.left_out:
+        output.say(f"no counterpart: {thing}")
     for warning in done.warnings:
         output.say(f"note: {warning}")
     for path in filter(None, (done.floor, done.picture, done.derived)):

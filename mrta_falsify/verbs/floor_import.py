@@ -5,7 +5,9 @@ The files that come out are made anew by every call, but for the scenario, which
 
 from __future__ import annotations
 
+import dataclasses
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +21,7 @@ from mrta_falsify.core.world import World, write_world
 from mrta_falsify.verbs.folders import Place, make_directory
 
 if TYPE_CHECKING:
+    from mrta_falsify.core.arrays import Array
     from simulator_interface.formats.floor_yaml import Floor
     from simulator_interface.formats.map_walls import MapFacts
 
@@ -28,6 +31,7 @@ MOST_ROBOTS = 4  # of the scenario
 SLACK = 4.0  # times what one robot needs for a task, the most that the scenario allows it
 LAST_ARRIVAL = 60.0  # s
 
+BUILDING_ENDING = ".building"  # of a building's name, before ``.yaml``
 FLOOR_ENDING, DERIVED_ENDING = ".floor.json", ".derived.yaml"
 PICTURE_ENDING, SCENARIO_ENDING = ".floor.png", ".scenic"
 
@@ -62,19 +66,27 @@ class ImportedFloor:
     parking_given: bool
     longest_travel_s: float
     map: MapFacts | None  #: None: the floor is no map
+    left_out: tuple[str, ...] = ()  #: what of a building has no counterpart here
     warnings: tuple[str, ...]
 
 
 def import_floor(
-    map: Place, output: Place, *, rooms: Place | None = None, radius: float = DEFAULT_RADIUS
+    map: Place,
+    output: Place,
+    *,
+    rooms: Place | None = None,
+    level: str | None = None,
+    radius: float = DEFAULT_RADIUS,
 ) -> ImportedFloor:
     """Make a floor of a Nav2 map with a file of rooms, and a scenario on it.
 
     Args:
-        map: a Nav2 map (``.yaml``), an SDF world, or a floor file.
+        map: a Nav2 map (``.yaml``), an SDF world, a floor file, or an Open-RMF building
+            (``.building.yaml``).
         output: directory for NAME.floor.json, NAME.floor.png, NAME.derived.yaml and
             NAME.scenic, NAME being that of the map; the scenario is never overwritten.
         rooms: a floor file with the rooms; None: NAME.rooms.yaml beside the map.
+        level: of a building; None: the only one.
         radius: of the largest robot [m].
 
     Raises:
@@ -89,7 +101,7 @@ def import_floor(
             f"--radius is {radius} m; it must be {SMALLEST_RADIUS} to {LARGEST_RADIUS} m"
         )
     source = Path(map)
-    floor = read_floor(source, None if rooms is None else Path(rooms))
+    floor = read_floor(source, None if rooms is None else Path(rooms), level=level)
     assert floor.source is not None
     if len(floor.rooms) < 2:
         raise FormatError(f"{floor.source}: names one room; deliveries need two")
@@ -98,7 +110,8 @@ def import_floor(
     except WorldError as error:
         raise WorldError(f"{floor.source}: {error}") from None
     folder = make_directory(Path(output))
-    stem = folder / source.stem
+    name = source.stem.removesuffix(BUILDING_ENDING)
+    stem = folder / (name if level is None else f"{name}_{level}")
     paths = [Path(f"{stem}{ending}") for ending in (FLOOR_ENDING, PICTURE_ENDING, DERIVED_ENDING)]
     inputs = {source.resolve(), floor.source.resolve()}
     if {path.resolve() for path in paths[:2]} & inputs:
@@ -108,9 +121,10 @@ def import_floor(
     is_kept = scenario.exists()
     write_world(world, paths[0])
     if derived is not None:
-        _write_text(derived, _derived_text(floor.source, world))
+        _write_text(derived, _derived_text(floor, world))
     if not is_kept:
-        _write_text(scenario, scenario_text(world, paths[0].name, radius=radius))
+        text = scenario_text(world, paths[0].name, radius=radius, starts=floor.starts)
+        _write_text(scenario, text)
     _draw(world, paths[1])
     return _summary(
         floor, world, (paths[0], scenario, derived, paths[1]), is_kept=is_kept, radius=radius
@@ -133,21 +147,48 @@ def _draw(world: World, path: Path) -> None:
 # --- what is written -------------------------------------------------------------------------
 
 
-def _derived_text(source: Path, world: World) -> str:
+def _derived_text(floor: Floor, world: World) -> str:
     """Write the user's floor file again, with doors, queues and parking where it has none."""
-    data: dict[str, Any] = codec.read_yaml(source)
+    assert floor.source is not None
+    data: dict[str, Any] = codec.read_yaml(floor.source)
+    heading = (
+        "# The rooms with all that was derived. Change what does not please, and import again\n"
+        "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
+    )
+    if "rooms" not in data:  # a building
+        data = _without_defaults(floor.described)
+        heading = (
+            "# The building as a floor file, with all that was derived. Change what does not\n"
+            "# please, and import this file: what it says is kept.\n"
+        )
     for given, room, resource in zip(data["rooms"], world.rooms, world.resources, strict=False):
         _fill(given, "point", room.point)
         _fill(given, "door", room.door)
         _fill(given, "queue", resource.spots)
     _fill(data, "parking", world.parking)
-    heading = (
-        "# The rooms with all that was derived. Change what does not please, and import again\n"
-        "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
-    )
     return heading + yaml.safe_dump(
         data, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None
     )
+
+
+def _without_defaults(value: Any) -> Any:
+    """Encode a floor file with the fields that are not at their default, lengths to 1 mm."""
+    if isinstance(value, np.ndarray):
+        return np.round(value, 3).tolist()
+    if isinstance(value, tuple):
+        return [_without_defaults(item) for item in value]
+    if not dataclasses.is_dataclass(value):
+        return value
+    found = {}
+    for field in dataclasses.fields(value):
+        item = getattr(value, field.name)
+        if isinstance(item, (np.ndarray, tuple)):
+            is_default = not len(item) or field.name == "slice"
+        else:
+            is_default = item == field.default
+        if not is_default:
+            found[field.name] = _without_defaults(item)
+    return found
 
 
 def _fill(given: dict[str, Any], field: str, points: Any) -> None:
@@ -155,15 +196,22 @@ def _fill(given: dict[str, Any], field: str, points: Any) -> None:
         given[field] = np.round(points, 3).tolist()
 
 
-def scenario_text(world: World, floor_file: str, *, radius: float = DEFAULT_RADIUS) -> str:
+def scenario_text(
+    world: World,
+    floor_file: str,
+    *,
+    radius: float = DEFAULT_RADIUS,
+    starts: Sequence[tuple[str, Array]] = (),
+) -> str:
     """Write a small scenario on a floor: deliveries between its rooms, among a few people.
 
     Args:
         world: the floor; at least two rooms.
         floor_file: its file, beside the scenario.
         radius: of the robots [m].
+        starts: name and place ``(2,)`` [m] of robots; empty: they start in rooms.
     """
-    robots = min(MOST_ROBOTS, len(world.rooms))
+    robots = len(starts) or min(MOST_ROBOTS, len(world.rooms))
     title = re.sub(r"[^\w .-]", "_", floor_file.removesuffix(FLOOR_ENDING))
     body = "" if radius == DEFAULT_RADIUS else f", with body_radius {radius!r}"
     longest = 2.0 * float(world.travel_times.max())
@@ -175,8 +223,7 @@ What it stresses: change this line when you know.
 param layout = localPath({floor_file!r})
 model scenic_worlds.model
 
-for i in range({robots}):
-    new Robot with name f'robot{{i + 1}}', with start_room i{body}
+{_robots_text(robots, starts, body)}
 
 for i in range(2):
     new Human with name f'visitor{{i + 1}}',
@@ -186,6 +233,16 @@ for i in range(2):
 param tasks = tight_deadlines({robots + 2}, between=(0, {LAST_ARRIVAL:g}), factor=(2, {SLACK:g}))
 param horizon = {horizon}
 '''
+
+
+def _robots_text(robots: int, starts: Sequence[tuple[str, Array]], body: str) -> str:
+    if not starts:
+        first = f"for i in range({robots}):\n    new Robot"
+        return f"{first} with name f'robot{{i + 1}}', with start_room i{body}"
+    return "\n".join(
+        f"new Robot at ({x:.3f}, {y:.3f}, 0.075), with name {name!r}{body}"
+        for name, (x, y) in starts
+    )
 
 
 # --- what is told ----------------------------------------------------------------------------
@@ -227,6 +284,7 @@ def _summary(
         parking_given=bool(len(floor.parking)),
         longest_travel_s=float(world.travel_times.max()),
         map=floor.map_facts,
+        left_out=floor.left_out,
         warnings=(*_map_warnings(floor.map_facts), *_place_warnings(world, radius)),
     )
 

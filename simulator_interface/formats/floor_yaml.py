@@ -1,7 +1,8 @@
 """A user's floor as a short YAML file: walls, rooms, and as much traffic as the user wants.
 
 Walls come from the file itself, from a Nav2 map (``map:``), from an SDF world (``sdf:``), or
-from several of them together. ``docs/layouts.md`` shows the fields.
+from several of them together. A level of an Open-RMF building becomes such a file.
+``docs/layouts.md`` shows the fields.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.errors import ConfigError, FormatError
 from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import nav2, sdf
+from simulator_interface.formats.building import floor_of_level
+from simulator_interface.formats.building_file import Level, is_building, level_of
 from simulator_interface.formats.confinement import file_beside
 from simulator_interface.formats.floor_checks import (
     check_lanes,
@@ -52,24 +55,37 @@ class Floor:
     spots: int  #: waiting spots wanted per room
     source: Path | None = None  #: the file with the rooms
     map_facts: MapFacts | None = None  #: of the map that it was made from
+    #: the file, or what a building makes of it
+    described: FloorFile = field(default_factory=FloorFile)
+    starts: tuple[tuple[str, Array], ...] = ()  #: name and place (2,) [m] of a building's robots
+    left_out: tuple[str, ...] = ()  #: what of a building has no counterpart, in words
 
 
-def read_floor(path: Path, rooms: Path | None = None) -> Floor:
-    """Read a floor from a floor file, a Nav2 map or an SDF world.
+def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = None) -> Floor:
+    """Read a floor from a floor file, a Nav2 map, an SDF world or a building of Open-RMF.
 
     Args:
-        path: a floor file (``.yaml``); or a Nav2 map (``.yaml`` with ``image``) or an SDF
-            world (``.sdf``, ``.world``), whose rooms are in a floor file.
+        path: a floor file (``.yaml``); a building (``.yaml`` with ``levels``); or a Nav2 map
+            (``.yaml`` with ``image``) or an SDF world (``.sdf``, ``.world``), whose rooms are
+            in a floor file.
         rooms: the floor file of a map or SDF world; None: the one beside it, whose name
             ends in ``.rooms.yaml`` instead.
+        level: of a building; None: the only one.
 
     Raises:
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
-    if path.suffix.lower() in (".sdf", ".world"):
+    is_sdf = path.suffix.lower() in (".sdf", ".world")
+    data = None if is_sdf else codec.read_yaml(path)
+    if is_building(data):
+        if rooms is not None:
+            raise FormatError(f"{path}: names its own places; --rooms belong to a map or SDF world")
+        return _of_building(level_of(data, path, level), path)
+    if level is not None:
+        raise ConfigError(f"{path}: is no building, so it has no level {level!r}")
+    if is_sdf:
         beside = rooms or _rooms_beside(path)
         return _assembled(beside, _described(beside), sdf_file=path)
-    data = codec.read_yaml(path)
     if isinstance(data, dict) and "image" in data:
         beside = rooms or _rooms_beside(path)
         return _assembled(beside, _described(beside), map_file=path)
@@ -79,6 +95,12 @@ def read_floor(path: Path, rooms: Path | None = None) -> Floor:
             "(a floor file names its own)"
         )
     return floor_of_data(data, path)
+
+
+def _of_building(level: Level, path: Path) -> Floor:
+    made = floor_of_level(level, str(path))
+    floor = _assembled(path, made.described)
+    return dataclasses.replace(floor, starts=made.starts, left_out=made.left_out)
 
 
 def floor_of_data(data: Any, path: Path) -> Floor:
@@ -180,6 +202,7 @@ def _assembled(
         spots=described.spots,
         source=path,
         map_facts=solids.map_facts,
+        described=described,
     )
 
 

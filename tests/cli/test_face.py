@@ -23,6 +23,7 @@ from mrta_falsify.cli.options import RUN_OPTIONS
 ONLY_OPTIONS = {
     "campaign": {"dry_run", "resume"},  # estimate_cost, resume_campaign
     "check": {"everything", "scenarios"},
+    "import": {"floor", "stack", "settings"},  # import_log
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}

@@ -1,0 +1,298 @@
+"""Open-RMF's ``*.building.yaml``, as its traffic editor writes it: one level, in metres.
+
+Frames are those of Open-RMF. With ``coordinate_system: reference_image`` coordinates are pixels, y
+down; metres per pixel are the mean over the measurements. Other levels lie on the reference level
+by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
+
+T = TypeVar("T")
+
+MOST_ENTRIES = 20_000  # of one kind on one level
+KINDS = {1: str, 2: int, 3: float, 4: bool}  # of parameters, by the number before the value
+PIXELS, METRES = "reference_image", "cartesian_meters"
+
+Parameters = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Vertex:
+    """A point of a level."""
+
+    name: str
+    point: Array  #: (2,) [m]
+    parameters: Parameters
+
+    def has(self, flag: str) -> bool:
+        """Whether a parameter is there and set."""
+        return bool(self.parameters.get(flag))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edge:
+    """A wall, lane or door between two vertices."""
+
+    start: int
+    end: int
+    parameters: Parameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Level:
+    """One level of a building."""
+
+    building: str
+    name: str
+    others: tuple[str, ...]  #: names of the other levels
+    vertices: tuple[Vertex, ...]
+    walls: tuple[Edge, ...]
+    doors: tuple[Edge, ...]
+    lanes: tuple[Edge, ...]
+    floors: tuple[tuple[int, ...], ...]  #: vertices of each outline
+    holes: tuple[tuple[int, ...], ...]
+    models: tuple[str, ...]  #: names of their models
+    lifts: tuple[str, ...]  #: of the building
+
+
+def is_building(data: Any) -> bool:
+    """Whether YAML-shaped data is a building file."""
+    return isinstance(data, dict) and "levels" in data
+
+
+def level_of(data: Any, path: Path, name: str | None) -> Level:
+    """Read a level of a building.
+
+    Args:
+        data: YAML-shaped.
+        path: of the file; errors begin with it.
+        name: of the level; None: the only one.
+
+    Raises:
+        InputError: what is wrong, and where; or which levels there are.
+    """
+    where = str(path)
+    levels = _mapping(data.get("levels"), f"{where}: levels")
+    if not levels:
+        raise FormatError(f"{where}: levels is empty; a building has at least one")
+    if name is None:
+        if len(levels) > 1:
+            known = ", ".join(map(str, levels))
+            raise ConfigError(f"{where}: has the levels {known}; name one by --level")
+        name = str(next(iter(levels)))
+    if name not in levels:
+        raise UnknownNameError("level", name, map(str, levels), where=where)
+    place = f"{where}: levels.{name}"
+    level = _mapping(levels[name], place)
+    points, vertices = _vertices(level, place)
+    count = len(vertices)
+    if len(points):
+        points = _in_metres(points, data, levels, name, where)
+    return Level(
+        building=str(data.get("building_name", data.get("name", "")) or path.name.split(".")[0]),
+        name=name,
+        others=tuple(str(other) for other in levels if other != name),
+        vertices=tuple(
+            Vertex(name=text, point=point, parameters=given)
+            for point, (text, given) in zip(points, vertices, strict=True)
+        ),
+        walls=_entries(level, "walls", place, lambda e, w: _edge(e, w, count)),
+        doors=_entries(level, "doors", place, lambda e, w: _edge(e, w, count)),
+        lanes=_entries(level, "lanes", place, lambda e, w: _edge(e, w, count)),
+        floors=_entries(level, "floors", place, lambda e, w: _outline(e, w, count)),
+        holes=_entries(level, "holes", place, lambda e, w: _outline(e, w, count)),
+        models=_entries(level, "models", place, _model),
+        lifts=tuple(map(str, _mapping(data.get("lifts") or {}, f"{where}: lifts"))),
+    )
+
+
+# --- metres ----------------------------------------------------------------------------------
+
+
+def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> Array:
+    system = data.get("coordinate_system", PIXELS)
+    if system == METRES:
+        return points
+    if system != PIXELS:
+        raise FormatError(
+            f"{where}: coordinate_system is {system!r}; it must be {PIXELS} or {METRES} (let the "
+            "traffic editor write the building in one of them)"
+        )
+    up = points * [1.0, -1.0]
+    reference = str(data.get("reference_level_name", next(iter(levels))))
+    if reference not in levels:
+        raise UnknownNameError(
+            "level", reference, map(str, levels), where=f"{where}: reference_level_name"
+        )
+    if reference == name:
+        return up * _scale(levels[name], f"{where}: levels.{name}")
+    theirs = _fiducials(levels[reference], f"{where}: levels.{reference}")
+    ours = _fiducials(levels[name], f"{where}: levels.{name}")
+    shared = [fiducial for fiducial in ours if fiducial in theirs]
+    if len(shared) < 2:
+        raise FormatError(
+            f"{where}: levels.{name} shares {len(shared)} fiducials with {reference!r}; it must "
+            "share 2, or nothing says where it lies"
+        )
+    scale = _scale(levels[reference], f"{where}: levels.{reference}")
+    source, target = (np.array([group[key] for key in shared]) for group in (ours, theirs))
+    return _laid_on(up, source, target * scale, f"{where}: levels.{name}")
+
+
+def _laid_on(points: Array, source: Array, target: Array, where: str) -> Array:
+    """Move points ``(K, 2)`` by the similarity that lays ``source`` on ``target`` ``(F, 2)``.
+
+    Least squares over shift, turn and scale (Umeyama 1991, in the complex plane).
+    """
+    a, b = (group @ [1.0, 1.0j] for group in (source, target))
+    spread = float((np.abs(a - a.mean()) ** 2).sum())
+    if spread <= 0.0:
+        raise FormatError(f"{where}: the shared fiducials lie on one point")
+    factor = (np.conj(a - a.mean()) @ (b - b.mean())) / spread
+    moved = factor * (points @ [1.0, 1.0j] - a.mean()) + b.mean()
+    return np.stack([moved.real, moved.imag], axis=-1)
+
+
+def _scale(level: Any, where: str) -> float:
+    """Metres per pixel, the mean over the measurements."""
+    level = _mapping(level, where)
+    points, _ = _vertices(level, where)
+    found = []
+    for i, edge in enumerate(
+        _entries(level, "measurements", where, lambda e, w: _edge(e, w, len(points)))
+    ):
+        place = f"{where}: measurements[{i}]"
+        metres = _number(edge.parameters.get("distance"), f"{place}.distance")
+        pixels = math.dist(points[edge.start], points[edge.end])
+        if metres <= 0.0 or pixels <= 0.0:
+            raise FormatError(
+                f"{place} says that {pixels:g} pixels are {metres:g} m; both must be > 0"
+            )
+        found.append(metres / pixels)
+    if not found:
+        raise FormatError(
+            f"{where}.measurements is empty; at least one must say how long a pixel is"
+        )
+    return sum(found) / len(found)
+
+
+def _fiducials(level: Any, where: str) -> dict[str, tuple[float, float]]:
+    """Places of a level's fiducials by name [pixels], y up."""
+    rows = _entries(_mapping(level, where), "fiducials", where, _fiducial)
+    return {name: (x, -y) for x, y, name in rows if name}
+
+
+def _fiducial(entry: Any, where: str) -> tuple[float, float, str]:
+    row = _row(entry, 3, where)
+    return _number(row[0], f"{where}[0]"), _number(row[1], f"{where}[1]"), str(row[2])
+
+
+# --- entries ---------------------------------------------------------------------------------
+
+
+def _mapping(data: Any, where: str) -> dict[Any, Any]:
+    if not isinstance(data, dict):
+        raise FormatError(f"{where} is {_short(data)}; it must have fields")
+    return data
+
+
+def _entries(level: Any, field: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
+    rows = level.get(field) or []
+    if not isinstance(rows, list):
+        raise FormatError(f"{where}.{field} is {_short(rows)}; it must be a list")
+    if len(rows) > MOST_ENTRIES:
+        raise FormatError(f"{where}.{field} has {len(rows)} entries; at most {MOST_ENTRIES}")
+    return tuple(read(row, f"{where}.{field}[{i}]") for i, row in enumerate(rows))
+
+
+def _vertices(level: Any, where: str) -> tuple[Array, list[tuple[str, Parameters]]]:
+    """Places ``(K, 2)`` as they stand, and name and parameters of each."""
+    rows = _entries(level, "vertices", where, _vertex)
+    points = np.array([point for point, _, _ in rows], dtype=np.float64).reshape(-1, 2)
+    return points, [(name, given) for _, name, given in rows]
+
+
+def _vertex(entry: Any, where: str) -> tuple[tuple[float, float], str, Parameters]:
+    row = _row(entry, 4, where)
+    point = _number(row[0], f"{where}[0]"), _number(row[1], f"{where}[1]")
+    if not isinstance(row[3], str):
+        raise FormatError(f"{where}[3] is {_short(row[3])}; it must be the vertex's name")
+    return point, row[3], _parameters(row[4] if len(row) > 4 else {}, f"{where}[4]")
+
+
+def _edge(entry: Any, where: str, count: int) -> Edge:
+    row = _row(entry, 2, where)
+    start, end = (_index(row[k], f"{where}[{k}]", count) for k in (0, 1))
+    given = _parameters(row[2] if len(row) > 2 else {}, f"{where}[2]")
+    return Edge(start=start, end=end, parameters=given)
+
+
+def _outline(entry: Any, where: str, count: int) -> tuple[int, ...]:
+    corners = _mapping(entry, where).get("vertices")
+    if not isinstance(corners, list) or len(corners) < 3:
+        raise FormatError(f"{where}.vertices is {_short(corners)}; it must list 3 vertices or more")
+    return tuple(_index(k, f"{where}.vertices[{i}]", count) for i, k in enumerate(corners))
+
+
+def _model(entry: Any, where: str) -> str:
+    return str(_mapping(entry, where).get("model_name", ""))
+
+
+def _parameters(data: Any, where: str) -> Parameters:
+    """Read parameters, each a list of the number of its type and its value."""
+    found = {}
+    for name, given in _mapping(data or {}, where).items():
+        kind = given[0] if isinstance(given, list) and len(given) == 2 else None
+        kind = KINDS.get(kind) if isinstance(kind, int) else None
+        value = given[1] if kind else None
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if kind is None or not _is(value, kind):
+            raise FormatError(
+                f"{where}.{name} is {_short(given)}; it must be [type, value] with type 1 text, "
+                "2 integer, 3 number, 4 true or false"
+            )
+        found[str(name)] = value
+    return found
+
+
+def _is(value: Any, kind: type[Any]) -> bool:
+    return type(value) is kind and not (isinstance(value, float) and not math.isfinite(value))
+
+
+def _row(entry: Any, least: int, where: str) -> list[Any]:
+    if not isinstance(entry, list) or len(entry) < least:
+        raise FormatError(
+            f"{where} is {_short(entry)}; it must be a list of {least} values or more"
+        )
+    return entry
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e9:
+        raise FormatError(f"{where} is {_short(value)}; it must be a number")
+    return float(value)
+
+
+def _index(value: Any, where: str, count: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
+        raise FormatError(
+            f"{where} is {_short(value)}; it must be the number of a vertex, below {count}"
+        )
+    return value
+
+
+def _short(data: Any) -> str:
+    text = repr(data)
+    return text if len(text) <= 60 else text[:57] + "..."
