@@ -23,6 +23,8 @@ from mrta_falsify.cli.options import RUN_OPTIONS
 ONLY_OPTIONS = {
     "campaign": {"dry_run", "resume"},  # estimate_cost, resume_campaign
     "check": {"everything", "scenarios"},
+    "ci": {"fail_on", "opens"},
+    "corpus": {"bisect"},  # bisect_failures
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}
