@@ -128,7 +128,7 @@ def test_a_week(team):
     names = {str(Path(file).relative_to("runs/issue")) for file in issue["files"]}
     assert {
         "world.json", "world.scenic", "stack.yaml", "run.png", "run.gif", "nav2/map.yaml",
-        "nav2/goals.yaml", "mrta-sim/testcase.json", "open-rmf/lane.building.yaml",
+        "nav2/goals.yaml", "mrta-sim/testcase.json", "open-rmf/hall.building.yaml",
         "open-rmf/dispatch.sh",
     } <= names  # fmt: skip
 
