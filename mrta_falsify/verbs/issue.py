@@ -69,7 +69,7 @@ def issue(directory: Place, id: str | int, output: Place | None = None) -> Issue
     folder = make_directory(
         Path(output) if output is not None else campaign.folder(record) / FOLDER_NAME
     )
-    config = stack_of(campaign.settings.trials, record)
+    config = _portable(stack_of(campaign.settings.trials, record))
     found = read_finding(campaign.folder(record), Minimisation)
     view = _view(campaign, record, found, config)
     program = _write_scene(view, config, folder)
@@ -93,6 +93,17 @@ def issue(directory: Place, id: str | int, output: Place | None = None) -> Issue
     return IssueFiles(text=text, files=tuple(files))
 
 
+def _portable(config: StackConfig) -> StackConfig:
+    """Let the stack's command be relative to the file, and its programs be found by their names."""
+    if config.stack is None:
+        return config
+    words = (Path(word) for word in config.stack.command)
+    command = tuple(word.name if word.is_absolute() else str(word) for word in words)
+    return dataclasses.replace(
+        config, stack=dataclasses.replace(config.stack, folder="", command=command)
+    )
+
+
 def _view(
     campaign: Campaign, record: TrialRecord, found: Minimisation | None, config: StackConfig
 ) -> RunView:
@@ -107,21 +118,31 @@ def _view(
 
 
 def _happened(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[str, ...]:
-    """Say what happened in two sentences."""
+    """Say what happened in two sentences; the second one says how large the world is if need be."""
+    told = _sentences(campaign, record, view)
+    world = view.world
+    size = (
+        f"The world has {len(world.robots)} robots, {len(world.humans)} people and "
+        f"{len(world.tasks)} tasks."
+    )
+    return (*told, size)[:2]
+
+
+def _sentences(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[str, ...]:
     if view.verdicts is record.verdicts:
-        return what_happened(campaign, record)[:2]
+        return what_happened(campaign, record)
     from mrta_falsify.core.wait_account import wait_account  # noqa: PLC0415
     from mrta_falsify.specs.causes import leading  # noqa: PLC0415
 
     verdict = leading(view.verdicts)
     assert verdict is not None, "a smallest world fails"
     account = wait_account(verdict, view.trace)
-    return (violation_sentence(verdict), *account_sentences(account))[:2]
+    return (violation_sentence(verdict), *account_sentences(account))
 
 
 def _about(found: Minimisation | None) -> str:
     if found is None:
-        return "The world as it was found; `minimize` was not run."
+        return "The world as it was found; it may get much smaller by minimize, which was not run."
     state = "nothing single can go" if found.one_minimal else "it may get smaller"
     return f"The smallest world found after {found.runs} runs: {state}."
 
@@ -129,8 +150,6 @@ def _about(found: Minimisation | None) -> str:
 def _write_scene(view: RunView, config: StackConfig, folder: Path) -> str:
     """Write the world, also as a program, and the stack; return the program, empty if none."""
     write_world(view.world, folder / WORLD)
-    if config.stack is not None:
-        config = dataclasses.replace(config, stack=dataclasses.replace(config.stack, folder=""))
     (folder / STACK).write_text(yaml.safe_dump(codec.encode(config), sort_keys=False))
     try:
         write_program(view.world, folder / PROGRAM)
