@@ -25,6 +25,7 @@ VERBS = {
     "campaign": "mrta_falsify.verbs.campaign:campaign",
     "certify": "mrta_falsify.verbs.certify.stored:certify_trials",
     "check": "mrta_falsify.verbs.check:check",
+    "ci": "mrta_falsify.verbs.ci.command:ci",
     "compare": "mrta_falsify.verbs.compare:compare",
     "corpus": "mrta_falsify.verbs.stored_failures:recheck_corpus",
     "demo": "mrta_falsify.verbs.demo:demo",
@@ -35,6 +36,7 @@ VERBS = {
     "family": "mrta_falsify.verbs.stored_failures:family_of_trial",
     "import_": "mrta_falsify.verbs.floor_import:import_floor",
     "init": "mrta_falsify.verbs.init:init",
+    "issue": "mrta_falsify.verbs.issue:issue",
     "list": "mrta_falsify.verbs.stored_trials:list_trials",
     "minimize": "mrta_falsify.verbs.stored_failures:minimize_trial",
     "plugins": "mrta_falsify.verbs.plugins:plugins",
@@ -47,6 +49,7 @@ VERBS = {
 }
 
 _NAMES_OF = {
+    "mrta_falsify.verbs.bisect.bisecting": ("bisect_failures",),
     "mrta_falsify.verbs.campaign": ("CampaignResult", "resume_campaign"),
     "mrta_falsify.verbs.campaign_settings": ("new_settings",),
     "mrta_falsify.verbs.campaign_summary": ("summarise_campaign",),

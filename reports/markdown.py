@@ -20,10 +20,10 @@ def render_markdown(report: ReportContents) -> str:
 
     Names and texts are escaped: what looks like HTML or Markdown in them stays as it is.
     """
-    lines = [f"# {_plain(report.title)}", "", _plain(report.headline) + ".", ""]
-    lines += _paragraphs(f"**{_plain(text)}**" for text in report.warnings)
-    lines += [f"- {label}: {_plain(text)}" for label, text in report.facts]
-    lines += ["", *_paragraphs(map(_plain, report.notes))]
+    lines = [f"# {plain(report.title)}", "", plain(report.headline) + ".", ""]
+    lines += _paragraphs(f"**{plain(text)}**" for text in report.warnings)
+    lines += [f"- {label}: {plain(text)}" for label, text in report.facts]
+    lines += ["", *_paragraphs(map(plain, report.notes))]
     for table in report.tables:
         lines += _table(table)
     for number, mode in enumerate(report.modes[:MOST_MODES], start=1):
@@ -32,18 +32,18 @@ def render_markdown(report: ReportContents) -> str:
         lines += [f"{len(report.modes) - MOST_MODES} further modes are left out.", ""]
     for error in report.errors:
         count = f"{len(error.ids)} trials" if len(error.ids) > 1 else f"trial {error.ids[0]}"
-        lines.append(f"- error of the toolkit in {count}: {_plain(error.reason)}")
+        lines.append(f"- error of the toolkit in {count}: {plain(error.reason)}")
     return "\n".join(lines).rstrip() + "\n"
 
 
 def _mode(number: int, mode: Mode) -> Iterator[str]:
     shown = ", ".join(mode.ids[:MOST_IDS]) + (", ..." if len(mode.ids) > MOST_IDS else "")
     trials = f"{len(mode.ids)} trials: {shown}" if len(mode.ids) > 1 else f"Trial {shown}"
-    yield from (f"## Mode {number}: {_code(mode.signature)}", "", trials, "")
+    yield from (f"## Mode {number}: {code(mode.signature)}", "", trials, "")
     if mode.cases:
         yield from _case(mode.cases[0])
     else:
-        yield from (_plain(mode.happened), "")
+        yield from (plain(mode.happened), "")
 
 
 def _case(case: CaseContents) -> Iterator[str]:
@@ -55,11 +55,11 @@ def _case(case: CaseContents) -> Iterator[str]:
     if case.minimised is not None:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         less = f"{len(case.removed)} things removed"
-        yield from (_plain(f"Smallest world: {left or less}."), "")
+        yield from (plain(f"Smallest world: {left or less}."), "")
     if case.family is not None:
         yield from _family(case.family)
     for what, command in case.commands:
-        yield f"{_plain(what)}: {_code(command)}  "
+        yield f"{plain(what)}: {code(command)}  "
     yield ""
 
 
@@ -68,10 +68,10 @@ def _what_happened(case: CaseContents) -> Iterator[str]:
     if not violated:
         return
     first, *others = violated
-    yield from (_plain(violation_sentence(first)), "")
+    yield from (plain(violation_sentence(first)), "")
     if others:
         told = " ".join(consequence_sentence(verdict, first) for verdict in others)
-        yield from (_plain(f"Also violated: {told}"), "")
+        yield from (plain(f"Also violated: {told}"), "")
     yield from _bullets(account_sentences(wait_account(first, case.trace)))
     tasks = task_history.tasks_of(first)
     yield from _bullets(task_history.stories(tasks, case.world, confirmed(case.trace, case.world)))
@@ -80,15 +80,15 @@ def _what_happened(case: CaseContents) -> Iterator[str]:
 def _what_was_checked(case: CaseContents) -> Iterator[str]:
     if case.layer or case.layer_evidence:
         text = f"Suspected layer: {case.layer or 'none'}. {case.layer_evidence}"
-        yield from (_plain(text.strip()), "")
+        yield from (plain(text.strip()), "")
     if case.identical:
         same, runs = case.identical
         parts = f", {case.parts}" if case.parts else ""
         yield from (f"Replay: {same} of {runs} identical{parts}.", "")
     if case.compared:
-        yield from (_plain(f"Against the other stack: {'; '.join(case.compared)}."), "")
+        yield from (plain(f"Against the other stack: {'; '.join(case.compared)}."), "")
     if case.repeated:
-        yield from (_plain(f"{case.repeated[0].upper()}{case.repeated[1:]}."), "")
+        yield from (plain(f"{case.repeated[0].upper()}{case.repeated[1:]}."), "")
     if case.jittered:
         failed, runs = case.jittered
         yield from (f"With small differences it fails in {failed} of {runs} runs.", "")
@@ -98,24 +98,24 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         gone = [row.change for row in case.counterfactuals if row.failure_gone]
         changes = f": {'; '.join(gone)}" if gone else ""
         text = f"{len(gone)} of {len(case.counterfactuals)} changes remove the failure{changes}."
-        yield from (_plain(text), "")
+        yield from (plain(text), "")
 
 
 def _family(family: FailureFamily) -> Iterator[str]:
     yield from ("Failure family: runs of this program fail like this when", "")
     yield from _bullets(family.rule)
-    yield from (_plain(family.precision), "")
+    yield from (plain(family.precision), "")
     if family.program:
-        yield from (f"As a Scenic program: {_code(family.program)}", "")
+        yield from (f"As a Scenic program: {code(family.program)}", "")
 
 
 def _table(table: Table) -> Iterator[str]:
-    yield from (f"## {_plain(table.title)}", "")
-    yield from _paragraphs(map(_plain, table.notes))
+    yield from (f"## {plain(table.title)}", "")
+    yield from _paragraphs(map(plain, table.notes))
     if not table.rows:
         return
     for row in (table.columns, ["---"] * len(table.columns), *table.rows):
-        yield "| " + " | ".join(_plain(text) for text in row) + " |"
+        yield "| " + " | ".join(plain(text) for text in row) + " |"
     yield ""
 
 
@@ -125,19 +125,19 @@ def _paragraphs(texts: Iterable[str]) -> Iterator[str]:
 
 
 def _bullets(texts: Iterable[str]) -> Iterator[str]:
-    rows = [f"- {_plain(text)}" for text in texts]
+    rows = [f"- {plain(text)}" for text in texts]
     if rows:
         yield from (*rows, "")
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Put ``text`` on one line and escape what Markdown would take for its own."""
     flat = " ".join(text.split())
     flat = flat.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return re.sub(r"([\\`*|\[\]])", r"\\\1", flat)
 
 
-def _code(text: str) -> str:
+def code(text: str) -> str:
     """Put ``text`` in a code span, fenced by more backticks than stand in it."""
     flat = " ".join(text.split())
     longest = max((len(run) for run in re.findall("`+", flat)), default=0)

@@ -31,12 +31,19 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
         config: the stack.
         specifications: names, as of ``--spec``.
     """
-    theirs = [_digest_of(*place) for place in sorted({*_places(config, specifications)})]
-    return codec.digest([versions(), [_digest_of(place, "**/*") for place in OURS], theirs])
+    theirs = [_digest_of(*place) for place in sorted({*places_of_stack(config, specifications)})]
+    return codec.digest([versions(), [_digest_of_ours(place) for place in OURS], theirs])
 
 
-def _places(config: StackConfig, specifications: Iterable[str]) -> Iterator[tuple[Path, str]]:
-    """Yield the folders of what is not ours, each with the pattern of its files."""
+def places_of_stack(
+    config: StackConfig, specifications: Iterable[str] = ()
+) -> Iterator[tuple[Path, str]]:
+    """Yield the folders of what is not ours, each with the pattern of its files.
+
+    Args:
+        config: the stack.
+        specifications: names, as of ``--spec``.
+    """
     yield from _places_of_program(config.stack)
     named = [("specification", name) for name in specifications]
     for field in dataclasses.fields(config):
@@ -72,6 +79,10 @@ def _places_of_program(stack: ExternalStack | None) -> Iterator[tuple[Path, str]
 
 
 @functools.cache
+def _digest_of_ours(folder: Path) -> str:
+    return _digest_of(folder, "**/*")
+
+
 def _digest_of(folder: Path, pattern: str) -> str:
     seen = hashlib.sha256()
     for path in sorted(folder.glob(pattern)):

@@ -11,7 +11,7 @@ from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import output_option, stack_options
 
-EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4")
+EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4")
 
 
 @main.command("export")
@@ -21,15 +21,15 @@ EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4")
 @stack_options
 @output_option(
     "PATH",
-    "nav2: NAME.yaml, or a directory; mrta-sim: a directory; the others: a file.",
+    "nav2: NAME.yaml, or a directory; mrta-sim, open-rmf: a directory; the others: a file.",
     required=True,
 )
 def export_command(target: str, id: str | None, **options: Any) -> int:
     """Write a world, or a trial of a campaign, for another system.
 
     nav2 is the costmap as Nav2 map, sdf a Gazebo world, mrta-sim all of MRTA-Sim's input files,
-    mcap a run with ROS 2 messages for Foxglove, gif and mp4 an animation. A WORLD is run first
-    where a run is asked for.
+    open-rmf a building map and a script that dispatches the tasks, mcap a run with ROS 2 messages
+    for Foxglove, gif and mp4 an animation. A WORLD is run first where a run is asked for.
     """
     if id is not None and (options["stack"] or options["settings"]):
         raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")

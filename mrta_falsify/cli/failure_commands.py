@@ -262,6 +262,15 @@ def family_command(directory: Path, id: str, max_runs: int, style: str, **option
     metavar="S",
     help="Wall clock of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
 )
+@click.option("--only", multiple=True, metavar="ID", help="Run this failure. Repeatable.")
+@click.option(
+    "--bisect",
+    metavar="GOOD..BAD",
+    help="Find the commit of the stack's git repository that brought a failure.",
+)
+@click.option(
+    "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
+)
 @format_option
 def corpus_command(directory: str, style: str, **options: Any) -> int:
     """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
@@ -270,16 +279,24 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     timeout. Without --stack and --set the campaign's own stack is run. The recorded engine is
     kept unless --stack or --set names one.
 
+    With --bisect the commit of the stack's repository that brought a failure is looked for, for
+    the first failure of each mode: each commit is checked out into a temporary worktree.
+
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
     kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 
-    return (
-        _zoo(directory, style, options)
-        if is_zoo(directory)
-        else _corpus(Path(directory), style, options)
-    )
+    span = options.pop("bisect")
+    if is_zoo(directory):
+        if span or options.pop("only") or options.pop("pictures"):
+            raise click.UsageError("--only, --bisect and --pictures are about stored failures")
+        return _zoo(directory, style, options)
+    if span is None:
+        return _corpus(Path(directory), style, options)
+    if options.pop("pictures"):
+        raise click.UsageError("--pictures cannot go with --bisect")
+    return _bisect(Path(directory), span, style, options)
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
@@ -294,7 +311,7 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
         engine = open_campaign(directory).settings.trials.stack.engine.name
         output.say(f"engine {engine}, as recorded: the changed stack names none")
     done: list[str] = []
-    total = len(list_trials(directory, failed=True))
+    total = len(options["only"]) or len(list_trials(directory, failed=True))
     with output.progress("corpus", total, "failures") as on_progress:
 
         def on_done(row: Recheck) -> None:
@@ -309,6 +326,32 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
         _print_rechecks(rows)
         output.stdout().print(", ".join(f"{count} {fate}" for fate, count in counts.items()))
     return ExitCode.DONE if counts["fixed"] == len(rows) else ExitCode.VIOLATED
+
+
+def _bisect(directory: Path, span: str, style: str, options: dict[str, Any]) -> int:
+    from mrta_falsify.core import codec
+    from mrta_falsify.verbs.bisect.bisecting import CommitRuns, bisect_failures
+
+    def on_commit(commit: str, runs: CommitRuns) -> None:
+        output.say(f"{commit[:12]}  {runs.why or f'{runs.failed} of {runs.runs} runs fail'}")
+
+    found = bisect_failures(directory, span, on_commit=on_commit, **options)
+    if style == "json":
+        output.print_json({"bisected": codec.encode(found)})
+        return ExitCode.DONE
+    out = output.stdout()
+    for one in found:
+        out.print(f"{one.id}  {one.signature}")
+        if one.commit:
+            out.print(f"      since {one.commit[:12]} {one.subject}")
+        else:
+            names = ", ".join(commit[:12] for commit in one.candidates)
+            out.print(f"      since one of {names}: {one.skipped} commits tell nothing")
+        out.print(
+            f"      {one.failed_at_good} runs fail at GOOD, {one.failed_at_bad} at BAD; "
+            f"{one.tried} commits tried, {one.runs} runs"
+        )
+    return ExitCode.DONE
 
 
 def _print_rechecks(rows: tuple[Recheck, ...]) -> None:

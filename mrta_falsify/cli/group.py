@@ -39,6 +39,7 @@ COMMANDS = {
         violated="a deadlock without a certificate",
     ),
     "check": Listed("program_commands", "Compile, sample and lint Scenic programs."),
+    "ci": Listed("ci_command", "Run what changed; tell new, ongoing and resolved failures."),
     "compare": Listed("compare_command", "Compare samplers on one scenario."),
     "completion": Listed("completion_command", "Print what lets a shell complete commands."),
     "corpus": Listed(
@@ -62,6 +63,7 @@ COMMANDS = {
     "family": Listed("failure_commands", "Find the rule behind a failure."),
     "import": Listed("import_command", "Make a floor of a Nav2 map and a file of rooms."),
     "init": Listed("campaign_commands", "Write a scenario and a stack file to begin with."),
+    "issue": Listed("issue_command", "Write a failure as an issue, with all that belongs to it."),
     "list": Listed("trial_commands", "List the trials of a campaign."),
     "minimize": Listed("failure_commands", "Find the smallest world that fails in the same way."),
     "plugins": Listed("machine_commands", "List the components of every extension point."),

@@ -193,6 +193,9 @@ class Recheck:
     signature_now: str
     jittered_failures: int
     jittered: int  #: runs of jittered copies
+    sentence: str = later("")  #: what happens on the changed stack; empty: nothing fails
+    copy_signatures: tuple[str, ...] = later(())  #: of the copies that fail
+    picture: str = later("")  #: file of the run that the sentence is about; empty: none was asked
 
 
 # --- when else it happens ----------------------------------------------------------------

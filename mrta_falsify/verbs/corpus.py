@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
@@ -21,6 +21,7 @@ from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError, WorldError
 from mrta_falsify.core.findings import Recheck, RecheckFate
@@ -30,6 +31,7 @@ from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun, specifications_of
+from reports.run_view import RunView
 from reports.sentences import violation_sentence
 from scenic_worlds.variation import jitter_world
 from simulator_interface.guard import Guard, guarded
@@ -72,6 +74,8 @@ def recheck(
     jittered: int = 2,
     workers: int = 1,
     time_limit: float | None = None,
+    only: Collection[str] = (),
+    pictures: Path | None = None,
     on_done: Callable[[Recheck], None] = lambda row: None,
 ) -> tuple[Recheck, ...]:
     """Run all stored failures again.
@@ -82,6 +86,8 @@ def recheck(
         jittered: copies of each world with small differences (see ``jitter_world``).
         workers: processes at a time; they change no result.
         time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        only: ids of the failures to run; all if empty.
+        pictures: directory for a picture of each run that fails; none are drawn if None.
         on_done: called after each failure, in the order in which they end.
 
     Returns:
@@ -92,7 +98,7 @@ def recheck(
         HarnessError: a run crashed.
         Interrupted: Ctrl-C; finished runs are kept for the next call.
     """
-    failures = [record for record in campaign.records if record.failed]
+    failures = [r for r in campaign.records if r.failed and (not only or r.id in only)]
     settings = _settings(campaign, config, time_limit)
     trials = settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
@@ -101,7 +107,11 @@ def recheck(
     asked = [_Asked(record, copy) for record in failures for copy in (STORED, *range(jittered))]
     with going_on(f"corpus of {len(failures)} failures", journal):
         digest = codec.digest(settings)
-        keys = [codec.digest([digest, one.record, one.copy]) for one in asked]
+        places = [_picture_of(one, pictures) for one in asked]
+        keys = [
+            codec.digest([digest, one.record, one.copy, *([place] if place else [])])
+            for one, place in zip(asked, places, strict=True)
+        ]
         missing: dict[_Asked, str] = {}
         for one, key in zip(asked, keys, strict=True):
             if key in journal.answers:
@@ -109,7 +119,14 @@ def recheck(
             else:
                 missing[one] = key
         left = tuple(missing)
-        jobs = [{"record": codec.encode(one.record), "copy": one.copy} for one in left]
+        jobs = [
+            {
+                "record": codec.encode(one.record),
+                "copy": one.copy,
+                "picture": _picture_of(one, pictures),
+            }
+            for one in left
+        ]
         with contextlib.closing(finished_jobs(settings, jobs, workers)) as finished:
             for job in finished:
                 one = left[job.number]
@@ -124,6 +141,14 @@ class _Asked(NamedTuple):
 
     record: TrialRecord
     copy: int  #: seed of the copy; ``STORED`` for the world itself
+
+
+def _picture_of(one: _Asked, pictures: Path | None) -> str:
+    """Name the file for a picture of a run; empty where none is asked for."""
+    if pictures is None:
+        return ""
+    copy = "" if one.copy == STORED else f".copy{one.copy}"
+    return str(pictures.resolve() / f"{one.record.id}{copy}.png")
 
 
 def finished_jobs(
@@ -209,8 +234,10 @@ def run_of(finished: Finished, what: str) -> RecheckRun:
 def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
     """Judge a failure by the runs of its world and of its copies."""
     stored = runs[STORED]
-    copies = [run for number, run in runs.items() if number != STORED and run.fate == "ran"]
+    copies = [run for number, run in sorted(runs.items()) if number != STORED]
+    copies = [run for run in copies if run.fate == "ran"]
     failures = sum(run.failed for run in copies)
+    told = next((run for run in (stored, *copies) if run.failed), stored)
     fate: RecheckFate = "fixed"
     if stored.failed:
         fate = "still failing"
@@ -229,6 +256,9 @@ def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
         signature_now=stored.signature,
         jittered_failures=failures,
         jittered=len(copies),
+        sentence=told.sentence,
+        copy_signatures=tuple(run.signature for run in copies if run.failed),
+        picture=told.picture,
     )
 
 
@@ -245,6 +275,7 @@ class RecheckRun:
     signature: str = ""
     sentence: str = ""  #: about the violation that came first
     error: str = ""  #: why it was refused
+    picture: str = later("")  #: file
 
     @property
     def failed(self) -> bool:
@@ -259,13 +290,13 @@ def open_rechecks(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[st
         settings: of the campaign, with the changed stack and the present directory.
 
     Returns:
-        A function from ``{"number": n, "record": {...}, "copy": k}`` to an encoded
-        :class:`RecheckRun`.
+        A function from ``{"number": n, "record": {...}, "copy": k, "picture": path}`` to an
+        encoded :class:`RecheckRun`.
     """
 
     def run(job: dict[str, Any]) -> RecheckRun:
         record = codec.decode(TrialRecord, job["record"], where="recheck")
-        return run_again(settings, record, job["copy"])
+        return run_again(settings, record, job["copy"], picture=job["picture"])
 
     return answering(run)
 
@@ -288,13 +319,16 @@ def answering(
     return answer
 
 
-def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> RecheckRun:
+def run_again(
+    settings: TrialSettings, record: TrialRecord, copy: int, *, picture: str = ""
+) -> RecheckRun:
     """Run the world of a stored failure, or a jittered copy of it.
 
     Args:
         settings: of the campaign, with the changed stack and the present directory.
         record: of the failure.
         copy: seed of the copy; ``STORED`` for the world itself.
+        picture: file for a picture of the run if it fails; empty: none.
 
     Raises:
         InputError: the stored world is missing or damaged, or cannot be run.
@@ -312,7 +346,15 @@ def run_again(settings: TrialSettings, record: TrialRecord, copy: int) -> Rechec
             return RecheckRun(fate="no place")
     # A changed stack is judged by physics if that is its engine, whatever found the failure.
     record = dataclasses.replace(record, engine=settings.stack.engine.name)
-    return judged_run(rerun(settings, record, world).verdicts)
+    judged = rerun(settings, record, world)
+    run = judged_run(judged.verdicts)
+    if not picture or not run.failed:
+        return run
+    from reports.run_picture import write_picture  # noqa: PLC0415 - matplotlib loads slowly
+
+    view = RunView(world=world, trace=judged.outcome.trace, verdicts=judged.verdicts)
+    write_picture(view, Path(picture))
+    return dataclasses.replace(run, picture=picture)
 
 
 def judged_run(verdicts: Sequence[Verdict]) -> RecheckRun:

@@ -1,4 +1,4 @@
-"""Worlds and runs for other systems: Nav2, SDF, MRTA-Sim, MCAP, GIF, MP4."""
+"""Worlds and runs for other systems: Nav2, SDF, MRTA-Sim, Open-RMF, MCAP, GIF, MP4."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from mrta_falsify.worker import rerun, stack_of
 from reports.run_view import RunView
 from simulator_interface.formats import nav2
 
-ExportKind = Literal["nav2", "sdf", "mrta-sim", "mcap", "gif", "mp4"]
+ExportKind = Literal["nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4"]
 KINDS: tuple[str, ...] = get_args(ExportKind)
+OF_FOLDERS = ("mrta-sim", "open-rmf")  #: that are several files
 OF_RUNS = ("mcap", "gif", "mp4")  #: that need more than a world
 
 
@@ -99,8 +100,8 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
 
     Args:
         subject: what.
-        kind: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file), ``mrta-sim`` (a
-            directory), ``mcap``, ``gif`` or ``mp4`` (a file).
+        kind: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file), ``mrta-sim`` or
+            ``open-rmf`` (a directory), ``mcap``, ``gif`` or ``mp4`` (a file).
         path: where.
 
     Returns:
@@ -114,6 +115,7 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
         lichtblick_layout,
         mcap,
         mrta_sim_files,
+        open_rmf,
         sdf_world,
     )
 
@@ -122,12 +124,14 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
     world, config = subject.world, subject.config
     if kind == "nav2":
         return export_nav2(world, path, config)
-    make_directory(path if kind == "mrta-sim" else path.parent)
+    make_directory(path if kind in OF_FOLDERS else path.parent)
     if kind == "sdf":
         sdf_world.write_sdf(world, path)
         return (path,)
     if kind == "mrta-sim":
         return mrta_sim_files.write_mrta_sim(world, costmap_of(world, config), path)
+    if kind == "open-rmf":
+        return open_rmf.write_open_rmf(world, path)
     trace, verdicts = _run_of(subject)
     if kind == "mcap":
         mcap.write_mcap(world, trace, costmap_of(world, config), path)
@@ -179,9 +183,9 @@ def _check_scripted(subject: ExportSubject, kind: str) -> None:
     if not world.scripted:
         return
     reason = f"because of {world.scripted}"
-    if kind == "mrta-sim":
+    if kind in OF_FOLDERS:
         raise WorldError(
-            f"{world.name}: cannot be written for MRTA-Sim, {reason}, which its files cannot "
+            f"{world.name}: cannot be written for {kind}, {reason}, which its files cannot "
             "hold; choose nav2, sdf, or the run of a trial as mcap, gif or mp4"
         )
     if kind in OF_RUNS and subject.trace is None:

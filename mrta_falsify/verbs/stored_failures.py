@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core.findings import Explanation, Family, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
@@ -119,6 +120,8 @@ def recheck_corpus(
     jittered: int = 2,
     workers: int | None = None,
     time_limit: float | None = None,
+    only: Sequence[str] = (),
+    pictures: Place | None = None,
     on_done: Callable[[Recheck], None] = lambda row: None,
 ) -> tuple[Recheck, ...]:
     """Run all stored failures of a campaign on a changed stack.
@@ -133,10 +136,12 @@ def recheck_corpus(
         jittered: copies with small differences that are run of each failure.
         workers: processes; one per core if None.
         time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        only: ids of the failures to run; all if empty.
+        pictures: directory for a picture of each run that fails; none are drawn if None.
         on_done: called with each row.
 
     Raises:
-        InputError: not a campaign, or an unknown layer.
+        InputError: not a campaign, an unknown layer, or a trial that did not fail.
     """
     campaign = open_campaign(directory)
     config = load_stack(stack, settings) if stack is not None or settings else None
@@ -148,8 +153,23 @@ def recheck_corpus(
         jittered=jittered,
         workers=count_cores(workers),
         time_limit=time_limit,
+        only=failures_named(campaign, only),
+        pictures=make_directory(Path(pictures)) if pictures is not None else None,
         on_done=on_done,
     )
+
+
+def failures_named(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
+    """Find the ids of failures by what a user calls them, as ``0042`` or ``42``.
+
+    Raises:
+        InputError: no such trial, or it did not fail.
+    """
+    found = [campaign.record(name) for name in names]
+    for record in found:
+        if not record.failed:
+            raise StoreError(f"trial {record.id} of {campaign.directory} violates nothing")
+    return tuple(record.id for record in found)
 
 
 def keeps_engine(stack: Stack | None, settings: Sequence[str] = ()) -> bool:

@@ -40,10 +40,10 @@ def test_help_lists_every_command_with_what_it_does(cli):
     listing = result.stdout.partition("Commands:")[2]
     commands = re.findall(r"^  ([a-z-]+) +(\S.*)$", listing, re.MULTILINE)
     assert [name for name, _ in commands] == [
-        "allocate", "bench", "campaign", "certify", "check", "compare", "completion",
+        "allocate", "bench", "campaign", "certify", "check", "ci", "compare", "completion",
         "corpus", "demo", "doctor",
         "door-test",
-        "explain", "export", "family", "import", "init", "list", "minimize", "plugins",
+        "explain", "export", "family", "import", "init", "issue", "list", "minimize", "plugins",
         "replay", "report",
         "run", "sample", "show", "travel-times",
     ]  # fmt: skip

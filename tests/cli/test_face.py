@@ -24,6 +24,8 @@ ONLY_OPTIONS = {
     "campaign": {"dry_run", "resume"},  # estimate_cost, resume_campaign
     "check": {"everything", "scenarios"},
     "import": {"floor", "stack", "settings"},  # import_log
+    "ci": {"fail_on", "opens"},
+    "corpus": {"bisect"},  # bisect_failures
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}

@@ -1,0 +1,34 @@
+"""The command ``issue``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mrta_falsify.cli import output as printing
+from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.group import main
+from mrta_falsify.cli.options import format_option, output_option, trial_arguments
+
+
+@main.command("issue")
+@trial_arguments
+@output_option("DIR", "Default: issue beside the trial.")
+@format_option
+def issue_command(directory: Path, id: str, output: Path | None, style: str) -> int:
+    """Write a failure as an issue for a tracker, in Markdown, with all that belongs to it.
+
+    What happened in two sentences, the world (the smallest one after `minimize`), commands,
+    versions, a picture and a GIF; the scene for Nav2, MRTA-Sim and Open-RMF.
+    """
+    from mrta_falsify.verbs.issue import issue
+
+    found = issue(directory, id, output)
+    if style == "json":
+        printing.print_json(found)
+        return ExitCode.DONE
+    for path in found.files:
+        printing.say(f"wrote {path}")
+    click.echo(str(found.text))
+    return ExitCode.DONE

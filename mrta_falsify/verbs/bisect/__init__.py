@@ -1,0 +1,1 @@
+"""Which commit of a stack's repository brought a failure."""

@@ -1,0 +1,63 @@
+"""The command ``ci``: run what has changed, and write its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from mrta_falsify.verbs.campaign import OnTold
+from mrta_falsify.verbs.ci.project import PROJECT_NAME, read_project
+from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
+from mrta_falsify.verbs.ci.running import CellOutcome, CiResult, run_project
+from mrta_falsify.verbs.folders import Place, make_directory
+from reports.markdown import render_markdown
+from reports.page import write_page
+
+PAGE_NAME = "report.html"  # in what is kept
+
+
+def ci(
+    project: Place = PROJECT_NAME,
+    output: Place | None = None,
+    *,
+    junit: Place | None = None,
+    markdown: Place | None = None,
+    everything: bool = False,
+    workers: int | None = None,
+    on_cell: Callable[[CellOutcome], None] = lambda cell: None,
+    on_told: OnTold = lambda record, progress: None,
+) -> CiResult:
+    """Run what has changed since the last run of a project, and write what became of its findings.
+
+    A cell is a scenario or a corpus on a stack. One that has changed has its known failures run
+    again, and its scenario searched.
+
+    Args:
+        project: the project file, or its directory.
+        output: the page; ``report.html`` in what the project keeps if None.
+        junit: also as JUnit XML.
+        markdown: also as Markdown.
+        everything: run cells that have not changed, too.
+        workers: processes; one per core if None. They change no result.
+        on_cell: called with each cell before it runs, or is left out.
+        on_told: called with each trial of a search.
+
+    Raises:
+        InputError: something that the project names is wrong, or a place cannot be written.
+        Interrupted: Ctrl-C; finished trials and re-runs are kept for the next call.
+    """
+    read = read_project(project)
+    page = Path(output) if output is not None else read.kept / PAGE_NAME
+    places = [Path(place) for place in (page, junit, markdown) if place is not None]
+    for place in places:
+        make_directory(place.parent)
+    result = run_project(
+        read, everything=everything, workers=workers, on_cell=on_cell, on_told=on_told
+    )
+    contents = contents_of(read, result)
+    write_page(contents, page)
+    if junit is not None:
+        Path(junit).write_text(junit_of(read, result), encoding="utf-8")
+    if markdown is not None:
+        Path(markdown).write_text(render_markdown(contents), encoding="utf-8")
+    return result

@@ -1,0 +1,179 @@
+"""The life of findings: what each run of ``ci`` leaves behind for the next.
+
+A finding is a failure mode of one cell, that is of one scenario or corpus on one stack. Its worlds
+are run again whenever the cell has changed, also after it was resolved.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.errors import FormatError
+
+LEDGER_NAME = "last.json"
+LEDGER_VERSION = 1
+MOST_EXAMPLES = 2  # worlds of a mode that are run again
+
+#: failing: its world fails; flaky: only some runs of it, or few copies; resolved: none any more
+Fate: TypeAlias = Literal["failing", "flaky", "resolved"]
+#: against the last run
+ChangeKind: TypeAlias = Literal["new", "resolved", "ongoing", "flaky"]
+_WORST: tuple[Fate, ...] = ("failing", "flaky", "resolved")
+
+
+@dataclass(frozen=True, slots=True)
+class Example:
+    """A stored failure: a campaign's directory, relative to the project, and a trial in it."""
+
+    directory: str
+    id: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A failure mode of a cell."""
+
+    signature: str
+    fate: Fate
+    examples: tuple[Example, ...]  #: the best first
+    sentence: str  #: what happens in the first of them
+    since: int  #: number of the run that saw it first, or saw it come back
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellState:
+    """A cell after a run."""
+
+    name: str  #: ``SCENARIO on STACK``
+    parts: dict[str, str]  #: digests of all that its result depends on, by what it is
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ledger:
+    """What a finished run leaves behind."""
+
+    version: int = LEDGER_VERSION
+    number: int = 0  #: of the run; 0: there was none
+    ended: str = ""  #: local date and time
+    cells: tuple[CellState, ...] = ()
+
+    def cell(self, name: str) -> CellState | None:
+        """Find a cell by name; None if the run had none of that name."""
+        return next((cell for cell in self.cells if cell.name == name), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """What became of a finding since the last run."""
+
+    kind: ChangeKind
+    cell: str
+    signature: str
+    sentence: str
+    since: int  #: number of the run that saw it first
+    came_back: bool = False  #: new, but it was resolved once
+    example: Example | None = None
+
+
+def read_ledger(kept: Path) -> Ledger:
+    """Read what the last finished run left behind; an empty one if there was none.
+
+    Raises:
+        InputError: the file is damaged, or of another version.
+    """
+    path = kept / LEDGER_NAME
+    if not path.is_file():
+        return Ledger()
+    data = codec.read_json(path)
+    version = data.get("version") if isinstance(data, dict) else None
+    if version != LEDGER_VERSION:
+        raise FormatError(
+            f"{path}: has format version {version}; this reads {LEDGER_VERSION}. Delete it to "
+            "begin anew"
+        )
+    return codec.decode(Ledger, data, where=str(path))
+
+
+def write_ledger(kept: Path, ledger: Ledger) -> None:
+    """Put a finished run in the last one's place, whole or not at all."""
+    text = json.dumps(codec.encode(ledger), indent=1) + "\n"
+    write_atomically(kept / LEDGER_NAME, text.encode())
+
+
+def merged(
+    before: Iterable[Finding], seen: Iterable[Finding], undecided: Iterable[str], number: int
+) -> tuple[Finding, ...]:
+    """Merge what a cell had with what a run has seen in it.
+
+    Args:
+        before: its findings.
+        seen: one for each mode and source: rechecked worlds, the search. They may repeat a mode.
+        undecided: modes of which a world could not be judged; they keep their fate.
+        number: of the run.
+
+    Returns:
+        One finding for each mode, by signature.
+    """
+    known = {finding.signature: finding for finding in before}
+    found: dict[str, Finding] = {}
+    for one in seen:
+        other = found.get(one.signature)
+        found[one.signature] = one if other is None else _worse(other, one)
+    kept = set(undecided)
+    for signature, old in known.items():
+        if signature not in found:
+            fate: Fate = old.fate if signature in kept else "resolved"
+            found[signature] = dataclasses.replace(old, fate=fate)
+    return tuple(_dated(found[name], known.get(name), number) for name in sorted(found))
+
+
+def _worse(one: Finding, other: Finding) -> Finding:
+    """Take the worse of two findings of one mode, with the examples of both."""
+    first, second = sorted((one, other), key=lambda finding: _WORST.index(finding.fate))
+    examples = tuple(dict.fromkeys((*first.examples, *second.examples)))
+    sentence = first.sentence or second.sentence
+    return dataclasses.replace(first, examples=examples, sentence=sentence)
+
+
+def _dated(finding: Finding, old: Finding | None, number: int) -> Finding:
+    is_back = old is not None and old.fate == "resolved" and finding.fate != "resolved"
+    return dataclasses.replace(finding, since=number if old is None or is_back else old.since)
+
+
+def changes_of(before: CellState, now: CellState) -> tuple[Change, ...]:
+    """Compare a cell with the last run; what was resolved before and still is, is left out."""
+    known = {finding.signature: finding for finding in before.findings}
+    changes = []
+    for finding in now.findings:
+        old = known.get(finding.signature)
+        kind = _kind(finding, old)
+        if kind is not None:
+            changes.append(
+                Change(
+                    kind=kind,
+                    cell=now.name,
+                    signature=finding.signature,
+                    sentence=finding.sentence,
+                    since=finding.since,
+                    came_back=kind == "new" and old is not None,
+                    example=finding.examples[0] if finding.examples else None,
+                )
+            )
+    return tuple(changes)
+
+
+def _kind(finding: Finding, old: Finding | None) -> ChangeKind | None:
+    was_open = old is not None and old.fate != "resolved"
+    if finding.fate == "resolved":
+        return "resolved" if was_open else None
+    if finding.fate == "flaky":
+        return "flaky"
+    return "ongoing" if was_open else "new"
