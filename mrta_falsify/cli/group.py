@@ -39,7 +39,11 @@ COMMANDS = {
         violated="a deadlock without a certificate",
     ),
     "check": Listed("program_commands", "Compile, sample and lint Scenic programs."),
-    "ci": Listed("ci_command", "Run what changed; tell new, ongoing and resolved failures."),
+    "ci": Listed(
+        "ci_command",
+        "Run what changed; tell new, ongoing and resolved failures.",
+        violated="something fails; with `--fail-on new` something new",
+    ),
     "compare": Listed("compare_command", "Compare samplers on one scenario."),
     "completion": Listed("completion_command", "Print what lets a shell complete commands."),
     "corpus": Listed(
@@ -61,7 +65,7 @@ COMMANDS = {
     "explain": Listed("failure_commands", "Ask which layer a failure belongs to."),
     "export": Listed("export_command", "Write a world, or a trial, for another system."),
     "family": Listed("failure_commands", "Find the rule behind a failure."),
-    "import": Listed("import_command", "Make a floor of a Nav2 map and a file of rooms."),
+    "import": Listed("import_command", "Make a floor of a map, or a scenario of a log."),
     "init": Listed("campaign_commands", "Write a scenario and a stack file to begin with."),
     "issue": Listed("issue_command", "Write a failure as an issue, with all that belongs to it."),
     "list": Listed("trial_commands", "List the trials of a campaign."),
