@@ -3,8 +3,8 @@
     python -m benchmarks.campaign.outside_ticks hospital_day --trials 20 --seconds 60
 
 Judges worlds of a scenario one after the other, as a worker does: in one guarded copy of this
-process. CPU time is that of all processes. The worker's start (imports, the program, compiled code,
-the first trial but for its like) is spread over the trials of a campaign.
+process. CPU time is that of all processes. A worker's start is imports, the program, and what its
+first trial takes longer than the others; it is spread over the trials of a campaign.
 """
 
 from __future__ import annotations
