@@ -34,8 +34,8 @@ from mrta_falsify.cli.options import FILE, count_option, output_option
     is_flag=True,
     help="Run the nearest passing trial of each mode again, and show it beside the failure.",
 )
-@click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
-def report_command(directory: Path, opened: bool, **options: Any) -> int:
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+def report_command(directory: Path, opens: bool, **options: Any) -> int:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
     Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
@@ -45,6 +45,6 @@ def report_command(directory: Path, opened: bool, **options: Any) -> int:
     files = write_reports(directory, **options)
     for file in files:
         click.echo(str(file))
-    if opened and not webbrowser.open(files[0].resolve().as_uri()):
+    if opens and not webbrowser.open(files[0].resolve().as_uri()):
         output.say(f"no browser was found; open {files[0]} yourself")
     return ExitCode.DONE

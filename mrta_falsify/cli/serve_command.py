@@ -24,8 +24,8 @@ PORT = 8377
     metavar="ADDRESS",
     help="Let this Lichtblick read the runs of failures, as http://localhost:8080, and link to it.",
 )
-@click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
-def serve_command(directory: Path, port: int, lichtblick: str, opened: bool) -> int:
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+def serve_command(directory: Path, port: int, lichtblick: str, opens: bool) -> int:
     """Show a campaign in the browser while it runs, until Ctrl-C.
 
     Only this machine can ask for it, and nothing can be changed by it. Requests that another page
@@ -35,7 +35,7 @@ def serve_command(directory: Path, port: int, lichtblick: str, opened: bool) -> 
 
     with LiveServer(directory, port, lichtblick=lichtblick) as server:
         click.echo(server.address)
-        if opened and not webbrowser.open(server.address):
+        if opens and not webbrowser.open(server.address):
             output.say(f"no browser was found; open {server.address} yourself")
         server.serve_forever()
     return ExitCode.DONE

@@ -45,7 +45,7 @@ def test_help_lists_every_command_with_what_it_does(cli):
         "door-test",
         "explain", "export", "family", "import", "init", "issue", "list", "minimize", "plugins",
         "replay", "report",
-        "run", "sample", "show", "travel-times",
+        "run", "sample", "serve", "show", "travel-times",
     ]  # fmt: skip
 
 

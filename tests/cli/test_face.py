@@ -25,12 +25,13 @@ ONLY_OPTIONS = {
     "check": {"everything", "scenarios"},
     "import": {"floor", "stack", "settings"},  # import_log
     "ci": {"fail_on", "opens"},
+    "report": {"opens"},
     "corpus": {"bisect"},  # bisect_failures
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}
-#: about the command line itself: Python has no use for them
-OF_THE_SHELL = {"completion"}
+#: for a shell, or for someone who looks on: Python has no use for them
+OF_THE_SHELL = {"completion", "serve"}
 NAMES = sorted(set(COMMANDS) - OF_THE_SHELL)
 ANY = inspect.Parameter("any", inspect.Parameter.KEYWORD_ONLY)
 
