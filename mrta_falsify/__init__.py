@@ -33,7 +33,6 @@ VERBS = {
     "door_test": "mrta_falsify.verbs.door_test.testing:door_test",
     "explain": "mrta_falsify.verbs.stored_failures:explain_trial",
     "export": "mrta_falsify.verbs.export:export",
-    "family": "mrta_falsify.verbs.stored_failures:family_of_trial",
     "import_": "mrta_falsify.verbs.floor_import:import_floor",
     "init": "mrta_falsify.verbs.init:init",
     "issue": "mrta_falsify.verbs.issue:issue",

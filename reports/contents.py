@@ -16,18 +16,6 @@ from mrta_falsify.core.world import World
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FailureFamily:
-    """The rule behind a failure."""
-
-    rule: tuple[str, ...]  #: conditions under which runs fail like this, in words
-    precision: str  #: how often they do, on how many fresh samples, with its interval
-    free: tuple[str, ...] = ()  #: dimensions that do not matter
-    passing: tuple[str, ...] = ()  #: neighbours that pass, in words
-    program: str = ""  #: path of the Scenic program that samples the family
-    commands: tuple[tuple[str, str], ...] = ()  #: what each does, and the command
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorKind:
     """Trials in which the toolkit failed for one reason."""
 
@@ -78,7 +66,6 @@ class CaseContents:
     neighbour: Neighbour | None = None  #: None: no trial passes
     passing: CaseContents | None = None  #: the neighbour's run, where it was kept
     compared: tuple[str, ...] = ()  #: what the other stack does, and what copies say, in words
-    family: FailureFamily | None = None  #: None: `family` has not been run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from mrta_falsify.core import task_history
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.specs.books import confirmed
-from reports.contents import CaseContents, FailureFamily, Mode, ReportContents, Table
+from reports.contents import CaseContents, Mode, ReportContents, Table
 from reports.sentences import account_sentences, consequence_sentence, violation_sentence
 
 MOST_MODES = 100  # in full
@@ -56,8 +56,6 @@ def _case(case: CaseContents) -> Iterator[str]:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         less = f"{len(case.removed)} things removed"
         yield from (plain(f"Smallest world: {left or less}."), "")
-    if case.family is not None:
-        yield from _family(case.family)
     for what, command in case.commands:
         yield f"{plain(what)}: {code(command)}  "
     yield ""
@@ -99,14 +97,6 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         changes = f": {'; '.join(gone)}" if gone else ""
         text = f"{len(gone)} of {len(case.counterfactuals)} changes remove the failure{changes}."
         yield from (plain(text), "")
-
-
-def _family(family: FailureFamily) -> Iterator[str]:
-    yield from ("Failure family: runs of this program fail like this when", "")
-    yield from _bullets(family.rule)
-    yield from (plain(family.precision), "")
-    if family.program:
-        yield from (f"As a Scenic program: {code(family.program)}", "")
 
 
 def _table(table: Table) -> Iterator[str]:

@@ -16,7 +16,7 @@ Global parameters, all of them readable and searchable when random:
     ray_noise: standard deviation of measured obstacle distances [m], 0.
     noise_seed: of all noise inside the episode; the candidate's own by default.
     stack_params: parameters of a foreign stack, a list of (name, number); over those of its file.
-    restrict: intervals of search dimensions by name, as `family` writes them; plain Scenic
+    restrict: least and largest share of the range of search dimensions, by name; plain Scenic
         ignores it.
 Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `room(i)`, `near(i)`, `along_wall(i)`,
     `doorway(i)`, `queue_area(i)`, `route(i, j)`, `beside(thing)`, `room_point(i)`.

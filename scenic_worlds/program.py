@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -11,7 +10,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scenic.core.scenarios import Scenario, Scene
 
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Candidate, SearchSpace, candidate_of
 from mrta_falsify.core.errors import (
     ConfigError,
@@ -121,35 +119,16 @@ class Program:
         candidate = candidate_of(seed, number, len(self.space))
         return dataclasses.replace(candidate, params=self.params)
 
-    def restrict(self, intervals: Mapping[int, tuple[float, float]]) -> None:
-        """Let some coordinates move within an interval of [0, 1] only.
-
-        From then on u is a point of the box of these intervals: 0 is their lower end, 1 their
-        upper end. What the program says itself by ``param restrict`` is replaced.
-
-        Args:
-            intervals: lower and upper end by number of the coordinate.
-        """
-        self.search.driver.restrict(intervals)
-
-    def values_at(self, u: Array, places: Sequence[int]) -> list[float | None]:
-        """Compute the values, in the program's units, of coordinates at a point of the unit cube.
-
-        Args:
-            u: ``(k,)``, of a scene that can be computed.
-            places: numbers of the coordinates.
+    def values_of(self, candidate: Candidate) -> tuple[float | None, ...]:
+        """Compute the values of all coordinates of a realised candidate, in the program's units.
 
         Returns:
             A number each; None for other values, such as a direction or an opaque choice.
         """
         driver = self.search.driver
         sample = driver.begin()
-        sample.move(u, driver.all_units)
-        return [driver.value_of(sample, place) for place in places]
-
-    def values_of(self, candidate: Candidate) -> tuple[float | None, ...]:
-        """Compute the values of all coordinates of a realised candidate, as :meth:`values_at`."""
-        return tuple(self.values_at(candidate.u, range(len(self.space))))
+        sample.move(candidate.u, driver.all_units)
+        return tuple(driver.value_of(sample, place) for place in range(len(self.space)))
 
     def sample(self, seed: int, mode: Mode = "repair") -> World:
         """Make the world of candidate 0 of a campaign with ``seed``.
@@ -218,8 +197,7 @@ def _restriction(
     """Read ``param restrict = {'bed1.position.0': (0.2, 0.4)}`` as intervals by coordinate.
 
     The names are those of the search dimensions (see ``check``), the numbers shares of each
-    one's range. Programs that
-    :mod:`mrta_falsify.verbs.family` writes say by it what they stand for.
+    one's range.
 
     Raises:
         FormatError: it is not of that form, or names what the program does not have.

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from benchmarks.reports import families, minimising
+from benchmarks.reports import minimising
 from benchmarks.reports.stored_failures import append_row, parse_part, rows_of, stored_failures
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.candidate import Candidate
@@ -110,15 +110,6 @@ def test_the_table_of_the_minimiser_counts_what_holds_and_names_what_does_not():
     assert "| same_room_twice_stalls | known world | 1 | 2 | 0 | 0 | 0 |" in text
     assert "burst 0001 (no larger)" in text
     assert "burst 0001 (larger)" in text
-
-
-def test_the_table_of_families_gives_the_precision_with_its_interval():
-    row = {**ROW, "failures": 91, "fresh": 100, "low": 0.836, "high": 0.958, "elsewhere": [2, 9]}
-    row |= {"dimensions": 12, "free": 9, "intervals": 2, "held": 1, "not_tried": 0}
-    row |= {"noise_held": True, "no_scene": 0, "simulations": 240, "rule": [], "cpu_s": 300.0}
-    text = families.table([row, {"case": "b", "error": "nothing in it is random"}])
-    assert "91 of 100 (0.84 to 0.96) | 2 of 9 | 9 of 12 | 2 | 1, and the noise | 240" in text
-    assert "no family: b: nothing in it is random" in text
 
 
 def test_whom_a_deadlock_waits_for_is_followed_along_the_edges(hall):

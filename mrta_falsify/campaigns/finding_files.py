@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import write_atomically
@@ -14,7 +12,6 @@ from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.findings import (
     Certificate,
     Explanation,
-    Family,
     Finding,
     Minimisation,
     ReplayCheck,
@@ -22,16 +19,15 @@ from mrta_falsify.core.findings import (
     finding_data,
 )
 
-FINDING_VERSION = 2  # of the files; version 1 wrote no number
+FINDING_VERSION = 2  # of the files; version 1 wrote no number, and the same keys
 FILE_NAMES: dict[type[Finding], str] = {
     Explanation: "explain.json",
     Minimisation: "minimize.json",
     ReplayCheck: "verify.json",
-    Family: "family.json",
     Certificate: "certificate.json",
 }
 
-F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Family, Certificate)
+F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Certificate)
 
 
 def write_finding(folder: Path, finding: Finding) -> None:
@@ -65,25 +61,6 @@ def read_finding(folder: Path, kind: type[F]) -> F | None:
         if version not in (1, FINDING_VERSION):
             known = f"this toolkit reads versions 1 to {FINDING_VERSION}"
             raise FormatError(f"{path}: has format version {version}; {known}")
-        if version == 1 and kind in FROM_VERSION_1:
-            data = FROM_VERSION_1[kind](data)
         for name in derived_names(kind):
             data.pop(name, None)
     return codec.decode(kind, data, where=str(path))
-
-
-def _family_from_version_1(data: dict[str, Any]) -> dict[str, Any]:
-    """Write the missing estimate of a precision without samples as null instead of NaN."""
-    precision = data.get("precision")
-    if not isinstance(precision, dict):
-        return data
-    estimate = precision.get("estimate")
-    if isinstance(estimate, float) and math.isnan(estimate):
-        return {**data, "precision": {**precision, "estimate": None}}
-    return data
-
-
-#: the keys of the other files have not changed
-FROM_VERSION_1: dict[type[Finding], Callable[[dict[str, Any]], dict[str, Any]]] = {
-    Family: _family_from_version_1,
-}

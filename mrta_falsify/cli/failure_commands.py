@@ -1,4 +1,4 @@
-"""The commands on stored failures: explain, certify, minimize, family, corpus."""
+"""The commands on stored failures: explain, certify, minimize, corpus."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from mrta_falsify.cli.options import (
     FiniteRange,
     count_option,
     format_option,
-    output_option,
     setting_option,
     stack_options,
     trial_arguments,
@@ -190,59 +189,6 @@ def minimize_command(
     stack = folder / "stack.yaml"
     again = shlex.join(["mrta-falsify", "run", str(world), "--stack", str(stack)])
     out.print(f"run it     {again}")
-    return ExitCode.DONE
-
-
-@main.command("family")
-@trial_arguments
-@count_option(
-    "--max-runs",
-    10,
-    10000,
-    default=300,
-    text="Simulations at most, fresh samples and those of earlier calls included.",
-)
-@count_option(
-    "--fresh",
-    1,
-    10000,
-    default=100,
-    text="Samples on which the rule is tested; at most half of --max-runs.",
-)
-@output_option("FILE.scenic", "The program of the family; default: family.scenic beside the trial.")
-@format_option
-def family_command(directory: Path, id: str, max_runs: int, style: str, **options: Any) -> int:
-    """Find the rule behind a failure: which dimensions matter, and how far they may move.
-
-    Prints the rule in the program's units with its precision on fresh samples, and writes it
-    as a Scenic program that samples inside the family. Kept beside the trial; `report` shows it.
-    A call that was interrupted goes on when it is given again.
-    """
-    path = options["output"]
-    if path is not None and path.suffix != ".scenic":
-        raise click.UsageError(f"-o {path}: a Scenic program's name ends with .scenic")
-    from mrta_falsify.core.findings import finding_data
-    from mrta_falsify.verbs.stored_failures import family_of_trial
-    from mrta_falsify.verbs.stored_trials import show_trial
-
-    record = show_trial(directory, id)
-    output.say_cost(max_runs, record.wall_s)
-    with output.progress(f"family {record.id}", max_runs, "runs") as on_progress:
-        found = family_of_trial(directory, id, max_runs, on_run=on_progress, **options)
-    if style == "json":
-        output.print_json({"id": record.id, **finding_data(found)})
-        return ExitCode.DONE
-    out = output.stdout()
-    out.print(f"failure    {found.signature}")
-    out.print("rule       it fails like this when")
-    for line in found.rule:
-        out.print(f"             {line}")
-    out.print(f"precision  {found.sentence}")
-    runs = found.learning_runs + found.precision.trials
-    out.print(f"runs       {runs}, {found.learning_runs} of them to learn the rule")
-    out.print(f"program    {found.program}")
-    again = shlex.join(["mrta-falsify", "sample", found.program, "-o", "family_samples"])
-    out.print(f"see it     {again}")
     return ExitCode.DONE
 
 

@@ -64,7 +64,6 @@ COMMANDS = {
     ),
     "explain": Listed("failure_commands", "Ask which layer a failure belongs to."),
     "export": Listed("export_command", "Write a world, or a trial, for another system."),
-    "family": Listed("failure_commands", "Find the rule behind a failure."),
     "import": Listed("import_command", "Make a floor of a map, or a scenario of a log."),
     "init": Listed("campaign_commands", "Write a scenario and a stack file to begin with."),
     "issue": Listed("issue_command", "Write a failure as an issue, with all that belongs to it."),

@@ -1,4 +1,4 @@
-"""What is found out about a stored failure: why it happens, how small it gets, its family.
+"""What is found out about a stored failure: why it happens, how small it gets, what is proved.
 
 Each value is kept in a file of its own beside the trial
 (:mod:`mrta_falsify.campaigns.finding_files`).
@@ -13,7 +13,6 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.inevitability import Inevitability
-from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import Jittered, OtherRun
 from mrta_falsify.core.verdict import Verdict
 
@@ -198,70 +197,9 @@ class Recheck:
     picture: str = later("")  #: file of the run that the sentence is about; empty: none was asked
 
 
-# --- when else it happens ----------------------------------------------------------------
-
-ConditionFate: TypeAlias = Literal["interval", "held", "unknown"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """What the rule of a family says about one dimension."""
-
-    dimension: str
-    fate: ConditionFate  #: unknown: held as well, since the runs did not suffice to try it
-    low: float  #: as a share of the dimension's range
-    high: float  #: as a share of the dimension's range
-    text: str  #: in the program's units
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
-    """The rule behind a failure: conditions under which a program fails in the same way."""
-
-    DERIVED: ClassVar[tuple[str, ...]] = ("rule", "sentence")
-
-    signature: str
-    engine: str  #: of all runs
-    conditions: tuple[Condition, ...]
-    free: tuple[str, ...]  #: dimensions that do not matter
-    noise_seed: int | None  #: fixed if other noise cures the failure
-    precision: Probability  #: on fresh samples of the written program
-    elsewhere: tuple[int, int]  #: trials of the campaign with the signature, of all judged ones
-    learning_runs: int
-    no_scene: int  #: fresh samples for which no valid scene was found
-    passing: tuple[str, ...] = ()  #: the nearest neighbours that pass, in words
-    program: str = ""  #: path of the Scenic program
-
-    @property
-    def rule(self) -> tuple[str, ...]:
-        """The rule, one line for each condition."""
-        lines = [
-            c.text + (" (not tried: out of runs)" if c.fate == "unknown" else "")
-            for c in self.conditions
-        ]
-        if self.noise_seed is not None:
-            lines.append(f"the noise of seed {self.noise_seed}")
-        return tuple(lines) or ("anything the program gives",)
-
-    @property
-    def sentence(self) -> str:
-        """How precise the rule is."""
-        measured = self.precision
-        here, judged = self.elsewhere
-        if not measured.trials:
-            return "No fresh sample of the family had a valid scene."
-        return (
-            f"{measured.failures} of {measured.trials} fresh samples of the family fail with this "
-            f"signature on the {self.engine} engine ({measured.level:.0%} interval "
-            f"{measured.low:.2f} to {measured.high:.2f}); in the campaign it was {here} of "
-            f"{judged} trials. {len(self.free)} dimensions do not matter, "
-            f"{len(self.conditions)} do."
-        )
-
-
 # --- as data -----------------------------------------------------------------------------
 
-Finding: TypeAlias = Explanation | Minimisation | ReplayCheck | Family | Certificate
+Finding: TypeAlias = Explanation | Minimisation | ReplayCheck | Certificate
 
 
 def finding_data(finding: Finding) -> dict[str, Any]:

@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign, StoreError
-from mrta_falsify.core.findings import Explanation, Family, Minimisation, Recheck
+from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import REWINDS, explain
-from mrta_falsify.verbs.family import find_family
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.report import (
@@ -76,39 +75,6 @@ def minimize_trial(
     record = campaign.record(str(id))
     return minimize(
         campaign, record, max_runs=max_runs, workers=count_cores(workers), on_run=on_run
-    )
-
-
-def family_of_trial(
-    directory: Place,
-    id: str | int,
-    max_runs: int = 300,
-    *,
-    fresh: int = 100,
-    output: Place | None = None,
-    on_run: Callable[[float], None] = lambda done: None,
-) -> Family:
-    """Find the rule behind a failure, and write it as a Scenic program.
-
-    Args:
-        directory: of the campaign.
-        id: of the trial.
-        max_runs: simulations at most, those of earlier calls included.
-        fresh: samples on which the rule is tested; at most half of ``max_runs``.
-        output: the program (``.scenic``); ``family.scenic`` beside the trial if None.
-        on_run: called with the number of simulations done.
-
-    Raises:
-        InputError: no such trial, or it did not fail.
-    """
-    campaign = open_campaign(directory)
-    return find_family(
-        campaign,
-        campaign.record(str(id)),
-        max_runs=max_runs,
-        fresh=fresh,
-        path=Path(output) if output is not None else None,
-        on_run=on_run,
     )
 
 

@@ -14,17 +14,14 @@ from mrta_falsify.campaigns.finding_files import (
     read_finding,
     write_finding,
 )
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import (
     Certificate,
     CertifiedMember,
-    Condition,
     CopyCount,
     Counterfactual,
     Explanation,
-    Family,
     Minimisation,
     Removal,
     ReplayCheck,
@@ -63,21 +60,6 @@ CHECK = ReplayCheck(
     same_machine=False,
     first_difference=Difference(tick=7, time=0.35, what="pose", who="robot1", size=1e-9),
 )
-FAMILY = Family(
-    signature="progress",
-    engine="kinematic",
-    conditions=(
-        Condition(dimension="speed", fate="unknown", low=0.4, high=0.4, text="speed = 1.1"),
-    ),
-    free=("cart.x",),
-    noise_seed=7,
-    precision=failure_probability(0, 0),
-    elsewhere=(1, 8),
-    learning_runs=40,
-    no_scene=10,
-)
-
-
 CERTIFICATE = Certificate(
     world="ab",
     trace="cd",
@@ -92,9 +74,7 @@ CERTIFICATE = Certificate(
 RECORDED_KINDS = [kind for kind in FILE_NAMES if kind is not Certificate]
 
 
-@pytest.mark.parametrize(
-    "finding", [EXPLANATION, DECIDED, MINIMISATION, CHECK, FAMILY, CERTIFICATE]
-)
+@pytest.mark.parametrize("finding", [EXPLANATION, DECIDED, MINIMISATION, CHECK, CERTIFICATE])
 def test_a_finding_comes_back_as_it_was(tmp_path, finding):
     write_finding(tmp_path, finding)
     assert read_finding(tmp_path, type(finding)) == finding
@@ -120,10 +100,6 @@ def test_programs_find_when_and_by_what_a_failure_was_decided(tmp_path):
 def test_what_follows_from_a_finding_is_written_for_readers(tmp_path):
     write_finding(tmp_path, MINIMISATION)
     assert json.loads((tmp_path / "minimize.json").read_text())["share_removed"] == 0.5
-    write_finding(tmp_path, FAMILY)
-    data = json.loads((tmp_path / "family.json").read_text())
-    assert data["rule"] == ["speed = 1.1 (not tried: out of runs)", "the noise of seed 7"]
-    assert data["sentence"] == "No fresh sample of the family had a valid scene."
 
 
 def assert_says_all(now, then):
@@ -150,16 +126,6 @@ def test_findings_of_the_version_before_are_read_with_all_they_say(tmp_path, cam
     write_finding(tmp_path, found)
     now = json.loads((tmp_path / path.name).read_text())
     assert_says_all(now, then)
-
-
-def test_a_family_of_the_version_before_without_samples_is_read(tmp_path):
-    write_finding(tmp_path, FAMILY)
-    path = tmp_path / "family.json"
-    data = json.loads(path.read_text())
-    del data["version"]
-    data["precision"]["estimate"] = float("nan")
-    path.write_text(json.dumps(data))
-    assert read_finding(tmp_path, Family) == FAMILY
 
 
 def test_a_finding_that_is_not_there_is_none(tmp_path):

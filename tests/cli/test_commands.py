@@ -43,7 +43,7 @@ def test_help_lists_every_command_with_what_it_does(cli):
         "allocate", "bench", "campaign", "certify", "check", "ci", "compare", "completion",
         "corpus", "demo", "doctor",
         "door-test",
-        "explain", "export", "family", "import", "init", "issue", "list", "minimize", "plugins",
+        "explain", "export", "import", "init", "issue", "list", "minimize", "plugins",
         "replay", "report",
         "run", "sample", "serve", "show", "travel-times",
     ]  # fmt: skip

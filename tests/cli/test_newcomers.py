@@ -210,13 +210,13 @@ def test_the_table_of_a_comparison_fits_80_columns(capsys, monkeypatch):
 def test_a_pipe_gets_a_line_of_progress_now_and_then_with_the_time_left(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
-    progress = output.PipedProgress("family 0004", 100, "runs")
+    progress = output.PipedProgress("minimize 0004", 100, "runs")
     for second in range(61):
         now[0] = float(second)
         progress.show(second)
     assert capsys.readouterr().err.splitlines() == [
-        "family 0004: 10/100 runs, about 90 s left".replace("90 s", "2 min"),
-        "family 0004: 40/100 runs, about 60 s left",
+        "minimize 0004: 10/100 runs, about 90 s left".replace("90 s", "2 min"),
+        "minimize 0004: 40/100 runs, about 60 s left",
     ]
 
 

@@ -173,7 +173,6 @@ def record_campaigns() -> None:
         _mrta("replay", str(place), first, "--verify", "2")
         _mrta("explain", str(place), first, "--max-runs", "14")
         _mrta("minimize", str(place), first)
-        _mrta("family", str(place), first, "--max-runs", "60")
         for command in ("list", "corpus"):
             text = _mrta(command, str(place), "--format", "json")
             (CAMPAIGNS / f"{name}.{command}.json").write_text(text)

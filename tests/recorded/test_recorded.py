@@ -86,14 +86,18 @@ def test_a_stored_campaign_is_listed_as_before(stored):
 @pytest.mark.parametrize("stored", SEARCHES, indirect=True)
 def test_a_stored_campaign_is_shown_and_reported(stored):
     first = _first_failure(stored.name)
+    folder = stored / "trials" / first["id"]
+    kept = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert "family.json" in kept  # of a command that is no more
     shown = json.loads(_run("show", str(stored), first["id"], "--format", "json"))
     assert shown["signature"] == first["signature"]
     _run("report", str(stored), "--markdown", str(stored / "report.md"))
     page, text = (stored / "report.html").read_text(), (stored / "report.md").read_text()
     assert first["id"] in page
-    explained = json.loads((stored / "trials" / first["id"] / "explain.json").read_text())
+    explained = json.loads(kept["explain.json"])
     assert explained["layer"].replace("_", " ") in text.replace("_", " ")
     assert "damaged" not in page
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == kept
 
 
 @pytest.mark.long

@@ -11,13 +11,10 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner
 
-from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, Store
 from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.findings import Condition, Family
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.trial import Job, quick_stack
@@ -151,7 +148,7 @@ def test_a_failure_without_its_files_is_told_with_a_way_to_run_it_again(campaign
     assert "robot1 is stuck for good" in (campaign.directory / "r.md").read_text()
 
 
-@pytest.mark.parametrize("name", ["explain.json", "minimize.json", "family.json", "verify.json"])
+@pytest.mark.parametrize("name", ["explain.json", "minimize.json", "verify.json"])
 def test_a_damaged_finding_costs_its_case_and_not_the_report(campaign, name):
     (campaign.directory / "trials" / "0000" / name).write_text('{"layer": "planner"}')
     (campaign.directory / "trials" / "0000" / "world.min.json").write_text("{}")
@@ -336,42 +333,6 @@ def test_what_against_names_must_be_a_campaign(campaign, tmp_path):
     result = report(campaign.directory, "--against", tmp_path)
     assert result.exit_code == 2
     assert "is not a campaign directory" in " ".join(result.stderr.split())
-
-
-def test_the_family_and_its_precision_stand_in_both_reports(campaign):
-    folder = campaign.directory / "trials" / "0000"
-    (folder / "family.scenic").write_text("model scenic_worlds.model\n")
-    speed = Condition(
-        dimension="walker.speed",
-        fate="interval",
-        low=0.6,
-        high=0.9,
-        text="walker.speed from 1.1 to 1.4",
-    )
-    found = Family(
-        signature=SPEC,
-        engine="kinematic",
-        conditions=(speed,),
-        free=("cart.position.y",),
-        noise_seed=None,
-        precision=failure_probability(97, 100),
-        elsewhere=(3, 40),
-        learning_runs=200,
-        no_scene=0,
-        passing=("walker.speed = 1.02",),
-        program="moved/away.scenic",
-    )
-    write_finding(folder, found)
-    sentence = found.sentence
-    assert sentence.startswith("97 of 100 fresh samples of the family fail with this signature")
-    assert report(campaign.directory, "--markdown", campaign.directory / "r.md").exit_code == 0
-    page, told = text_of(campaign), (campaign.directory / "r.md").read_text()
-    for text in (page, told):
-        assert sentence in text
-        assert "walker.speed from 1.1 to 1.4" in text
-        assert str(folder / "family.scenic") in text
-    assert "walker.speed = 1.02" in page
-    assert f"mrta-falsify sample {folder / 'family.scenic'} -o family_samples" in page
 
 
 def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):

@@ -170,6 +170,38 @@ def test_parameters_override_the_programs_own(tmp_path):
     assert found.candidate.params == {"horizon": 77}
 
 
+def test_a_restricted_dimension_stays_inside_its_part_of_the_range(tmp_path):
+    from scenic_worlds.program import compile_program
+
+    path = written("param horizon = Range(100, 200)\n" + SMALL, tmp_path)
+    free = compile_program(path)
+    path.write_text(path.read_text() + "param restrict = {'param horizon': (0.2, 0.4)}\n")
+    inside = compile_program(path)
+    horizons = [inside.sample(seed).horizon for seed in range(30)]
+    assert all(120 <= horizon <= 140 for horizon in horizons)
+    assert max(horizons) - min(horizons) > 10
+    assert inside.space == free.space
+    assert not all(120 <= free.sample(seed).horizon <= 140 for seed in range(30))
+
+
+@pytest.mark.parametrize(
+    ("restriction", "message"),
+    [
+        ("3", "must read"),
+        ("{'param horizo': (0, 1)}", "unknown dimension 'param horizo'"),
+        ("{'param horizon': (0.6, 0.2)}", "must read"),
+        ("{'param horizon': 0.5}", "must read"),
+        ("{'param horizon': (0, 1.5)}", "must read"),
+    ],
+)
+def test_a_restriction_that_cannot_be_is_refused(restriction, message, tmp_path):
+    from scenic_worlds.program import compile_program
+
+    text = f"param horizon = Range(100, 200)\n{SMALL}param restrict = {restriction}\n"
+    with pytest.raises(FormatError, match=message):
+        compile_program(written(text, tmp_path))
+
+
 def test_verifai_parameters_are_ordinary_dimensions(tmp_path):
     from scenic_worlds.program import compile_program
 

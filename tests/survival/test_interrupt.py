@@ -63,10 +63,6 @@ CASES = {
         ("minimize", "c", "{id}", "--max-runs", "5", "--workers", "2"),
         ("c/trials/{id}/minimize.json", "c/trials/{id}/world.min.json"),
     ),
-    "family": Case(
-        ("family", "c", "{id}", "--max-runs", "10", "--fresh", "3"),
-        ("c/trials/{id}/family.json", "c/trials/{id}/family.scenic"),
-    ),
     "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "1")),
 }  # fmt: skip
 

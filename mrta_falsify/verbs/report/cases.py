@@ -12,7 +12,7 @@ from mrta_falsify.campaigns.attribution import WHOLE, blocked_time, robots_conce
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import FormatError, InputError
-from mrta_falsify.core.findings import Explanation, Family, Minimisation, ReplayCheck
+from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
@@ -21,12 +21,12 @@ from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
-from mrta_falsify.verbs.report.commands import commands_of, family_commands, minimised_commands
+from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import nearest_passing, neighbour_of
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.stored_trials import compared_sentences, of_other_stack, other_stack_of
 from mrta_falsify.worker import stack_of
-from reports.contents import CaseContents, FailureFamily
+from reports.contents import CaseContents
 from reports.sentences import blocked_text, listed
 from reports.stack_sentences import coupling_facts
 
@@ -104,7 +104,6 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
         confirmed=record.confirmation,
         repeated=str(record.repeated) if record.repeated else "",
-        family=_family(folder),
         certified=claim_sentences(certificate) if certificate is not None else (),
         compared=compared_sentences(
             record.jittered, record.other, campaign.settings.trials.jittered
@@ -225,25 +224,6 @@ def _parting(check: ReplayCheck | None) -> str:
     if check is None or check.first_difference is None:
         return ""
     return f"first differs {check.first_difference}"
-
-
-def _family(folder: Path) -> FailureFamily | None:
-    found = read_finding(folder, Family)
-    if found is None:
-        return None
-    # beside the trial it is found wherever the campaign was moved to
-    beside = folder / "family.scenic"
-    program = str(beside) if beside.is_file() else found.program
-    if not program or not Path(program).is_file():
-        program = ""
-    return FailureFamily(
-        rule=found.rule,
-        precision=found.sentence,
-        free=found.free,
-        passing=found.passing,
-        program=program,
-        commands=family_commands(program) if program else (),
-    )
 
 
 def _with_minimised(

@@ -22,11 +22,6 @@ def commands_of(campaign: Campaign, record: TrialRecord) -> Commands:
         _command("Ask which layer is to blame", "explain", *where),
         _command("Find the smallest world that fails in the same way", "minimize", *where),
         _command(
-            "Find the rule behind it: which dimensions matter, and how far they may move",
-            "family",
-            *where,
-        ),
-        _command(
             "Run its world on its own, with your stack",
             *("run", str(world), "--stack", "my_stack.yaml"),
         ),
@@ -54,11 +49,6 @@ def minimised_commands(folder: Path) -> Commands:
         for what, world, stack in runs
         if (folder / world).is_file()
     )
-
-
-def family_commands(program: str) -> Commands:
-    """List the commands that use the Scenic program of a family."""
-    return (_command("Draw worlds of the family", "sample", program, "-o", "family_samples"),)
 
 
 def _command(what: str, *words: str) -> tuple[str, str]:
