@@ -36,7 +36,6 @@ from mrta_falsify.core.task_history import stories, tasks_of
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.explain import explain, removal_text
-from mrta_falsify.verbs.explain.explaining import JITTERED
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.replay import replay_trial, store_replay
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -289,17 +288,14 @@ def _layer(found: Told) -> str:
     return "\n".join(lines)
 
 
-def commands(case: GalleryCase, explanation: Explanation) -> list[str]:
+def commands(case: GalleryCase) -> list[str]:
     """List the commands that show all of it again."""
-    # fewer jittered copies than usual: the page's numbers come from fewer runs
-    few = explanation.jittered.runs < JITTERED
-    bounded = ["--max-runs", str(explanation.runs)] if few else []
     runs = f"runs/{case.name}"
     trial = f"{case.trial:04d}"
     rows = [
         [*case.words(), "-o", runs],
         ["mrta-falsify", "replay", runs, trial, "--verify", "3"],
-        ["mrta-falsify", "explain", runs, trial, *bounded],
+        ["mrta-falsify", "explain", runs, trial],
         ["mrta-falsify", "minimize", runs, trial],
         ["mrta-falsify", "report", runs],
     ]

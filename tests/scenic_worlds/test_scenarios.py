@@ -129,9 +129,13 @@ def test_robots_without_work_leave_what_others_want(programs, name):
 
 def test_fast_robots_drive_faster_than_the_usual_speed(programs):
     world = programs("fast_robots").sample(0)
-    fast = driven(world, horizon=60.0).columns["velocity"][:, :, 0].max(axis=0)
+    columns = driven(world, horizon=60.0).columns
+    fast = columns["velocity"][:, :, 0]
     assert (fast > 1.2 * CRUISE).any()
-    assert (fast <= [robot.cruise_speed + 0.01 for robot in world.robots]).all()
+    alone = columns["gap_robot"] > 0.5  # who is followed closely may make way by driving faster
+    cruise = np.array([robot.cruise_speed for robot in world.robots])
+    assert (fast <= np.where(alone, cruise + 0.01, np.inf)).all()
+    assert alone.any(axis=0).all()
 
 
 def test_a_holonomic_fleet_moves_sideways_if_its_stack_knows_how(programs):

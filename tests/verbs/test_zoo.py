@@ -19,7 +19,6 @@ from simulator_interface.starts import check_starts
 
 #: what the default stack does on the kinematic engine
 BREAKS = {
-    "patrol_swap_with_one_bay": "exclusive_use",
     "ring_of_six_areas_full": "no_deadlock",
 }
 SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_once"}
