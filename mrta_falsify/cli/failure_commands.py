@@ -58,8 +58,9 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
-    output.say_cost(max_runs + rewinds, record.wall_s)
-    with output.progress(f"explain {record.id}", max_runs + rewinds, "runs") as on_progress:
+    runs = max_runs + rewinds
+    output.say_cost(runs, record.wall_s)
+    with output.progress(f"explain {record.id}", runs, "runs", is_most=True) as on_progress:
         found = explain_trial(
             directory,
             id,
@@ -161,7 +162,7 @@ def minimize_command(
     campaign = open_campaign(directory)
     record = campaign.record(id)
     output.say_cost(max_runs, record.wall_s)
-    with output.progress(f"minimize {record.id}", max_runs, "runs") as on_progress:
+    with output.progress(f"minimize {record.id}", max_runs, "runs", is_most=True) as on_progress:
         found = minimize_trial(
             directory,
             id,

@@ -101,14 +101,22 @@ def print_table(table: Table) -> None:
 
 
 @contextlib.contextmanager
-def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
+def progress(
+    what: str, total: float, unit: str, *, is_most: bool = False
+) -> Iterator[Callable[[float], None]]:
     """Show how far work is on stderr: a bar on terminals, a line now and then elsewhere.
+
+    Args:
+        what: is done.
+        total: of it, in ``unit``.
+        unit: of the total.
+        is_most: work may well end before the total, so the time left is an upper bound.
 
     Yields:
         A function that takes how far the work is, in ``unit``.
     """
     if not sys.stderr.isatty():
-        yield PipedProgress(what, total, unit).show
+        yield PipedProgress(what, total, unit, is_most=is_most).show
         return
     from rich.console import Console
     from rich.progress import (
@@ -134,8 +142,8 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
 class PipedProgress:
     """Lines of progress on a stderr that is not a terminal; none for work that ends soon."""
 
-    def __init__(self, what: str, total: float, unit: str) -> None:
-        self._what, self._total, self._unit = what, total, unit
+    def __init__(self, what: str, total: float, unit: str, *, is_most: bool = False) -> None:
+        self._what, self._total, self._unit, self._is_most = what, total, unit, is_most
         self._began = time.monotonic()
         self._next = self._began + FIRST_LINE
 
@@ -145,15 +153,16 @@ class PipedProgress:
         if now < self._next:
             return
         self._next = now + NEXT_LINE
-        left = time_left(done, self._total, now - self._began)
+        left = time_left(done, self._total, now - self._began, is_most=self._is_most)
         say(f"{self._what}: {done:.0f}/{self._total:.0f} {self._unit}{left}")
 
 
-def time_left(done: float, total: float, spent: float) -> str:
+def time_left(done: float, total: float, spent: float, *, is_most: bool = False) -> str:
     """Say how long work will still take, from the time spent on what is done; empty if unknown."""
     if not LEAST_DONE * total <= done < total or done <= 0.0:
         return ""
-    return f", about {time_text(spent * (total - done) / done)} left"
+    left = time_text(spent * (total - done) / done)
+    return f", at most {left} left" if is_most else f", about {left} left"
 
 
 def time_text(seconds: float) -> str:

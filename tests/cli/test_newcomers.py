@@ -220,6 +220,17 @@ def test_a_pipe_gets_a_line_of_progress_now_and_then_with_the_time_left(capsys, 
     ]
 
 
+def test_work_that_may_end_early_says_how_long_it_takes_at_most(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    progress = output.PipedProgress("minimize 0004", 100, "runs", is_most=True)
+    now[0] = 60.0
+    progress.show(40)
+    assert capsys.readouterr().err.splitlines() == [
+        "minimize 0004: 40/100 runs, at most 2 min left"
+    ]
+
+
 def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tmp_path):
     from mrta_falsify.campaigns.runner import Progress
     from mrta_falsify.core.candidate import Candidate
