@@ -9,7 +9,7 @@ import numpy as np
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors, write_world
 from scenic_worlds.exact_numbers import heading_text, number_text
-from scenic_worlds.statements import ROBOT_VALUES, changed_values, event_text, human_text
+from scenic_worlds.statements import comment_text, event_text, human_text, robot_values
 
 WHERE = 0.4  # m that a start lies off, at most
 TURN = 0.3  # rad that a start is turned, at most
@@ -47,9 +47,8 @@ def write_neighbourhood(world: World, path: Path, *, comment: str) -> tuple[Path
 
 def neighbourhood_text(world: World, *, layout_file: str, comment: str) -> str:
     """Write the program of :func:`write_neighbourhood`."""
-    said = comment.strip().replace("\\", "/").replace('"""', "'''")
     blocks = [
-        f'"""{said}\n"""',
+        f'"""{comment_text(comment.strip())}\n"""',
         f"param layout = localPath({layout_file!r})\nparam spread = 1\nmodel scenic_worlds.model",
         _HELPERS,
         f"param horizon = {number_text(world.horizon)}",
@@ -74,9 +73,7 @@ def goal(room, neighbour):
 def _robot_text(robot: RobotSpec) -> str:
     x, y = (number_text(float(value)) for value in robot.pose[:2])
     heading = heading_text(float(robot.pose[2]))
-    values = [("model", repr(robot.model))] if robot.model != "waffle" else []
-    values += changed_values(robot, ROBOT_VALUES)
-    given = "".join(f", with {name} {value}" for name, value in values)
+    given = "".join(f", with {name} {value}" for name, value in robot_values(robot))
     return (
         f"new Robot at (near({x}, {WHERE:g}), near({y}, {WHERE:g}), 0.075), "
         f"facing near({heading}, {TURN:g}),\n    with name {robot.name!r}{given}"

@@ -105,14 +105,24 @@ def changed_values(item: RobotSpec | HumanSpec, names: dict[str, str]) -> list[t
     ]
 
 
+def comment_text(said: str) -> str:
+    """Keep a comment from ending the string that it is written in."""
+    return said.replace("\\", "/").replace('"""', "'''")
+
+
+def robot_values(robot: RobotSpec) -> list[tuple[str, str]]:
+    """List the properties of a robot that are not at their default, its pose left out."""
+    model = [("model", repr(robot.model))] if robot.model != "waffle" else []
+    return [*model, *changed_values(robot, ROBOT_VALUES)]
+
+
 def robot_text(robot: RobotSpec) -> str:
     """Write a robot of the fleet."""
     x, y, yaw = robot.pose
-    model = [("model", repr(robot.model))] if robot.model != "waffle" else []
     return _lines(
         f"new Robot with name {robot.name!r}",
         f"at ({number_text(x)}, {number_text(y)}, 0.075), facing {heading_text(float(yaw))}",
-        _withs([*model, *changed_values(robot, ROBOT_VALUES)]),
+        _withs(robot_values(robot)),
         PLACED,
     )
 

@@ -21,6 +21,7 @@ from mrta_falsify.core.world import Resource, Task, World, without_actors, write
 from scenic_worlds.exact_numbers import box_of, number_text
 from scenic_worlds.layouts import layout_names, load_layout
 from scenic_worlds.statements import (
+    comment_text,
     event_text,
     furniture_text,
     human_text,
@@ -98,7 +99,7 @@ def program_of(world: World, *, layout_file: str, comment: str = "") -> WrittenP
 
 def _docstring(world: World, comment: str) -> str:
     said = comment.strip() or f"The world {world.name}, written as a program: it has one scene."
-    safe = said.replace("\\", "/").replace('"""', "'''")
+    safe = comment_text(said)
     end = "\n" if "\n" in safe or safe.endswith('"') else ""
     return f'"""{safe}{end}"""'
 

@@ -76,9 +76,7 @@ def _import_log(log: Path, style: str, **options: Any) -> int:
         output.say(f"note: {note}")
     output.say(f"wrote {done.scenario}")
     output.say(f"wrote {done.world}")
-    scenario, runs = shlex.quote(str(done.scenario)), shlex.quote(f"runs/{done.scenario.stem}")
-    output.say(f"try: mrta-falsify run {shlex.quote(str(done.world))}")
-    output.say(f"then: mrta-falsify campaign {scenario} -o {runs}")
+    _say_next(f"run {shlex.quote(str(done.world))}", done.scenario)
     return ExitCode.DONE
 
 
@@ -121,12 +119,17 @@ def _import_map(map: Path, style: str, **options: Any) -> int:
         output.say(f"wrote {path}")
     verb = "left as it is:" if done.scenario_kept else "wrote"
     output.say(f"{verb} {done.scenario}")
-    scenario, runs = shlex.quote(str(done.scenario)), shlex.quote(f"runs/{done.scenario.stem}")
     sized = done.robot_radius != DEFAULT_RADIUS
     stack = f" --set costmap.robot_radius={done.robot_radius:g}" if sized else ""
-    output.say(f"try: mrta-falsify check {scenario}")
-    output.say(f"then: mrta-falsify campaign {scenario}{stack} -o {runs}")
+    _say_next(f"check {shlex.quote(str(done.scenario))}", done.scenario, stack)
     return ExitCode.DONE
+
+
+def _say_next(command: str, scenario: Path, options: str = "") -> None:
+    """Say what to try with what was written: a command, then a campaign."""
+    runs = shlex.quote(f"runs/{scenario.stem}")
+    output.say(f"try: mrta-falsify {command}")
+    output.say(f"then: mrta-falsify campaign {shlex.quote(str(scenario))}{options} -o {runs}")
 
 
 def _print_floor(done: ImportedFloor) -> None:

@@ -16,17 +16,22 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.trace import read_trace
-from mrta_falsify.core.world import read_world, write_world
+from mrta_falsify.core.wait_account import wait_account
+from mrta_falsify.core.world import write_world
+from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.pictures import trial_view
 from mrta_falsify.verbs.stacks import costmap_of
-from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
+from mrta_falsify.verbs.stored_trials import (
+    failure_sentences,
+    open_campaign,
+    read_run,
+    what_happened,
+)
 from mrta_falsify.worker import stack_of
 from reports.issue_text import IssueContents, render_issue
 from reports.run_view import RunView
-from reports.sentences import account_sentences, violation_sentence
 from scenic_worlds.writing import write_program
 from simulator_interface.formats.nav2_goals import write_goals
 
@@ -111,7 +116,7 @@ def _view(
     folder = campaign.folder(record)
     if found is None:
         return trial_view(campaign, record)
-    world, trace = read_world(folder / "world.min.json"), read_trace(folder / "trace.min.zip")
+    world, trace = read_run(folder / "world.min.json", folder / "trace.min.zip")
     return RunView(
         world=world, trace=trace, verdicts=found.verdicts, costmap=costmap_of(world, config)
     )
@@ -131,13 +136,9 @@ def _happened(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[s
 def _sentences(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[str, ...]:
     if view.verdicts is record.verdicts:
         return what_happened(campaign, record)
-    from mrta_falsify.core.wait_account import wait_account  # noqa: PLC0415
-    from mrta_falsify.specs.causes import leading  # noqa: PLC0415
-
     verdict = leading(view.verdicts)
     assert verdict is not None, "a smallest world fails"
-    account = wait_account(verdict, view.trace)
-    return (violation_sentence(verdict), *account_sentences(account))
+    return failure_sentences(view.verdicts, wait_account(verdict, view.trace))
 
 
 def _about(found: Minimisation | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,10 +15,11 @@ from mrta_falsify.campaigns.statistics import chance_in_copies
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
-from mrta_falsify.core.trace import read_trace
+from mrta_falsify.core.trace import Trace, read_trace
+from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause, leading
@@ -27,6 +29,7 @@ from mrta_falsify.worker import open_program, stack_of, trial_job
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
+    listed,
     violation_sentence,
     who_text,
 )
@@ -179,9 +182,17 @@ def account_of(campaign: Campaign, record: TrialRecord) -> WaitAccount | None:
 def what_happened(campaign: Campaign, record: TrialRecord) -> tuple[str, ...]:
     """Tell a stored failure in sentences: what came first, who waits for whom, what followed."""
     account = account_of(campaign, record)
-    if account is None:
-        return ()
-    first, *others = (verdict for verdict in by_cause(record.verdicts) if verdict.violated)
+    return () if account is None else failure_sentences(record.verdicts, account)
+
+
+def failure_sentences(verdicts: Sequence[Verdict], account: WaitAccount) -> tuple[str, ...]:
+    """Tell a failing run in sentences, as :func:`what_happened` does.
+
+    Args:
+        verdicts: of the run; at least one is violated.
+        account: of who waited for whom in it.
+    """
+    first, *others = (verdict for verdict in by_cause(verdicts) if verdict.violated)
     followed = [consequence_sentence(verdict, first) for verdict in others]
     return (violation_sentence(first), *account_sentences(account), *followed)
 
@@ -243,6 +254,22 @@ def stored_world(campaign: Campaign, record: TrialRecord) -> World:
             f"{record.world_digest[:12]}; the world is not the one that was run"
         )
     return world
+
+
+def read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:
+    """Read a world and the trace of its run.
+
+    Raises:
+        InputError: a file is missing or damaged, or the trace is of another world.
+    """
+    world, trace = read_world(world_file), read_trace(trace_file)
+    robots = tuple(robot.name for robot in world.robots)
+    if trace.robots != robots:
+        raise FormatError(
+            f"{trace_file}: has robots {listed(trace.robots)}; {world_file.name} has "
+            f"{listed(robots)}"
+        )
+    return world, trace
 
 
 def job_of(campaign: Campaign, record: TrialRecord) -> Job:

@@ -66,6 +66,11 @@ class Level:
     lifts: tuple[str, ...]  #: of the building
 
 
+def typed(value: str | int | float | bool) -> list[Any]:
+    """Write the value of a parameter with the number of its type before it."""
+    return [next(number for number, kind in KINDS.items() if type(value) is kind), value]
+
+
 def is_building(data: Any) -> bool:
     """Whether YAML-shaped data is a building file."""
     return isinstance(data, dict) and "levels" in data

@@ -23,11 +23,11 @@ from shapely.geometry import Point, Polygon
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import Resource, World
+from simulator_interface.formats.building_file import METRES, typed
 
 LEVEL = "L1"
 FLEET = "tinyRobot"  # of rmf_demos, where a task names its robot
 SAME_PLACE = 2  # decimals [m]: points that agree in them are one vertex
-TEXT, INTEGER, BOOLEAN = 1, 2, 4  # types of parameters
 
 
 @dataclass(slots=True)
@@ -57,12 +57,12 @@ class _Graph:
     def connect(self, one: int, other: int, *, both_ways: bool, mutex: str) -> None:
         """Lay a lane, unless it is there or has no length."""
         facts: dict[str, Any] = {
-            "bidirectional": [BOOLEAN, both_ways],
-            "graph_idx": [INTEGER, 0],
-            "orientation": [TEXT, ""],
+            "bidirectional": typed(both_ways),
+            "graph_idx": typed(0),
+            "orientation": typed(""),
         }
         if mutex:
-            facts["mutex"] = [TEXT, mutex]
+            facts["mutex"] = typed(mutex)
         lane = [one, other, facts]
         if one != other and lane not in self.lanes:
             self.lanes.append(lane)
@@ -123,10 +123,10 @@ def building_map(world: World) -> dict[str, Any]:
         start = graph.vertex(
             robot.pose[:2],
             f"start_{robot.name}",
-            is_charger=[BOOLEAN, True],
-            is_parking_spot=[BOOLEAN, True],
-            spawn_robot_name=[TEXT, robot.name],
-            spawn_robot_type=[TEXT, "TinyRobot"],
+            is_charger=typed(True),
+            is_parking_spot=typed(True),
+            spawn_robot_name=typed(robot.name),
+            spawn_robot_type=typed("TinyRobot"),
         )
         nearest = graph.nearest(start)
         is_on_lane = any(start in lane[:2] for lane in graph.lanes)
@@ -141,7 +141,7 @@ def building_map(world: World) -> dict[str, Any]:
     floor = [graph.vertex(np.array(corner), drives=False) for corner in corners]
     return {
         "name": world.name,
-        "coordinate_system": "cartesian_meters",
+        "coordinate_system": METRES,
         "levels": {
             LEVEL: {
                 "elevation": 0.0,

@@ -16,7 +16,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import write_trace
-from mrta_falsify.core.world import write_world
+from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -37,6 +37,18 @@ def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ..
     world = PLANTS[defect].world(0)
     job = Job(world=world, config=config, early_stop=True, specifications=specifications)
     return stored(directory, job, judge(job))
+
+
+def stalled_campaign(directory: Path, stalled: tuple[World, Judged]) -> Campaign:
+    """A campaign of one trial: the run of the fixture ``stalled``, which is a deadlock.
+
+    Args:
+        directory: for the campaign.
+        stalled: the fixture's world and run.
+    """
+    world, judged = stalled
+    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
+    return stored(directory, job, judged)
 
 
 def stored(directory: Path, job: Job, judged: Judged) -> Campaign:

@@ -15,13 +15,12 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job, quick_stack
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.report import neighbours
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.summary import summary_sentences
 from mrta_falsify.verbs.report.trial_table import trial_table
-from tests.reports.planted import BROKEN, stored
+from tests.reports.planted import stalled_campaign
 
 SPACE = SearchSpace(
     (
@@ -33,10 +32,7 @@ SPACE = SearchSpace(
 
 @pytest.fixture(scope="module")
 def stored_failure(stalled, tmp_path_factory):
-    world, judged = stalled
-    job = Job(world=world, config=quick_stack(BROKEN), early_stop=True,
-              specifications=("no_deadlock",))  # fmt: skip
-    return stored(tmp_path_factory.mktemp("neighbours") / "campaign", job, judged)
+    return stalled_campaign(tmp_path_factory.mktemp("neighbours") / "campaign", stalled)
 
 
 @pytest.fixture

@@ -16,19 +16,15 @@ from mrta_falsify.campaigns.store import RECORDS, Store
 from mrta_falsify.cli import main
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job, quick_stack
 from mrta_falsify.verbs.serve import MOST_POINTS, LiveServer
 from tests import browser
-from tests.reports.planted import BROKEN, stored
+from tests.reports.planted import stalled_campaign
 
 
 @pytest.fixture(scope="module")
 def one_failure(stalled, tmp_path_factory):
     """A campaign with one failure; tests add trials to copies of its record."""
-    world, judged = stalled
-    job = Job(world=world, config=quick_stack(BROKEN), early_stop=True,
-              specifications=("no_deadlock",))  # fmt: skip
-    return stored(tmp_path_factory.mktemp("served") / "campaign", job, judged)
+    return stalled_campaign(tmp_path_factory.mktemp("served") / "campaign", stalled)
 
 
 @pytest.fixture

@@ -27,6 +27,8 @@ def coming_out(
     """
     found: dict[int, float] = {}
     for queue, memory in zip(queues, memories, strict=True):
+        if not memory.left:
+            continue
         for robot, departure in tuple(memory.left.items()):
             away = distance_of(departure.place, pose[robot, :2]) > OUT_OF_THE_WAY
             if away or robot in memory.holders:

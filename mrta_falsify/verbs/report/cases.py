@@ -4,29 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.attribution import WHOLE, blocked_time, robots_concerned
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import OtherRun, TrialRecord
-from mrta_falsify.core.trace import Trace, read_trace
+from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import World, read_world
+from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
-from mrta_falsify.verbs.report.neighbours import nearest_passing, neighbour_of
+from mrta_falsify.verbs.report.neighbours import neighbour_of
 from mrta_falsify.verbs.stacks import costmap_of
-from mrta_falsify.verbs.stored_trials import compared_sentences, of_other_stack, other_stack_of
+from mrta_falsify.verbs.stored_trials import (
+    compared_sentences,
+    of_other_stack,
+    other_stack_of,
+    read_run,
+)
 from mrta_falsify.worker import stack_of
-from reports.contents import CaseContents
+from reports.contents import CaseContents, Neighbour
 from reports.sentences import blocked_text, listed
 from reports.stack_sentences import coupling_facts
 
@@ -83,11 +88,12 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     """
     folder = campaign.folder(record)
     config = stack_of(campaign.settings.trials, record)
-    world, trace = _read_run(folder / "world.json", folder / "trace.zip")
+    world, trace = read_run(folder / "world.json", folder / "trace.zip")
     verdicts = by_cause(record.verdicts)
     explanation = read_finding(folder, Explanation)
     check = read_finding(folder, ReplayCheck)
     certificate = read_certificate(folder)
+    near = neighbour_of(campaign, record)
     case = CaseContents(
         id=record.id,
         signature=record.signature,
@@ -109,8 +115,8 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
             record.jittered, record.other, campaign.settings.trials.jittered
         ),
         other=_of_other_stack(campaign, record),
-        neighbour=neighbour_of(campaign, record),
-        passing=_passing(campaign, record),
+        neighbour=near,
+        passing=_passing(campaign, near) if near is not None and record.other is None else None,
     )
     if explanation is not None:
         case = _with_explanation(case, explanation)
@@ -121,23 +127,15 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
     return case
 
 
-def _passing(campaign: Campaign, record: TrialRecord) -> CaseContents | None:
-    """Read the run of the nearest passing trial, if it was kept and no two stacks are compared."""
-    near = nearest_passing(campaign, record) if record.other is None else None
-    if near is None or not (campaign.folder(near) / "trace.zip").is_file():
+def _passing(campaign: Campaign, near: Neighbour) -> CaseContents | None:
+    """Read the run of the nearest passing trial, if it was kept."""
+    record = campaign.record(near.id)
+    folder = campaign.folder(record)
+    if not (folder / "trace.zip").is_file():
         return None
-    folder = campaign.folder(near)
-    world, trace = _read_run(folder / "world.json", folder / "trace.zip")
-    return CaseContents(
-        id=near.id,
-        signature="",
-        world=world,
-        trace=trace,
-        verdicts=near.verdicts,
-        facts=(),
-        commands=(),
-        costmap=costmap_of(world, stack_of(campaign.settings.trials, near)),
-    )
+    world, trace = read_run(folder / "world.json", folder / "trace.zip")
+    config = stack_of(campaign.settings.trials, record)
+    return _bare_case(near.id, "", world, trace, record.verdicts, config)
 
 
 def _of_other_stack(campaign: Campaign, record: TrialRecord) -> CaseContents | None:
@@ -146,40 +144,36 @@ def _of_other_stack(campaign: Campaign, record: TrialRecord) -> CaseContents | N
         return None
     theirs, seen = of_other_stack(campaign, record)
     folder = theirs.folder(seen)
-    world, trace = _read_run(folder / "world.json", folder / "trace.zip")
+    world, trace = read_run(folder / "world.json", folder / "trace.zip")
     config = stack_of(theirs.settings.trials, seen)
     return _other_case(f"{record.id}, the other stack", world, trace, record.other, config)
 
 
-def _other_case(
-    name: str, world: World, trace: Trace, other: OtherRun, config: StackConfig
+def _bare_case(
+    name: str,
+    signature: str,
+    world: World,
+    trace: Trace,
+    verdicts: Sequence[Verdict],
+    config: StackConfig,
 ) -> CaseContents:
+    """Show a run that stands beside another one: what happened, and nothing about it."""
     return CaseContents(
         id=name,
-        signature=other.signature,
+        signature=signature,
         world=world,
         trace=trace,
-        verdicts=by_cause(other.verdicts),
+        verdicts=tuple(verdicts),
         costmap=costmap_of(world, config),
         facts=(),
         commands=(),
     )
 
 
-def _read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:
-    """Read a world and the trace of its run.
-
-    Raises:
-        InputError: a file is missing or damaged, or the trace is of another world.
-    """
-    world, trace = read_world(world_file), read_trace(trace_file)
-    robots = tuple(robot.name for robot in world.robots)
-    if trace.robots != robots:
-        raise FormatError(
-            f"{trace_file}: has robots {listed(trace.robots)}; {world_file.name} has "
-            f"{listed(robots)}"
-        )
-    return world, trace
+def _other_case(
+    name: str, world: World, trace: Trace, other: OtherRun, config: StackConfig
+) -> CaseContents:
+    return _bare_case(name, other.signature, world, trace, by_cause(other.verdicts), config)
 
 
 # --- what other commands have found --------------------------------------------------------
@@ -233,7 +227,7 @@ def _with_minimised(
     config: StackConfig,
     other: StackConfig | None,
 ) -> CaseContents:
-    world, trace = _read_run(folder / "world.min.json", folder / "trace.min.zip")
+    world, trace = read_run(folder / "world.min.json", folder / "trace.min.zip")
     minimised = CaseContents(
         id=f"{case.id}, minimised",
         signature=found.signature,
@@ -256,7 +250,7 @@ def _minimised_on_other(
     """Read what the other stack did in the smallest world, where two are compared."""
     if found.other is None or config is None:
         return None
-    world, trace = _read_run(folder / "world.min.json", folder / "trace.min.other.zip")
+    world, trace = read_run(folder / "world.min.json", folder / "trace.min.other.zip")
     return _other_case(f"{case.id}, minimised, the other stack", world, trace, found.other, config)
 
 

@@ -36,7 +36,8 @@ def nearest_passing(campaign: Campaign, record: TrialRecord) -> TrialRecord | No
     ]
     if not passing or not len(u):
         return None
-    return min(passing, key=lambda other: float((_steps(campaign, record, other) ** 2).sum()))
+    steps = _steps(campaign, u, np.array([other.candidate.u for other in passing]))
+    return passing[int(np.argmin((steps**2).sum(axis=1)))]
 
 
 def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
@@ -44,7 +45,7 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
     near = nearest_passing(campaign, record)
     if near is None:
         return None
-    steps = _steps(campaign, record, near)
+    steps = _steps(campaign, record.candidate.u, near.candidate.u)
     names = dimension_names(campaign)
     here, there = values_of(record), values_of(near)
     order = [int(i) for i in np.argsort(-steps, kind="stable") if steps[i] > 0.0]
@@ -58,13 +59,12 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
     )
 
 
-def _steps(campaign: Campaign, one: TrialRecord, other: TrialRecord) -> Array:
-    """Differences ``(k,)`` of two trials by coordinate, in [0, 1]."""
-    cube, a, b = campaign.settings.cube, one.candidate.u, other.candidate.u
-    steps = np.abs(a - b)
-    if len(cube.levels) == len(a):
+def _steps(campaign: Campaign, one: Array, others: Array) -> Array:
+    """Differences ``(..., k)`` of a point ``(k,)`` from others ``(..., k)``, in [0, 1]."""
+    cube, steps = campaign.settings.cube, np.abs(one - others)
+    if len(cube.levels) == len(one):
         levels = np.array(cube.levels)
-        is_other = np.floor(a * levels) != np.floor(b * levels)
+        is_other = np.floor(one * levels) != np.floor(others * levels)
         steps = np.where(levels > 0, is_other.astype(float), steps)
     return np.asarray(steps)
 
