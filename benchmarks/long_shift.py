@@ -1,4 +1,4 @@
-"""A long shift: Poisson tasks for hours; is memory flat, is every task accounted for?
+"""A long shift: Poisson tasks for hours; are memory and cost flat, is every task accounted for?
 
 python -m benchmarks.long_shift --hours 8 --robots 24 --every 60 [--trace FILE] [--seed 0]
     [--set engine=kinematic]
@@ -13,7 +13,7 @@ import argparse
 import dataclasses
 import json
 import os
-import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.core.config import StackConfig, apply_setting
@@ -22,9 +22,12 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import Task, World, write_world
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
+from mrta_falsify.verbs.bench.fleet_speed import processes_seconds
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.guard import guarded
+
+MARK_EVERY = 600.0  # s of simulation
 
 
 def shift_world(hours: float, every: float, seed: int, robots: int) -> World:
@@ -66,6 +69,23 @@ def resident_mb(process: int | None = None) -> float:
     return own / 1024.0 + sum(resident_mb(int(child)) for child in children)
 
 
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What a shift has cost up to a simulated time."""
+
+    sim_s: float
+    cpu_s: float  #: of all processes
+    rss_mb: float  #: of all processes, shared pages counted once
+
+
+def row_of(last: Mark, now: Mark) -> str:
+    """Say what the time between two marks cost."""
+    cpu, simulated = now.cpu_s - last.cpu_s, now.sim_s - last.sim_s
+    factor, hourly = simulated / cpu, cpu / simulated * 3600.0
+    hours = now.sim_s / 3600.0
+    return f"{hours:5.2f} h  x{factor:5.1f}  {hourly:6.0f} s CPU/h  {now.rss_mb:6.0f} MB"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=4.0)
@@ -80,20 +100,20 @@ def main() -> None:
     for setting in args.settings:
         config = apply_setting(config, setting)
     world = shift_world(args.hours, args.every, args.seed, args.robots)
-    marks: list[tuple[float, float, float]] = []
+    marks: list[Mark] = []
 
     def mark(sim_time: float) -> None:
-        if not marks or sim_time - marks[-1][0] >= 600.0:
-            marks.append((sim_time, time.perf_counter(), resident_mb()))
-            if len(marks) > 1:
-                (t0, w0, _), (t1, w1, mb) = marks[-2], marks[-1]
-                factor = (t1 - t0) / (w1 - w0)
-                print(f"{t1 / 3600:5.2f} h  x{factor:5.1f}  {mb:6.0f} MB", flush=True)
+        if marks and sim_time - marks[-1].sim_s < MARK_EVERY:
+            return
+        marks.append(Mark(sim_time, processes_seconds(os.getpid()), resident_mb()))
+        if len(marks) > 1:
+            print(row_of(marks[-2], marks[-1]), flush=True)
 
     with guarded():
         job = Job(world=world, config=config)
         outcome = run_job(job, keep_trace=args.trace is not None, on_progress=mark)
-    print(f"ended {outcome.ended} at {outcome.sim_time:.0f} s, wall {outcome.wall_s:.0f} s")
+    spent = processes_seconds(os.getpid())
+    print(f"ended {outcome.ended} at {outcome.sim_time:.0f} s, {spent:.0f} s of CPU")
     print(f"tasks {outcome.tasks}, contacts {outcome.contacts}")
     for verdict in outcome.verdicts:
         flag = f"violated at {verdict.violated_at}" if verdict.violated else "holds"
@@ -103,12 +123,11 @@ def main() -> None:
         write_world(world, args.trace.with_suffix(".world.json"))
         print(f"trace: {args.trace.stat().st_size / 2**20:.0f} MB, {resident_mb():.0f} MB resident")
     if args.output:
-        rows = [{"sim_s": t, "wall_s": w - marks[0][1], "rss_mb": m} for t, w, m in marks]
         summary = {
             "tasks": dataclasses.asdict(outcome.tasks),
             "contacts": outcome.contacts,
             "ended": outcome.ended,
-            "marks": rows,
+            "marks": [dataclasses.asdict(row) for row in marks],
             "violated": {v.spec: v.violated_at for v in outcome.verdicts if v.violated},
         }
         args.output.write_text(json.dumps(summary, indent=1), encoding="utf-8")

@@ -20,6 +20,8 @@ LEAST_WAIT = 2.0  # s; shorter stops are not marked
 LONG_WAIT = 10.0  # s; longer waits are labelled
 LARGEST_WAIT = 120.0  # s; rings of longer waits do not grow any more
 AT_REST = 0.02  # m/s
+MOST_STOPS = 8  # marks above one place
+STOP_STEP = 0.55  # m between them
 STOP_MARKERS = {"picked-up": "^", "dropped-off": "v"}
 SAME_PLACE = 1.5  # m; stops nearer than this share a row of markers
 
@@ -111,7 +113,10 @@ def runs_of(flags: ArrayLike) -> list[tuple[int, int]]:
 
 
 def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
-    """Draw pick-ups and drop-offs in order, in a row above the place where they happened."""
+    """Draw pick-ups and drop-offs in order, in a row above the place where they happened.
+
+    Of a place with more than ``MOST_STOPS`` the rest are only counted.
+    """
     places: list[Array] = []
     counts: list[int] = []
     for event in trace.events:
@@ -124,12 +129,18 @@ def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
             places.append(where)
             counts.append(0)
             near = [len(places) - 1]
-        x, y = places[near[0]] + (0.55 * counts[near[0]] - 0.55, 1.15)
         counts[near[0]] += 1
+        if counts[near[0]] > MOST_STOPS:
+            continue
+        x, y = places[near[0]] + (STOP_STEP * (counts[near[0]] - 2), 1.15)
         axes.plot(
             x, y, marker=marker, markersize=9, color=robot_colour(event.robot), markeredgecolor=INK,
             markeredgewidth=0.7, zorder=12,
         )  # fmt: skip
+    for place, count in zip(places, counts, strict=True):
+        if count > MOST_STOPS:
+            beside = (place[0] + STOP_STEP * (MOST_STOPS - 0.5), place[1] + 1.15)
+            draw_label(axes, beside, f"+{count - MOST_STOPS}", size=7.0, colour=INK)
 
 
 def _tick_of(trace: Trace, event: StackEvent) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import bisect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,11 +12,12 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import confirmed
-from mrta_falsify.specs.causes import by_cause
+from mrta_falsify.specs.causes import by_cause, cause_begins, leading
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
 
-MOST_EVENTS = 2000  # rows of the event table; a four-hour shift has more than a page can show
+MOST_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many
+MOST_TASKS = 60  # rows of a task table that is shown unasked
 IMAGE_KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
@@ -52,6 +54,8 @@ def report_of_run(
         layer=layer,
         layer_evidence="A guess by rules from the trace." if layer else "",
     )
+    first = leading(view.verdicts)
+    around = cause_begins(first) if first is not None else 0.0
     images = [embed(picture, "From above", "floor plan with the ways of all robots and people")]
     if animation is not None:
         images.append(embed(animation, "Animation", "the run as an animation"))
@@ -62,7 +66,7 @@ def report_of_run(
         run=case,
         stack=stack,
         versions=tuple(sorted(versions.items())),
-        tables=(task_table(view.world, view.trace), event_table(view.trace)),
+        tables=(task_table(view.world, view.trace), event_table(view.trace, around)),
         images=tuple(images),
     )
 
@@ -113,17 +117,29 @@ def task_table(world: World, trace: Trace) -> Table:
             )
         )
     columns = ("task", "from", "to", "known at", "robot", "picked up", "delivered", "due", "state")
-    return Table(title="Tasks", columns=columns, rows=tuple(rows))
+    many = len(rows) > MOST_TASKS
+    title = f"Tasks ({len(rows)})" if many else "Tasks"
+    return Table(title=title, columns=columns, rows=tuple(rows), folded=many)
 
 
-def event_table(trace: Trace) -> Table:
-    """List what the stack reported, in order."""
-    count = len(trace.events)
-    shown = f"{MOST_EVENTS} of {count}" if count > MOST_EVENTS else f"{count}"
+def event_table(trace: Trace, around: float = 0.0) -> Table:
+    """List what the stack reported, in order; if that is too much, what was near a time.
+
+    Args:
+        trace: of the run.
+        around: time [s] in the middle of what is shown, inf: the end.
+    """
+    events, count = trace.events, len(trace.events)
+    middle = bisect.bisect_left(events, around, key=lambda event: event.time)
+    begin = max(0, min(middle - MOST_EVENTS // 2, count - MOST_EVENTS))
+    shown = events[begin : begin + MOST_EVENTS]
+    title = f"Events ({count})"
+    if len(shown) < count:
+        title = f"Events ({shown[0].time:.0f} to {shown[-1].time:.0f} s, {len(shown)} of {count})"
     return Table(
-        title=f"Events ({shown})",
+        title=title,
         columns=("time", "event", "robot", "task", "resource", "detail"),
-        rows=tuple(_event_row(trace, event) for event in trace.events[:MOST_EVENTS]),
+        rows=tuple(_event_row(trace, event) for event in shown),
         folded=True,
     )
 

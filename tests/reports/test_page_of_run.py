@@ -7,10 +7,12 @@ from html.parser import HTMLParser
 
 import pytest
 
+from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.verdict import Verdict
+from reports import run_report
 from reports.page import render_page
 from reports.run_picture import write_picture
-from reports.run_report import report_of_run, run_headline
+from reports.run_report import event_table, report_of_run, run_headline, task_table
 from reports.run_view import RunView
 from tests import browser
 from tests.reports.newcomer import lines_of
@@ -129,6 +131,26 @@ def test_the_page_lists_tasks_with_robot_times_and_state(page):
     text = _text(page())
     assert "0 0 store 1 ward 0 s robot1 0.0 s 10.0 s 100 s in time" in text
     assert "not delivered" in text
+
+
+def test_events_of_a_long_run_are_those_around_its_first_violation(hall_trace, monkeypatch):
+    monkeypatch.setattr(run_report, "MOST_EVENTS", 4)
+    events = tuple(StackEvent(time=float(k), kind="replanned", robot=0) for k in range(10))
+    trace = dataclasses.replace(hall_trace, events=events)
+    times = {
+        around: [row[0] for row in event_table(trace, around).rows]
+        for around in (0.0, 5.0, float("inf"))
+    }
+    assert times[0.0] == ["0.00 s", "1.00 s", "2.00 s", "3.00 s"]
+    assert times[5.0] == ["3.00 s", "4.00 s", "5.00 s", "6.00 s"]
+    assert times[float("inf")] == ["6.00 s", "7.00 s", "8.00 s", "9.00 s"]
+    assert event_table(trace, 5.0).title == "Events (3 to 6 s, 4 of 10)"
+
+
+def test_a_long_table_of_tasks_is_folded(view, monkeypatch):
+    assert not task_table(view.world, view.trace).folded
+    monkeypatch.setattr(run_report, "MOST_TASKS", 0)
+    assert task_table(view.world, view.trace).folded
 
 
 def test_names_from_a_world_are_escaped(page, view):

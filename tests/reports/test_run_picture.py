@@ -13,7 +13,7 @@ from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage
-from reports import run_picture
+from reports import run_picture, run_plot
 from reports.colours import costmap_image, robot_colour
 from reports.run_plot import runs_of
 from reports.run_view import RunView
@@ -45,6 +45,12 @@ def test_the_picture_names_rooms_robots_and_verdicts(view):
     assert {"0 store", "1 ward", "robot1", "no_deadlock", "violated", "holds", "-3"} <= set(texts)
     assert "unbounded" in texts
     assert "at 4.0 s  a" in texts
+
+
+def test_stops_that_have_no_room_above_a_place_are_counted(view, monkeypatch):
+    assert "+1" not in _texts(run_picture.draw_run(view))
+    monkeypatch.setattr(run_plot, "MOST_STOPS", 0)
+    assert "+1" in _texts(run_picture.draw_run(view))
 
 
 def test_equal_runs_give_equal_pictures(view, tmp_path):

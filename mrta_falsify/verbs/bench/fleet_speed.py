@@ -7,8 +7,6 @@ import functools
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +27,7 @@ from mrta_falsify.stack.driving import Driving
 from mrta_falsify.stack.pipeline import Stack
 from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
+from mrta_falsify.verbs.bench.stopwatch import Stopwatch
 from mrta_falsify.verbs.bench.timing_values import FleetSpeed, milliseconds
 from simulator_interface.guard import Guard
 from simulator_interface.people.crowd import Crowd
@@ -88,7 +87,7 @@ def _time_fleet(world: World, config: StackConfig, robots: int, seconds: float) 
         speculates=True,
     )
     root, per_sample = os.getpid(), max(1, round(SAMPLE / dt))
-    watch = _Stopwatch()
+    watch = Stopwatch()
     with contextlib.closing(run), contextlib.ExitStack() as watched:
         run.advance()
         engine = type(registry.build("engine", config.engine))
@@ -173,38 +172,3 @@ def _calls_of_a_quiet_tick(run: EpisodeRun) -> int:
         if not frame.events:
             counts.append(count)
     return int(np.median(counts)) if counts else 0
-
-
-@dataclass(slots=True)
-class _Stopwatch:
-    """Adds up the time that stages take, without that of the stages they call."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-    _inner: float = 0.0  #: spent in stages that the present one called [s]
-
-    @contextlib.contextmanager
-    def watching(self, owner: type, method: str, name: str) -> Iterator[None]:
-        """Time a method of a class meanwhile, as (a part of) stage ``name``."""
-        own = vars(owner).get(method)
-        setattr(owner, method, self._timed(getattr(owner, method), name))
-        self.seconds.setdefault(name, 0.0)
-        try:
-            yield
-        finally:
-            if own is None:
-                delattr(owner, method)
-            else:
-                setattr(owner, method, own)
-
-    def _timed(self, method: Callable[..., Any], name: str) -> Callable[..., Any]:
-        def timed(*args: Any, **named: Any) -> Any:
-            outer, self._inner = self._inner, 0.0
-            before = time.perf_counter()
-            try:
-                return method(*args, **named)
-            finally:
-                spent = time.perf_counter() - before
-                self.seconds[name] += spent - self._inner
-                self._inner = outer + spent
-
-        return timed
