@@ -16,8 +16,7 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """The robots' motion now, and what their inputs do to it."""
 
     velocity: Array  #: (N, 2) [m/s], map frame

@@ -32,14 +32,13 @@ from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
 from mrta_falsify.stack.control.obstacles import (
     Clearances,
-    People,
     clearances_of,
     list_things,
-    people_in,
     seen_by_wrong_robot,
 )
 from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
 from mrta_falsify.stack.control.speed_limits import SpeedMargins, margins_of, speed_limits
+from mrta_falsify.stack.control.state import CrewView, people_in
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most
@@ -53,6 +52,7 @@ HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in vie
 class Scene:
     """What is to be steered, and among what."""
 
+    told: CrewView  #: what the view says
     pose: Array  #: (N, 3) as the fleet knows it; the view's own object if that is the same
     points: Array  #: (N, S, 2) obstacle points [m], inf: none
     known: BoolArray  #: (N,) robots that are there
@@ -134,33 +134,20 @@ class Steering:
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
-        movers = Movers(
-            pose=scene.pose,
-            velocity=motion.velocity,
-            direction=motion.direction,
-            speed=motion.speed,
-            effect=motion.effect,
-            limit=motion.limit,
-            max_speed=view.max_speed,
-            max_acceleration=view.max_acceleration,
-            known=scene.known,
-            group=scene.group,
-        )
-        people, (n, sectors, _) = people_in(view), scene.points.shape
+        reference = np.array(self._dynamics.reference(view, scene.wish), dtype=np.float64)
+        n, sectors, _ = scene.points.shape
         limits = _room_for_limits(n)
-        rows = room_for_rows(n, sectors + len(people.radius) + n)
-        pairs = _fill_constraints(
-            movers,
-            scene.points,
-            people,
-            scene.share,
-            (self._law, motion.drives_along, view.dt),
+        rows = room_for_rows(n, sectors + len(scene.told.human_radius) + n)
+        _fill_program(
+            scene.told,
+            motion,
+            (scene.pose, scene.known, scene.group),
+            (scene.points, scene.share),
+            self._law,
             limits,
             rows,
+            reference,
         )
-        wanted = self._dynamics.reference(view, scene.wish)
-        reference = np.empty((n, 2))
-        _fill_within_reach(wanted, limits, motion.speed, view.dt, motion.drives_along, reference)
         return BarrierProgram(
             view=view,
             wish=scene.wish,
@@ -168,11 +155,7 @@ class Steering:
             reference=reference,
             weight=scene.weight,
             limits=limits,
-            rows=rows._replace(
-                pair=rows.pair[:pairs],
-                pair_row=rows.pair_row[:pairs],
-                pair_bound=rows.pair_bound[:pairs],
-            ),
+            rows=rows,
         )
 
     def solve(self, program: BarrierProgram, *, always: bool = False) -> FleetInputs:
@@ -203,30 +186,44 @@ def _room_for_limits(n: int) -> InputLimits:
 
 
 @njit(cache=True)
-def _fill_constraints(
-    movers: Movers,
-    points: Array,
-    people: People,
-    share: Array,
-    law: tuple[Law, bool, float],
+def _fill_program(
+    told: CrewView,
+    motion: Motion,
+    crew: tuple[Array, BoolArray, IntArray],
+    around: tuple[Array, Array],
+    law: Law,
     limits: InputLimits,
     rows: Rows,
-) -> int:
+    inputs: Array,
+) -> None:
     """Find what limits the robots; one entry, because each call from Python costs.
 
     Args:
-        movers: all robots.
-        points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        people: who is about.
-        share: ``(N, N)`` as in :class:`Scene`.
-        law: what is kept clear of; whether the first input drives along; the control period [s].
+        told: what the view says.
+        motion: of the robots.
+        crew: ``pose``, ``known`` and ``group`` of :class:`Scene`.
+        around: ``points`` and ``share`` of :class:`Scene`.
+        law: what is kept clear of.
         limits: filled.
         rows: filled.
-
-    Returns:
-        How many rows concern two robots.
+        inputs: ``(N, 2)`` wanted ones; brought within their limits.
     """
-    (kinds, clearances, margins, of_wrong_robot), drives_along, dt = law
+    kinds, clearances, margins, of_wrong_robot = law
+    pose, known, group = crew
+    points, share = around
+    movers = Movers(
+        pose,
+        motion.velocity,
+        motion.direction,
+        motion.speed,
+        motion.effect,
+        motion.limit,
+        told.max_speed,
+        told.max_acceleration,
+        known,
+        group,
+    )
+    people, dt, drives_along = people_in(told), told.dt, motion.drives_along
     things = list_things(movers, points, people, share, clearances)
     if of_wrong_robot:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
@@ -240,20 +237,21 @@ def _fill_constraints(
     low, high = input_box(movers.limit, movers.speed, speeds.low, speeds.high, dt, drives_along)
     limits.low[:], limits.high[:] = low, high
     fill_own_rows(movers, low, high, things, kinds, rows)
-    return fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
+    fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
+    _bring_within_reach(inputs, limits, motion.speed, dt, drives_along)
 
 
 @njit(cache=True)
-def _fill_within_reach(
-    wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool, inputs: Array
+def _bring_within_reach(
+    inputs: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool
 ) -> None:
-    """Fill inputs ``(N, 2)``: the wanted ones, brought within their limits.
+    """Bring wanted inputs ``(N, 2)`` within their limits.
 
     Robots that have no room to turn on the spot turn while they drive.
     """
     low, high = limits.low, limits.high
-    for i in range(wanted.shape[0]):
-        first, second = wanted[i, 0], wanted[i, 1]
+    for i in range(inputs.shape[0]):
+        first, second = inputs[i, 0], inputs[i, 1]
         turns = drives_along and limits.tight[i]
         turns = turns and abs(second) > TURNING and abs(speed[i]) < TIGHT_SPEED
         if turns and limits.high_speed[i] > 0.5 * TIGHT_SPEED:
