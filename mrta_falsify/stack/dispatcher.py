@@ -76,7 +76,10 @@ class Orders:
     """New itineraries by robot number (nothing if nothing changed), and what happened."""
 
     itineraries: dict[int, tuple[Stop, ...]]
-    events: list[StackEvent]
+    events: Sequence[StackEvent]
+
+
+NO_ORDERS = Orders(itineraries={}, events=())  #: nothing changed, and nothing happened
 
 
 class Dispatcher:
@@ -122,7 +125,7 @@ class Dispatcher:
         arrived = self._take_arrivals(state, time)
         events = self._missed_deadlines(state, time)
         if not arrived and (time < state.look_at or not state.open):
-            return Orders(itineraries={}, events=events)
+            return Orders(itineraries={}, events=events) if events else NO_ORDERS
         state.look_at = time + LOOK_PERIOD
         if state.gave_up and not arrived:
             return Orders(itineraries={}, events=events)
@@ -137,7 +140,7 @@ class Dispatcher:
             orders = self._replan(state, time, fleet, robots)
         else:
             return Orders(itineraries={}, events=events)
-        return Orders(itineraries=orders.itineraries, events=events + orders.events)
+        return Orders(itineraries=orders.itineraries, events=[*events, *orders.events])
 
     def _loses_a_deadline(self, time: float, report: RobotReport) -> bool:
         """Whether a later drop was to be in time and will not be, as far behind as the robot is."""

@@ -107,7 +107,9 @@ class ItineraryFollower:
             drive = self._dispatcher.travel_time(mission.room, stop.room)
         else:
             rest, *_, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
-            drive = (length + path_length(np.vstack([rest[-1:], way.route[2:]]))) / MEAN_SPEED
+            if len(way.route) > 2:
+                length += path_length(np.concatenate([rest[-1:], way.route[2:]]))
+            drive = length / MEAN_SPEED
             if isinstance(activity, Waiting):
                 drive += distance_of(self._point(stop), way.route[-1]) / MEAN_SPEED
         return time + drive + service

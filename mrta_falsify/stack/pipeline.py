@@ -192,16 +192,16 @@ class Stack:
         stopping = list(missions)
         for robot, mission in enumerate(missions):
             waiting = mission.activity
-            if not isinstance(waiting, Waiting) or not len(views.rest[robot]):
+            if not isinstance(waiting, Waiting):
                 continue
             queue = self._rooms.queues[waiting.queue]
-            if len(queue.spots):
+            if len(queue.spots) or not len(views.rest[robot]):
                 continue
             enter, _ = find_crossing(views.rest[robot], queue.resource.release_area)
             limits[robot] = max(0.0, enter - STOP_SHORT)
             arrived = waiting.place is not None and limits[robot] <= SPOT_REACHED
             stopping[robot] = replace(mission, activity=replace(waiting, arrived=arrived))
-        return stopping, views.shortened(limits, fleet.pose)
+        return stopping, views.shortened(limits, fleet.pose) if limits else views
 
     def _pass_corridors(
         self, missions: list[Mission], views: Views, state: StackState, fleet: FleetState

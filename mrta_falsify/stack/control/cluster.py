@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command
-from mrta_falsify.core.polyline import packed
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
@@ -119,7 +119,9 @@ class ClusterCbf:
 
     def _decide(self, view: ControlView, state: ControllerState) -> tuple[Scene, Wishes]:
         """Bring ``state`` to this tick, but for the commands, which are still the last."""
-        told, n = crew_view(view), len(view.pose)
+        told, n, path = crew_view(view), len(view.pose), view.path
+        if not isinstance(path, Polylines):
+            path = Polylines.of(path)
         wishes = Wishes(
             np.empty((3, n), dtype=np.int64),
             np.empty((n, 2)),
@@ -129,7 +131,7 @@ class ClusterCbf:
         all_told = _decide_crew(
             state.crew,
             told,
-            Ways(*packed(view.path)),
+            (path.points, path.first),
             (self._rules, state.tick == 0),
             (state.point, state.seen_at),
             wishes,
@@ -158,7 +160,7 @@ def _equal_shares(n: int) -> Array:
 def _decide_crew(
     crew: Crew,
     told: CrewView,
-    ways: Ways,
+    paths: tuple[Array, IntArray],
     law: tuple[Rules, bool],
     memory: tuple[Array, Array],
     wishes: Wishes,
@@ -168,7 +170,7 @@ def _decide_crew(
     Args:
         crew: of the last tick; written.
         told: what the view says.
-        ways: paths ahead.
+        paths: ahead, the fields of :class:`Ways`.
         law: options, and whether this is the first tick.
         memory: obstacle points and their times; brought up to date.
         wishes: filled.
@@ -177,6 +179,7 @@ def _decide_crew(
         Whether all poses are those told.
     """
     rules, is_first = law
+    ways = Ways(paths[0], paths[1])
     people = people_in(told)
     all_told = hear_robots(crew, told, is_first)
     order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)

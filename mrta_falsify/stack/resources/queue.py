@@ -111,9 +111,10 @@ class Queue:
 
     def place_of(self, state: QueueState, robot: int) -> int | None:
         """Place of a robot in the queue, 0 = head; None if it does not wait."""
-        if all(waiter.robot != robot for waiter in state.waiters):
-            return None
-        return self.order(state).index(robot)
+        for waiter in state.waiters:
+            if waiter.robot == robot:
+                return self.order(state).index(robot)
+        return None
 
     def has_place(self, state: QueueState) -> bool:
         """Whether one more robot may hold the resource."""
