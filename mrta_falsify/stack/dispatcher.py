@@ -147,11 +147,13 @@ class Dispatcher:
         if not report.itinerary:
             return False
         delay = max(time, report.first_ends) - report.itinerary[0].time
-        return delay > 0.0 and any(
-            stop.time <= self._tasks[stop.task].deadline < stop.time + delay
-            for stop in report.itinerary[1:]
-            if stop.action == "dropoff"
-        )
+        if delay <= 0.0:
+            return False
+        for stop in report.itinerary[1:]:
+            deadline = self._tasks[stop.task].deadline
+            if stop.action == "dropoff" and stop.time <= deadline < stop.time + delay:
+                return True
+        return False
 
     # --- what is due ----------------------------------------------------------------------
 

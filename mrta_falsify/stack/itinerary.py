@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class ItineraryFollower:
             fleet.pose,
             fleet.velocity,
             fleet.time,
-            self._rooms.grounds,
+            tuple(self._rooms.grounds),
             (at_rest, asks),
         )
         pursued, events = list(missions), []
@@ -253,7 +254,7 @@ def _fill_asks(
     pose: Array,
     velocity: Array,
     time: float,
-    grounds: Grounds,
+    areas: tuple[Any, ...],
     flags: tuple[BoolArray, BoolArray],
 ) -> None:
     """Say who is slow enough to load and unload, and who has something to do.
@@ -263,10 +264,11 @@ def _fill_asks(
         pose: ``(N, 3)``.
         velocity: ``(N, 3)`` [m/s, rad/s].
         time: [s].
-        grounds: where rooms are asked for.
+        areas: where rooms are asked for, the fields of :class:`Grounds`.
         flags: ``(N,)`` each, filled.
     """
     at_rest, asks = flags
+    grounds = Grounds(*areas)
     for i in range(rows.shape[0]):
         robot = rows[i]
         at_rest[i] = abs(velocity[i, 0]) <= AT_REST and abs(velocity[i, 1]) <= AT_REST

@@ -12,7 +12,7 @@ Reference: Xiao & Belta, "High-order control barrier functions", IEEE TAC 2022.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -288,16 +288,19 @@ def input_box(
 
 
 @njit(cache=True)
-def fill_violated(inputs: Array, rows: Rows, broken: BoolArray, height: IntArray) -> bool:
+def fill_violated(
+    inputs: Array, lines: tuple[Any, ...], broken: BoolArray, height: IntArray
+) -> bool:
     """Say whether inputs break a row of any component.
 
     Args:
         inputs: ``(N, 2)``.
-        rows: of all robots.
+        lines: fields of :class:`Rows`.
         broken: ``(N,)``, false so far; filled with whether a row of the component of that number
             is broken.
         height: ``(N,)``, 0 so far; filled with the number of its rows.
     """
+    rows = Rows(*lines)
     for i in range(inputs.shape[0]):
         height[rows.component[i]] += rows.own_count[i]
         for k in range(rows.own_count[i]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,6 @@ class Rules(NamedTuple):
     yield_margin: float  #: [m]
     followers_brake: bool
     backs_up: bool
-    clearances: Clearances
 
 
 class ClusterCbf:
@@ -83,8 +82,8 @@ class ClusterCbf:
             yield_margin=options.yield_margin,
             followers_brake=braking,
             backs_up=options.recovery and options.dynamics != "holonomic",
-            clearances=clearances_of(options),
         )
+        self._clearances = clearances_of(options)
         self._sees_two_people = "humans_unseen_beyond_two" in options.defects
         self._followers_disobey = "follower_zero_command" in options.defects
 
@@ -132,9 +131,9 @@ class ClusterCbf:
             state.crew,
             told,
             (path.points, path.first),
-            (self._rules, state.tick == 0),
+            (tuple(self._rules), tuple(self._clearances), state.tick == 0),
             (state.point, state.seen_at),
-            wishes,
+            tuple(wishes),
         )
         speed, turn_first, weight = wishes.figures
         scene = Scene(
@@ -159,27 +158,27 @@ def _equal_shares(n: int) -> Array:
 @njit(cache=True)
 def _decide_crew(
     crew: Crew,
-    told: CrewView,
+    view: tuple[Any, ...],
     paths: tuple[Array, IntArray],
-    law: tuple[Rules, bool],
+    law: tuple[tuple[Any, ...], tuple[Any, ...], bool],
     memory: tuple[Array, Array],
-    wishes: Wishes,
+    result: tuple[Any, ...],
 ) -> bool:
     """Bring the crew to this tick: perception, manoeuvres, wishes.
 
     Args:
         crew: of the last tick; written.
-        told: what the view says.
+        view: fields of :class:`CrewView`.
         paths: ahead, the fields of :class:`Ways`.
-        law: options, and whether this is the first tick.
+        law: fields of :class:`Rules` and :class:`Clearances`, and whether this is the first tick.
         memory: obstacle points and their times; brought up to date.
-        wishes: filled.
+        result: fields of :class:`Wishes`, filled.
 
     Returns:
         Whether all poses are those told.
     """
-    rules, is_first = law
-    ways = Ways(paths[0], paths[1])
+    rules, clearances, is_first = Rules(*law[0]), Clearances(*law[1]), law[2]
+    told, ways, wishes = CrewView(*view), Ways(*paths), Wishes(*result)
     people = people_in(told)
     all_told = hear_robots(crew, told, is_first)
     order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
@@ -200,11 +199,10 @@ def _decide_crew(
         choices = let_leaders_go(crew)
     else:
         choices = choose_manoeuvres(
-            crew, order, ways, points, people, rules.clearances, rules.yield_margin
+            crew, order, ways, points, people, clearances, rules.yield_margin
         )
     if rules.backs_up:
-        gap = rules.clearances.obstacle
-        back_up_where_stuck(choices, crew, points, people, gap, told.time)
+        back_up_where_stuck(choices, crew, points, people, clearances.obstacle, told.time)
     fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)
     return all_told
 

@@ -13,6 +13,7 @@ from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
 from mrta_falsify.stack.control.state import (
     ControllerState,
+    CrewView,
     crew_view,
     hear_robots,
     remember_points,
@@ -72,7 +73,7 @@ class DecentralisedCbf:
         if last is None or len(last.crew) != n:
             last = ControllerState.fresh(view.pose, view.time)
         crew, told = last.crew.copy(), crew_view(view)
-        all_told = hear_robots(crew, told, last.tick == 0)
+        all_told = hear_robots(crew, CrewView(*told), last.tick == 0)
         pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def solve_fleet(
     reference = demand.reference
     n = len(reference)
     broken, height = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64)
-    any_broken = fill_violated(reference, rows, broken, height)
+    any_broken = fill_violated(reference, tuple(rows), broken, height)
     slack, failed = np.zeros(n), np.zeros(n, dtype=np.bool_)
     if always:
         broken = rows.component == np.arange(n)
@@ -87,7 +87,7 @@ def solve_fleet(
         members = (rows.component == head).nonzero()[0]
         program = component_program(rows, demand, members, int(height[head]), scale)
         solution = _solve(program, solver)
-        is_finite = _take_in(solution.x, members, scale, demand, inputs, slack)
+        is_finite = _take_in(solution.x, members, scale, (demand.low, demand.high), (inputs, slack))
         if not (solution.solved and is_finite):
             inputs[members] = brake()[members]
             failed[members] = True
@@ -117,15 +117,28 @@ def component_program(
         np.zeros(columns + height),
         np.empty(columns + height),
     )
-    _fill_program(rows, demand, members, scale, program)
+    _fill_program(tuple(rows), tuple(demand), members, scale, tuple(program))
     return program
 
 
 @njit(cache=True)
 def _fill_program(
-    rows: Rows, demand: Demand, members: IntArray, scale: float, program: QuadraticProgram
+    lines: tuple[Any, ...],
+    wanted: tuple[Any, ...],
+    members: IntArray,
+    scale: float,
+    program: tuple[Any, ...],
 ) -> None:
-    """Fill a program whose arrays are 0 so far."""
+    """Fill the fields of a program whose arrays are 0 so far.
+
+    Args:
+        lines: fields of :class:`Rows`.
+        wanted: fields of :class:`Demand`.
+        members: robots of the program.
+        scale: of the slack.
+        program: fields of the :class:`QuadraticProgram`.
+    """
+    rows, demand = Rows(*lines), Demand(*wanted)
     hessian, linear, matrix, lower, upper = program
     n = members.shape[0]
     columns, last = 2 * n + 1, 2 * n
@@ -164,19 +177,32 @@ def _fill_program(
 
 @njit(cache=True)
 def _take_in(
-    x: Array, members: IntArray, scale: float, demand: Demand, inputs: Array, slack: Array
+    x: Array,
+    members: IntArray,
+    scale: float,
+    limits: tuple[Array, Array],
+    result: tuple[Array, Array],
 ) -> bool:
-    """Write a solution ``(2 n + 1,)`` of n members to the inputs and slacks of all robots.
+    """Take in a solution.
+
+    Args:
+        x: ``(2 n + 1,)``.
+        members: ``(n,)`` robots of the program.
+        scale: of the slack.
+        limits: smallest and largest inputs ``(N, 2)``.
+        result: inputs ``(N, 2)`` and slacks ``(N,)``, filled for members.
 
     Returns:
         Whether all of it is finite.
     """
+    low, high = limits
+    inputs, slack = result
     needed = max(0.0, x[x.shape[0] - 1] * scale)
     if not np.isfinite(x).all():
         return False
     for k in range(members.shape[0]):
         i = members[k]
         for c in range(2):
-            inputs[i, c] = min(max(x[2 * k + c], demand.low[i, c]), demand.high[i, c])
+            inputs[i, c] = min(max(x[2 * k + c], low[i, c]), high[i, c])
         slack[i] = needed if needed > NO_SLACK else 0.0
     return True

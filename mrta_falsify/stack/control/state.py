@@ -6,7 +6,7 @@ Plain arrays, so that a stack can be copied, hashed and forked.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,9 +91,12 @@ def people_in(told: CrewView) -> People:
     return People(told.human_position, told.human_velocity, told.human_radius)
 
 
-def crew_view(view: ControlView) -> CrewView:
-    """Take from a view what compiled code needs."""
-    return CrewView(
+def crew_view(view: ControlView) -> tuple[Any, ...]:
+    """Take from a view what compiled code needs: the fields of a :class:`CrewView`.
+
+    A plain tuple enters compiled code in half the time of a named one.
+    """
+    return (
         view.time,
         view.dt,
         view.pose,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,7 +52,7 @@ HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in vie
 class Scene:
     """What is to be steered, and among what."""
 
-    told: CrewView  #: what the view says
+    told: tuple[Any, ...]  #: what the view says, the fields of a :class:`CrewView`
     pose: Array  #: (N, 3) as the fleet knows it; the view's own object if that is the same
     points: Array  #: (N, S, 2) obstacle points [m], inf: none
     known: BoolArray  #: (N,) robots that are there
@@ -73,13 +73,9 @@ class InputLimits(NamedTuple):
     tight: BoolArray  #: (N,) has no room to turn on the spot
 
 
-class Law(NamedTuple):
-    """What is kept clear of, and how."""
-
-    kinds: Kinds  #: (3,) of KIND
-    clearances: Clearances
-    margins: SpeedMargins
-    rows_of_wrong_robot: bool  #: planted defect
+#: what is kept clear of, and how: (3,) of KIND, the fields of Clearances and of SpeedMargins, and
+#: whether rows are of the wrong robot, which is a planted defect
+Law = tuple[Kinds, tuple[Any, ...], tuple[Any, ...], bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,11 +105,11 @@ class Steering:
             Choice(options.dynamics, dict(options.dynamics_options)),
             where="stack.controller",
         )
-        self._law = Law(
-            kinds=kind_table(options),
-            clearances=clearances_of(options),
-            margins=margins_of(options),
-            rows_of_wrong_robot="cluster_rows_wrong_robot" in options.defects,
+        self._law: Law = (
+            kind_table(options),
+            tuple(clearances_of(options)),
+            tuple(margins_of(options)),
+            "cluster_rows_wrong_robot" in options.defects,
         )
         self._solver = options.solver
         self._slack_weight = options.slack_weight
@@ -136,16 +132,19 @@ class Steering:
         motion = self._dynamics.linearise(view)
         reference = np.array(self._dynamics.reference(view, scene.wish), dtype=np.float64)
         n, sectors, _ = scene.points.shape
-        limits = _room_for_limits(n)
-        rows = room_for_rows(n, sectors + len(scene.told.human_radius) + n)
+        low, high = np.empty((2, n, 2))
+        low_speed, high_speed = np.empty((2, n))
+        halt, tight = np.empty((2, n), dtype=np.bool_)
+        limits = InputLimits(low, high, low_speed, high_speed, halt, tight)
+        rows = room_for_rows(n, sectors + len(view.human_radius) + n)
         _fill_program(
             scene.told,
-            motion,
+            tuple(motion),
             (scene.pose, scene.known, scene.group),
             (scene.points, scene.share),
             self._law,
-            limits,
-            rows,
+            tuple(limits),
+            tuple(rows),
             reference,
         )
         return BarrierProgram(
@@ -177,38 +176,32 @@ class Steering:
         )
 
 
-def _room_for_limits(n: int) -> InputLimits:
-    """Make limits of ``n`` robots that can be filled."""
-    low, high = np.empty((2, n, 2))
-    low_speed, high_speed = np.empty((2, n))
-    halt, tight = np.empty((2, n), dtype=np.bool_)
-    return InputLimits(low, high, low_speed, high_speed, halt, tight)
-
-
 @njit(cache=True)
 def _fill_program(
-    told: CrewView,
-    motion: Motion,
+    view: tuple[Any, ...],
+    moves: tuple[Any, ...],
     crew: tuple[Array, BoolArray, IntArray],
     around: tuple[Array, Array],
     law: Law,
-    limits: InputLimits,
-    rows: Rows,
+    range_: tuple[Any, ...],
+    lines: tuple[Any, ...],
     inputs: Array,
 ) -> None:
     """Find what limits the robots; one entry, because each call from Python costs.
 
     Args:
-        told: what the view says.
-        motion: of the robots.
+        view: fields of :class:`CrewView`.
+        moves: fields of :class:`Motion`.
         crew: ``pose``, ``known`` and ``group`` of :class:`Scene`.
         around: ``points`` and ``share`` of :class:`Scene`.
         law: what is kept clear of.
-        limits: filled.
-        rows: filled.
+        range_: fields of :class:`InputLimits`, filled.
+        lines: fields of :class:`Rows`, filled.
         inputs: ``(N, 2)`` wanted ones; brought within their limits.
     """
-    kinds, clearances, margins, of_wrong_robot = law
+    told, motion = CrewView(*view), Motion(*moves)
+    limits, rows = InputLimits(*range_), Rows(*lines)
+    kinds, clearances, margins = law[0], Clearances(*law[1]), SpeedMargins(*law[2])
     pose, known, group = crew
     points, share = around
     movers = Movers(
@@ -225,7 +218,7 @@ def _fill_program(
     )
     people, dt, drives_along = people_in(told), told.dt, motion.drives_along
     things = list_things(movers, points, people, share, clearances)
-    if of_wrong_robot:
+    if law[3]:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
         things.seen_from[:] = wrong
     gap = clearances.robot
