@@ -222,10 +222,9 @@ class ItineraryFollower:
         stop = mission.itinerary[0]
         if isinstance(mission.activity, Stalled):
             return False
-        position = fleet.pose[robot, :2]
-        if not mission.way.has_reached(self._point(stop), position, ROOM_REACHED):
+        if not self._rooms.may_serve(state.queues, robot, stop.room):
             return False
-        return self._rooms.may_serve(state.queues, robot, stop.room)
+        return mission.way.has_reached(self._point(stop), fleet.pose[robot, :2], ROOM_REACHED)
 
     def _point(self, stop: Stop) -> Array:
         return np.asarray(self._world.rooms[stop.room].point)

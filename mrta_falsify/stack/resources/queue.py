@@ -91,12 +91,13 @@ class Queue:
             return False
         for place, known in enumerate(state.waiters):
             if known.robot == waiter.robot:
-                state.waiters[place] = Waiter(
-                    robot=waiter.robot,
-                    since=known.since,
-                    distance=waiter.distance,
-                    deadline=waiter.deadline,
-                )
+                if (known.distance, known.deadline) != (waiter.distance, waiter.deadline):
+                    state.waiters[place] = Waiter(
+                        robot=waiter.robot,
+                        since=known.since,
+                        distance=waiter.distance,
+                        deadline=waiter.deadline,
+                    )
                 return False
         forgets = "fourth_waiter_dropped" in self._defects
         if forgets and len(state.waiters) >= FORGOTTEN_FROM:
