@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 
@@ -137,11 +138,30 @@ def point_before_end(points: Array, distance: float) -> Array:
     return np.asarray(points[0])
 
 
-def packed(polylines: Sequence[Array]) -> tuple[Array, IntArray]:
-    """Put P polylines ``(L, 2)``, empty or not, one after the other, for compiled code.
+class Polylines(Sequence[Array]):
+    """P polylines ``(L, 2)`` [m], empty or not, kept one after the other for compiled code."""
 
-    Returns:
-        Points ``(sum L, 2)``, and where each polyline begins ``(P + 1,)``, the end included.
-    """
-    first = np.array([0, *itertools.accumulate(map(len, polylines))], dtype=np.int64)
-    return np.concatenate([NO_POINTS, *polylines]), first
+    __slots__ = ("first", "points")
+
+    def __init__(self, points: Array, first: IntArray) -> None:
+        self.points = points  #: (sum L, 2) of all
+        self.first = first  #: (P + 1,) where each begins, the end included
+
+    @classmethod
+    def of(cls, polylines: Sequence[Array]) -> Polylines:
+        """Put polylines one after the other."""
+        first = np.array([0, *itertools.accumulate(map(len, polylines))], dtype=np.int64)
+        return cls(np.concatenate([NO_POINTS, *polylines]), first)
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    @overload
+    def __getitem__(self, number: int) -> Array: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[Array]: ...
+    def __getitem__(self, number: int | slice) -> Array | list[Array]:
+        places = range(len(self))[number]
+        if isinstance(places, range):
+            return [self[place] for place in places]
+        return self.points[self.first[places] : self.first[places + 1]]

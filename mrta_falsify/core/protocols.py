@@ -151,7 +151,7 @@ class ControlView:
     velocity: Array  #: (N, 3) forward, left [m/s], turn rate [rad/s], body frame
     target: Array  #: (N, 2) look-ahead point on the path [m]; nan: no reason to move
     goal: Array  #: (N, 2) end of the current path [m]; nan: none
-    path: tuple[Array, ...]  #: N polylines (L, 2) ahead of the robot [m], empty: none
+    path: Sequence[Array]  #: N polylines (L, 2) ahead of the robot [m], empty: none
     active: BoolArray  #: (N,) has a task and does not wait in a queue
     present: BoolArray  #: (N,) has joined
     rank: IntArray  #: (N,) priority, 0 first, a permutation

@@ -11,7 +11,9 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.path_ahead import remaining_length
@@ -42,6 +44,8 @@ class Approach:
     _best: list[list[tuple[_Way, float]]] = field(init=False)  #: ways and distances
     _served: IntArray = field(init=False)  #: (N,) stops done
     _last: Array = field(init=False)
+    _told: tuple[Array, ...] | None = field(init=False, default=None)  #: paths, as last told
+    _paths: Polylines = field(init=False)  #: the same, for compiled code
 
     def __post_init__(self) -> None:
         self.since = np.zeros(self.robots)
@@ -61,19 +65,25 @@ class Approach:
         anew = (frame.served != self._served) | np.isnan(away)
         self._served = frame.served
         is_over = (anew | (away <= AT_GOAL)).tolist()
-        places, goals = position.tolist(), intent.goal.tolist()
+        goals, left = intent.goal.tolist(), self._left(intent.path, position)
         for i in range(self.robots):
             if anew[i]:
                 self._best[i] = []
             if is_over[i]:
-                self.restart(i, sensed.time)
-                continue
-            path = intent.path[i]
-            if not len(path):
-                continue
-            way = (*goals[i], *path[-1].tolist())
-            if self._improves(i, way, remaining_length(path, *places[i])):
-                self.restart(i, sensed.time)
+                self.since[i], self.travelled[i] = sensed.time, 0.0
+            elif len(intent.path[i]):
+                way = (*goals[i], *intent.path[i][-1].tolist())
+                if self._improves(i, way, left[i]):
+                    self.restart(i, sensed.time)
+
+    def _left(self, paths: tuple[Array, ...], position: Array) -> list[float]:
+        """Measure what is left of the paths from ``position`` ``(N, 2)`` on [m]; 0: no path."""
+        if paths is not self._told:
+            self._told, self._paths = paths, Polylines.of(paths)
+        lengths = np.empty(self.robots)
+        _fill_lengths(self._paths.points, self._paths.first, position, lengths)
+        measured: list[float] = lengths.tolist()
+        return measured
 
     def restart(self, i: int, time: float) -> None:
         """Count from ``time`` [s] on for robot ``i``."""
@@ -92,6 +102,15 @@ class Approach:
                 return True
         known.append((way, distance))
         return True
+
+
+@njit(cache=True)
+def _fill_lengths(points: Array, first: IntArray, position: Array, lengths: Array) -> None:
+    for i in range(lengths.shape[0]):
+        path = points[first[i] : first[i + 1]]
+        lengths[i] = 0.0
+        if len(path):
+            lengths[i] = remaining_length(path, position[i, 0], position[i, 1])
 
 
 class ApproachMargin:

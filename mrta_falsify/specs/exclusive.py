@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import Polygon
@@ -59,7 +59,7 @@ class ExclusiveUse:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         pose = frame.sensed.pose
-        if not _is_news(self._spaces, pose, self._judged, self._closest.margin):
+        if not _is_news(tuple(self._spaces), pose, self._judged, self._closest.margin):
             return
         margins = _margins(self._spaces, pose)
         for k, resource in enumerate(self._resources):
@@ -106,10 +106,10 @@ class _Spaces(NamedTuple):
 
 
 @njit(cache=True)
-def _is_news(spaces: _Spaces, pose: Array, judged: BoolArray, least: float) -> bool:
+def _is_news(fields: tuple[Any, ...], pose: Array, judged: BoolArray, least: float) -> bool:
     """Say whether a margin is below ``least`` [m]; bring ``judged`` ``(R,)`` up to date."""
     news = False
-    margins = _margins(spaces, pose)
+    margins = _margins(_Spaces(*fields), pose)
     for k in range(len(margins)):
         judged[k] = judged[k] or margins[k] >= 0.0
         news = news or (judged[k] and margins[k] < least)

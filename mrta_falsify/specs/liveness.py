@@ -5,6 +5,7 @@ Robustness is a time [s]: patience minus the longest time without what is asked 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -80,7 +81,7 @@ class NoLivelock(ApproachMargin):
         self._progress.update(frame)
         since = self._approach.since
         self._confirmed = {i: at for i, at in self._confirmed.items() if at == since[i]}
-        spent = set(np.flatnonzero(self._spare(frame.sensed.time) < 0.0).tolist())
+        spent = set((self._spare(frame.sensed.time) < 0.0).nonzero()[0].tolist())
         if self._forecast is None:
             self._suspect(spent, frame)
         elif spent - set(self._confirmed):
@@ -184,15 +185,15 @@ class NoStarvation:
         self._waiting_since = np.zeros(robots)
         self._last_stop = np.full(robots, -np.inf)  # of each robot itself [s]
         self._ledger, self._missing = Ledger(world), ""
+        self._last_served = -np.inf  # latest arrival of a task that was picked up [s]
         self._worst = RunningMin("no_starvation", self._options.robot_patience)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         sensed = frame.sensed
-        self._missing = frame.tells.lacking("deliveries", "goals")
-        self._ledger.enter(frame.confirmed, sensed.time)
-        for stop in frame.confirmed:
-            self._last_stop[stop.robot] = sensed.time
+        self._missing = "" if all(frame.tells) else frame.tells.lacking("deliveries", "goals")
+        if frame.confirmed:
+            self._enter(frame.confirmed, sensed.time)
         if sensed.tick % self._stride or not len(self._names):
             return
         since = self._standstill.update(sensed.pose, sensed.time)
@@ -201,8 +202,16 @@ class NoStarvation:
         self._waiting_since = np.maximum(self._waiting_since, since)
         self._waiting_since = np.maximum(self._waiting_since, self._last_stop)
         self._judge_robots(sensed.time)
-        if self._world.tasks:
+        if self._ledger.picked:
             self._judge_tasks(sensed.time)
+
+    def _enter(self, confirmed: Sequence[StackEvent], time: float) -> None:
+        """Take in stops that the books hold."""
+        self._ledger.enter(confirmed, time)
+        for stop in confirmed:
+            self._last_stop[stop.robot] = time
+        arrivals = [self._world.tasks[i].arrival for i in self._ledger.picked]
+        self._last_served = max(arrivals, default=-np.inf)
 
     def _judge_robots(self, time: float) -> None:
         i = int(self._waiting_since.argmin())
@@ -213,13 +222,10 @@ class NoStarvation:
             self._note(margin, self._names[i], since, time)
 
     def _judge_tasks(self, time: float) -> None:
-        tasks, picked = self._world.tasks, self._ledger.picked
-        if not picked:
-            return
-        last_served = max(tasks[i].arrival for i in picked)
+        picked = self._ledger.picked
         scale = self._options.robot_patience / self._options.task_patience
-        for i, task in enumerate(tasks):
-            if i not in picked and task.arrival < last_served:
+        for i, task in enumerate(self._world.tasks):
+            if i not in picked and task.arrival < self._last_served:
                 margin = (self._options.task_patience - (time - task.arrival)) * scale
                 self._note(margin, f"task{i}", task.arrival, time)
 

@@ -76,7 +76,10 @@ class Orders:
     """New itineraries by robot number (nothing if nothing changed), and what happened."""
 
     itineraries: dict[int, tuple[Stop, ...]]
-    events: list[StackEvent]
+    events: Sequence[StackEvent]
+
+
+NO_ORDERS = Orders(itineraries={}, events=())  #: nothing changed, and nothing happened
 
 
 class Dispatcher:
@@ -122,7 +125,7 @@ class Dispatcher:
         arrived = self._take_arrivals(state, time)
         events = self._missed_deadlines(state, time)
         if not arrived and (time < state.look_at or not state.open):
-            return Orders(itineraries={}, events=events)
+            return Orders(itineraries={}, events=events) if events else NO_ORDERS
         state.look_at = time + LOOK_PERIOD
         if state.gave_up and not arrived:
             return Orders(itineraries={}, events=events)
@@ -137,18 +140,20 @@ class Dispatcher:
             orders = self._replan(state, time, fleet, robots)
         else:
             return Orders(itineraries={}, events=events)
-        return Orders(itineraries=orders.itineraries, events=events + orders.events)
+        return Orders(itineraries=orders.itineraries, events=[*events, *orders.events])
 
     def _loses_a_deadline(self, time: float, report: RobotReport) -> bool:
         """Whether a later drop was to be in time and will not be, as far behind as the robot is."""
         if not report.itinerary:
             return False
         delay = max(time, report.first_ends) - report.itinerary[0].time
-        return delay > 0.0 and any(
-            stop.time <= self._tasks[stop.task].deadline < stop.time + delay
-            for stop in report.itinerary[1:]
-            if stop.action == "dropoff"
-        )
+        if delay <= 0.0:
+            return False
+        for stop in report.itinerary[1:]:
+            deadline = self._tasks[stop.task].deadline
+            if stop.action == "dropoff" and stop.time <= deadline < stop.time + delay:
+                return True
+        return False
 
     # --- what is due ----------------------------------------------------------------------
 

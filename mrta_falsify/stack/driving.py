@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -36,6 +37,9 @@ DRIVE_RECORD = record_of(
     ("waits", np.bool_),  # stands, or stood a moment ago, where it is to wait
     ("stands", np.bool_),  # before a resource on its way, or in it
 )
+
+
+_way_of = operator.attrgetter("way")
 
 
 class DrivingMemory(Protocol):
@@ -84,7 +88,7 @@ class Driving:
 
     def views(self, missions: list[Mission], pose: Array) -> Views:
         """Look along the ways of all robots from ``pose`` ``(N, 3)``."""
-        return self._outlook.views([mission.way for mission in missions], pose)
+        return self._outlook.views(list(map(_way_of, missions)), pose)
 
     def control(
         self,
@@ -128,7 +132,7 @@ class Driving:
                 velocity=fleet.velocity,
                 target=target,
                 goal=views.end,
-                path=tuple(views.rest),
+                path=views.rest,
                 active=active,
                 present=present,
                 rank=rank,
@@ -162,7 +166,7 @@ def _ranked_first(rank: IntArray, robots: Sequence[int]) -> IntArray:
     """Rank ``(N,)`` some robots before all others, in the order given; else the order stays."""
     key = rank + len(robots)
     key[list(robots)] = np.arange(len(robots))
-    return np.argsort(np.argsort(key))
+    return key.argsort().argsort()
 
 
 @njit(cache=True)

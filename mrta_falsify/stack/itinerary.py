@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class ItineraryFollower:
             fleet.pose,
             fleet.velocity,
             fleet.time,
-            self._rooms.grounds,
+            tuple(self._rooms.grounds),
             (at_rest, asks),
         )
         pursued, events = list(missions), []
@@ -107,7 +108,9 @@ class ItineraryFollower:
             drive = self._dispatcher.travel_time(mission.room, stop.room)
         else:
             rest, *_, length = look_along(way.path, position[0], position[1], LOOK_AHEAD)
-            drive = (length + path_length(np.vstack([rest[-1:], way.route[2:]]))) / MEAN_SPEED
+            if len(way.route) > 2:
+                length += path_length(np.concatenate([rest[-1:], way.route[2:]]))
+            drive = length / MEAN_SPEED
             if isinstance(activity, Waiting):
                 drive += distance_of(self._point(stop), way.route[-1]) / MEAN_SPEED
         return time + drive + service
@@ -219,10 +222,9 @@ class ItineraryFollower:
         stop = mission.itinerary[0]
         if isinstance(mission.activity, Stalled):
             return False
-        position = fleet.pose[robot, :2]
-        if not mission.way.has_reached(self._point(stop), position, ROOM_REACHED):
+        if not self._rooms.may_serve(state.queues, robot, stop.room):
             return False
-        return self._rooms.may_serve(state.queues, robot, stop.room)
+        return mission.way.has_reached(self._point(stop), fleet.pose[robot, :2], ROOM_REACHED)
 
     def _point(self, stop: Stop) -> Array:
         return np.asarray(self._world.rooms[stop.room].point)
@@ -251,7 +253,7 @@ def _fill_asks(
     pose: Array,
     velocity: Array,
     time: float,
-    grounds: Grounds,
+    areas: tuple[Any, ...],
     flags: tuple[BoolArray, BoolArray],
 ) -> None:
     """Say who is slow enough to load and unload, and who has something to do.
@@ -261,10 +263,11 @@ def _fill_asks(
         pose: ``(N, 3)``.
         velocity: ``(N, 3)`` [m/s, rad/s].
         time: [s].
-        grounds: where rooms are asked for.
+        areas: where rooms are asked for, the fields of :class:`Grounds`.
         flags: ``(N,)`` each, filled.
     """
     at_rest, asks = flags
+    grounds = Grounds(*areas)
     for i in range(rows.shape[0]):
         robot = rows[i]
         at_rest[i] = abs(velocity[i, 0]) <= AT_REST and abs(velocity[i, 1]) <= AT_REST

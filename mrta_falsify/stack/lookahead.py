@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +10,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import NO_POINTS
-from mrta_falsify.core.polyline import cut_path, look_along, packed
+from mrta_falsify.core.polyline import Polylines, cut_path, look_along
 from mrta_falsify.stack.cruising import Cruise, look_ahead_of, pace_of
 from mrta_falsify.stack.route import LOOK_AHEAD, Way
 
@@ -20,7 +19,7 @@ from mrta_falsify.stack.route import LOOK_AHEAD, Way
 class Views:
     """Every robot's way ahead at one tick."""
 
-    rest: Sequence[Array]  #: N polylines (L, 2) [m], empty: none
+    rest: Polylines  #: N polylines (L, 2) [m], empty: none
     end: Array  #: (N, 2) of ``rest`` [m], nan: none
     target: Array  #: (N, 2) point to steer for [m], nan: none
     length: Array  #: (N,) of ``rest`` [m], inf: none
@@ -44,7 +43,9 @@ class Views:
             rest[robot], *seen = _see(kept, x, y, self.cruise[robot])
             target[robot, 0], target[robot, 1], length[robot], pace[robot] = seen
             end[robot] = rest[robot][-1]
-        return replace(self, rest=rest, end=end, target=target, length=length, pace=pace)
+        return replace(
+            self, rest=Polylines.of(rest), end=end, target=target, length=length, pace=pace
+        )
 
 
 @njit(cache=True)
@@ -113,19 +114,20 @@ class Outlook:
         self._cruise = tuple(cruise)
         self._figures = np.array(cruise, dtype=np.float64).reshape(-1, 2)
         self._ways: list[Way] = []
-        self._paths = packed([])
+        self._paths = Polylines.of([])
 
     def views(self, ways: list[Way], pose: Array) -> Views:
         """Look along the paths of all robots from ``pose`` ``(N, 3)``."""
         if ways != self._ways:  # by identity
             self._ways = list(ways)
-            self._paths = packed([way.path if len(way.route) else NO_POINTS for way in ways])
-        n = len(ways)
+            paths = [way.path if len(way.route) else NO_POINTS for way in ways]
+            self._paths = Polylines.of(paths)
+        n, path = len(ways), self._paths.points
         points, figures = np.empty((2, n, 2)), np.empty((2, n))
-        rest, begins = np.empty_like(self._paths[0]), np.empty(n + 1, dtype=np.int64)
-        _fill_views(self._paths, pose, self._figures, (rest, begins), points, figures)
+        rest, begins = np.empty(path.shape), np.empty(n + 1, dtype=np.int64)
+        _fill_views((path, self._paths.first), pose, self._figures, (rest, begins), points, figures)
         return Views(
-            rest=[rest[begin:stop] for begin, stop in itertools.pairwise(begins.tolist())],
+            rest=Polylines(rest, begins),
             end=points[0],
             target=points[1],
             length=figures[0],

@@ -36,7 +36,7 @@ from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.stack.resources.clear_ways import ClearWays
-from mrta_falsify.stack.resources.corridors import STOP_SHORT, CorridorTraffic, Traveller
+from mrta_falsify.stack.resources.corridors import STOP_SHORT, Traveller, corridor_traffic
 from mrta_falsify.stack.resources.crossings import find_crossing
 from mrta_falsify.stack.resources.parking import ParkingTraffic
 from mrta_falsify.stack.resources.right_of_way import coming_out
@@ -77,7 +77,7 @@ class Stack:
             world, self._rooms, ways, is_careless="room_freed_while_parked" in defects
         )
         self._replanning = Replanning(world, config, costmaps)
-        self._corridors = CorridorTraffic(self._rooms.queues)
+        self._corridors = corridor_traffic(self._rooms.queues)
         self._joins_at = [robot.joins_at for robot in world.robots]
         # What these remember only saves work: the memory says it as well.
         self._driving = Driving(world, config)
@@ -192,22 +192,22 @@ class Stack:
         stopping = list(missions)
         for robot, mission in enumerate(missions):
             waiting = mission.activity
-            if not isinstance(waiting, Waiting) or not len(views.rest[robot]):
+            if not isinstance(waiting, Waiting):
                 continue
             queue = self._rooms.queues[waiting.queue]
-            if len(queue.spots):
+            if len(queue.spots) or not len(views.rest[robot]):
                 continue
             enter, _ = find_crossing(views.rest[robot], queue.resource.release_area)
             limits[robot] = max(0.0, enter - STOP_SHORT)
             arrived = waiting.place is not None and limits[robot] <= SPOT_REACHED
             stopping[robot] = replace(mission, activity=replace(waiting, arrived=arrived))
-        return stopping, views.shortened(limits, fleet.pose)
+        return stopping, views.shortened(limits, fleet.pose) if limits else views
 
     def _pass_corridors(
         self, missions: list[Mission], views: Views, state: StackState, fleet: FleetState
     ) -> tuple[list[Mission], Views, list[StackEvent]]:
         """Let robots stop before corridors, doors, lifts and chargers that they do not hold."""
-        if not self._corridors:
+        if self._corridors is None:
             return missions, views, []
         travellers = [
             Traveller(

@@ -71,12 +71,20 @@ class Replanning:
             fleet: what the robots' sensors say.
             links: a robot without a link to the planner gets no new path.
         """
-        planned, events = self._past_waypoints(missions, fleet)
+        reached, may_plan = self._due(missions, fleet, links)
+        planned, events = list(missions), list[StackEvent]()
+        for robot in reached:
+            planned[robot] = _with_way(planned[robot], planned[robot].way.beyond_waypoint())
+            events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
         state.service.note_parked(fleet.pose[:, :2], fleet.parked_for)
-        if self._map_has_changed(state, fleet.time):
+        has_changed = self._map_has_changed(state, fleet.time)
+        if has_changed:
             planned = [_planning_anew(mission) for mission in planned]
+        if reached or has_changed:
+            _, may_plan = self._due(planned, fleet, links)
+        split = bisect.bisect_left(may_plan, state.next_planner)
         plans = 0
-        for robot in self._who_may_plan(planned, state.next_planner, fleet, links):
+        for robot in may_plan[split:] + may_plan[:split]:
             mission = planned[robot]
             way = self._checked(robot, mission, state, fleet)
             if way.must_plan and fleet.time >= way.plan_at:
@@ -91,28 +99,14 @@ class Replanning:
             planned[robot] = _with_way(mission, way)
         return planned, events
 
-    def _past_waypoints(
-        self, missions: list[Mission], fleet: FleetState
-    ) -> tuple[list[Mission], list[StackEvent]]:
-        """Drop waypoints that are reached."""
-        reached = np.empty(len(missions), dtype=np.bool_)
-        _fill_reached(self._table.rows(missions), fleet.pose, reached)
-        beyond, events = list(missions), []
-        for robot in reached.nonzero()[0].tolist():
-            beyond[robot] = _with_way(beyond[robot], beyond[robot].way.beyond_waypoint())
-            events.append(StackEvent(time=fleet.time, kind="waypoint", robot=robot))
-        return beyond, events
-
-    def _who_may_plan(
-        self, missions: list[Mission], first: int, fleet: FleetState, links: Links
-    ) -> list[int]:
-        """List the robots that may plan now, or whose path is to be checked, from ``first`` on."""
-        may_plan = np.empty(len(missions), dtype=np.bool_)
+    def _due(
+        self, missions: list[Mission], fleet: FleetState, links: Links
+    ) -> tuple[list[int], list[int]]:
+        """List who is at its waypoint, and who may plan now or has a path that is to be checked."""
+        reached, may_plan = np.empty((2, len(missions)), dtype=np.bool_)
         rows = self._table.rows(missions)
-        _fill_may_plan(rows, links.planner, fleet.tick, fleet.time, may_plan)
-        robots: list[int] = may_plan.nonzero()[0].tolist()
-        split = bisect.bisect_left(robots, first)
-        return robots[split:] + robots[:split]
+        _fill_due(rows, fleet.pose, links.planner, fleet.tick, fleet.time, reached, may_plan)
+        return reached.nonzero()[0].tolist(), may_plan.nonzero()[0].tolist()
 
     def _map_has_changed(self, state: PlanningMemory, time: float) -> bool:
         """Whether a blockage began or ended since the last tick."""
@@ -158,19 +152,29 @@ def _way_of(robot: int, mission: Mission) -> tuple[object, ...]:
 
 
 @njit(cache=True)
-def _fill_reached(rows: Rows, pose: Array, reached: BoolArray) -> None:
-    """Say who is at its waypoint."""
-    for i in range(rows.shape[0]):
-        reached[i] = is_near(rows[i].waypoint, pose[i], WAYPOINT_REACHED)
-
-
-@njit(cache=True)
-def _fill_may_plan(
-    rows: Rows, link: BoolArray, tick: int, time: float, may_plan: BoolArray
+def _fill_due(
+    rows: Rows,
+    pose: Array,
+    link: BoolArray,
+    tick: int,
+    time: float,
+    reached: BoolArray,
+    may_plan: BoolArray,
 ) -> None:
-    """Say whose plan is due, or whose path is to be checked; ``link`` ``(N,)`` to the planner."""
+    """Say who is at its waypoint, and whose plan or check of its path is due.
+
+    Args:
+        rows: ``(N,)`` of WAY_RECORD.
+        pose: ``(N, 3)``.
+        link: ``(N,)`` to the planner.
+        tick: number.
+        time: [s].
+        reached: ``(N,)`` filled.
+        may_plan: ``(N,)`` filled.
+    """
     for i in range(rows.shape[0]):
         robot = rows[i]
+        reached[i] = is_near(robot.waypoint, pose[i], WAYPOINT_REACHED)
         due = time >= robot.plan_at if robot.must_plan else (tick + i) % CHECK_TICKS == 0
         may_plan[i] = robot.going and link[i] and due
 

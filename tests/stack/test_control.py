@@ -301,6 +301,7 @@ def random_rows(rng, n, m=4):
         pair=pair.reshape(-1, 2),
         pair_row=rng.uniform(-1, 1, (len(pair), 4)),
         pair_bound=rng.uniform(-1, 0.5, len(pair)),
+        pair_count=np.array([len(pair)]),
         component=np.zeros(n, dtype=np.int64),
     )
 

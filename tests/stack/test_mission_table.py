@@ -12,6 +12,7 @@ from mrta_falsify.stack.mission import Mission
 from mrta_falsify.stack.mission_table import MissionTable, record_of
 from mrta_falsify.stack.resources import rooms
 
+due_now = replanning._fill_due
 ROOM = record_of(("room", np.int64), ("number", np.int64))
 
 
@@ -21,7 +22,8 @@ def everyone_asked(rows, pose, velocity, time, grounds, flags):
     asks[:] = True
 
 
-def everyone_looked_at(rows, link, tick, time, may_plan):
+def everyone_looked_at(rows, pose, link, tick, time, reached, may_plan):
+    due_now(rows, pose, link, tick, time, reached, may_plan)
     due = np.where(rows["must_plan"], time >= rows["plan_at"], True)
     may_plan[:] = rows["going"] & link & due
 
@@ -54,7 +56,7 @@ def test_who_is_not_asked_has_nothing_to_do(monkeypatch, places, tasks):
 def test_paths_are_checked_at_their_turn_only(monkeypatch):
     world = ward([0, 1], [(0, 0, 1), (0, 1, 0)])
     few = run(world)
-    monkeypatch.setattr(replanning, "_fill_may_plan", everyone_looked_at)
+    monkeypatch.setattr(replanning, "_fill_due", everyone_looked_at)
     everyone = run(world)
     assert few.events == everyone.events
     np.testing.assert_array_equal(few.pose, everyone.pose)

@@ -131,7 +131,7 @@ class BlockedByTracker:
     def _edges_of(self, fleet: FleetSnapshot) -> tuple[BlockedBy, ...]:
         found: dict[int, list[BlockedBy]] = {}
         unexplained = []
-        for i in np.flatnonzero(fleet.still & fleet.present).tolist():
+        for i in (fleet.still & fleet.present).nonzero()[0].tolist():
             if fleet.is_idle(i):
                 found[i] = [BlockedBy(i, "task")]
             elif self._service.is_in_service(i):
@@ -207,13 +207,13 @@ def _groups(fleet: FleetSnapshot) -> dict[int, list[int]]:
     offset = fleet.position[:, None] - fleet.position
     is_near = (np.hypot(offset[..., 0], offset[..., 1]) < CLUSTER_RANGE) & fleet.present
     group_of: dict[int, list[int]] = {}
-    for i in np.flatnonzero(fleet.present).tolist():
+    for i in fleet.present.nonzero()[0].tolist():
         if i in group_of:
             continue
         reached, border = np.zeros(len(is_near), dtype=np.bool_), np.arange(i, i + 1)
         while len(border):
             reached[border] = True
-            border = np.flatnonzero(is_near[border].any(axis=0) & ~reached)
-        group = np.flatnonzero(reached).tolist()
+            border = (is_near[border].any(axis=0) & ~reached).nonzero()[0]
+        group = reached.nonzero()[0].tolist()
         group_of.update(dict.fromkeys(group, group))
     return group_of

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import distance_of
 from mrta_falsify.core.world import World
@@ -45,14 +45,20 @@ class FreeDistance:
 
         Without a way, or nearby, it is the straight distance.
         """
-        way = float(self._map_to(goal)[self._cell(position)])
+        way = float(self.map_to(goal)[self._cell(position)])
         if DETOUR_FROM < way < math.inf:
             return way
         return float(distance_of(np.asarray(position), np.asarray(goal)))
 
+    def cells_of(self, positions: Array) -> IntArray:
+        """Number the cells of a map, as ``map_to`` gives it, in which positions ``(N, 2)`` lie."""
+        cells = np.empty(len(positions), dtype=np.int64)
+        _fill_cells(positions, self._west, self._south, self.free.shape, cells)
+        return cells
+
     def way(self, position: Array, goal: Array, reach: float) -> Array:
         """Find the first ``reach`` metres of a shortest way, ``(L, 2)`` [m]; straight if none."""
-        found = self._map_to(goal)
+        found = self.map_to(goal)
         row, col = self._cell(position)
         if not np.isfinite(found[row, col]) or found[row, col] <= DETOUR_FROM:
             return np.stack([position, goal])
@@ -60,7 +66,8 @@ class FreeDistance:
         ahead = self.world.bounds[:2] + (cells[1:, ::-1] + 0.5) * GRID_CELL
         return np.concatenate([position[None], ahead])
 
-    def _map_to(self, goal: Point) -> Array:
+    def map_to(self, goal: Point) -> Array:
+        """Give the way from every cell ``(rows, cols)`` to ``goal`` ``(2,)`` [m]; inf: none."""
         cell = self._cell(goal)
         found = self._maps.pop(cell, None)
         if found is None:
@@ -82,6 +89,17 @@ class FreeDistance:
 def free_distance(world: World) -> FreeDistance:
     """Give the distances of a world; all who ask share their maps."""
     return FreeDistance(world)
+
+
+@njit(cache=True)
+def _fill_cells(
+    positions: Array, west: float, south: float, shape: tuple[int, int], cells: IntArray
+) -> None:
+    rows, cols = shape
+    for i in range(len(positions)):
+        row = int(np.floor((positions[i, 1] - south) / GRID_CELL))
+        col = int(np.floor((positions[i, 0] - west) / GRID_CELL))
+        cells[i] = min(max(row, 0), rows - 1) * cols + min(max(col, 0), cols - 1)
 
 
 @njit(cache=True)

@@ -49,9 +49,9 @@ class Obstruction:
         first = min(float(arcs.min(initial=np.inf)), solid_arc)
         if not np.isfinite(first):
             near = np.hypot(*(fleet.sensed.human_position - fleet.position[i]).T) <= HUMAN_NEAR
-            return [BlockedBy(i, "human", int(h)) for h in np.flatnonzero(near)]
+            return [BlockedBy(i, "human", int(h)) for h in near.nonzero()[0]]
         found = []
-        for k in np.flatnonzero(arcs <= first + SAME_PLACE):
+        for k in (arcs <= first + SAME_PLACE).nonzero()[0]:
             if k < len(others):
                 found.append(BlockedBy(i, "barrier", others[k]))
             else:

@@ -21,6 +21,7 @@ from mrta_falsify.specs.deadlock.occupancy_kernels import (
     fill_discs,
     fill_interior,
     fill_rim,
+    first_owned,
     flood,
 )
 
@@ -68,16 +69,8 @@ class SolidGrid:
         Returns:
             ``(-1, "")`` if all are free.
         """
-        owner = self._grid(time)
-        cells = np.floor((points - self._origin) / self.cell).astype(np.int64)
-        rows, cols = owner.shape
-        col, row = cells[:, 0], cells[:, 1]
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-        found = np.where(inside, owner[row.clip(0, rows - 1), col.clip(0, cols - 1)], 0)
-        hits = np.flatnonzero(found)
-        if not len(hits):
-            return -1, ""
-        return int(hits[0]), self.names[found[hits[0]] - 1]
+        hit, owner = first_owned(self._grid(time), points, self._origin, self.cell)
+        return hit, self.names[owner - 1] if hit >= 0 else ""
 
     def reachable(
         self, start: Array, goal: Array, time: float, *, others: Array, gap: float

@@ -42,6 +42,22 @@ def fill_interior(owner: Owners, polygon: Array, value: int, cell: float) -> Non
 
 
 @njit(cache=True)
+def first_owned(owner: Owners, points: Array, origin: Array, cell: float) -> tuple[int, int]:
+    """Find the first of ``points`` ``(L, 2)`` [m] in a cell that is not free.
+
+    Returns:
+        Its number and the cell's value; -1 and 0 if all are free.
+    """
+    rows, cols = owner.shape
+    for k in range(len(points)):
+        col = int(np.floor((points[k, 0] - origin[0]) / cell))
+        row = int(np.floor((points[k, 1] - origin[1]) / cell))
+        if 0 <= row < rows and 0 <= col < cols and owner[row, col] != 0:
+            return k, int(owner[row, col])
+    return -1, 0
+
+
+@njit(cache=True)
 def fill_rim(owner: Owners, polygon: Array, value: int, clearance: float, cell: float) -> None:
     """Give ``value`` to the cells whose centres are within ``clearance`` [m] of an edge."""
     rows, cols = owner.shape

@@ -17,8 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Forecast
@@ -159,7 +157,7 @@ class NoDeadlock:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
         self._suspected = None
         closed_for = self._suspects.closed_for()
-        stuck = set(np.flatnonzero(closed_for >= SUSPECTED_AFTER).tolist())
+        stuck = set((closed_for >= SUSPECTED_AFTER).nonzero()[0].tolist())
         if not stuck or awaits_an_end(self._world, frame.sensed.time):
             return
         members = knots_of(stuck, edges)[0]

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Frame, Intent
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.free_distance import FreeDistance, Point, free_distance
+from mrta_falsify.specs.deadlock.free_distance import DETOUR_FROM, FreeDistance, free_distance
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 
 PROGRESS_STEP = 0.25  # m nearer to the goal than ever before, about a robot's radius: progress ...
@@ -32,9 +33,18 @@ GOAL_SPREAD = 0.5  # m; goals this near to each other are one, so alternating is
 class _Approach:
     """How near a robot has come to a goal."""
 
-    goal: Point  #: [m]
-    nearest: float  #: along free space, when last looked at [m]
-    since: float  #: when that was [s]
+    goal: list[float]  #: [m]
+    since: float  #: when last looked at [s]
+    nearest: float = math.inf  #: along free space, then [m]
+
+
+class _Course(NamedTuple):
+    """What a robot is about."""
+
+    goal: list[float]  #: [m]
+    served: int  #: stops done
+    known: _Approach  #: of the goal
+    found: Array  #: (rows, cols) way to the goal from every cell [m], inf: none
 
 
 @dataclass(slots=True)
@@ -47,9 +57,11 @@ class ProgressClock:
     _brisk: Array = field(init=False)  #: (N,) last progress at more than creep [s]
     _driven: Array = field(init=False)  #: (N,) last time of more than creep, or of a new goal [s]
     _places: deque[tuple[float, Array]] = field(init=False)  #: (N, 2) of the last PACED_OVER
-    _least_time: Array = field(init=False)  #: (N,) of a step at the largest speed [s]
+    _least_time: list[float] = field(init=False)  #: N of a step at the largest speed [s]
+    _least_way: Array = field(init=False)  #: (N,) in a second, at more than creep [m]
     _served: list[int] = field(init=False)  #: stops done
     _approaches: list[list[_Approach]] = field(init=False)  #: since then
+    _courses: list[_Course | None] = field(init=False)  #: when last looked at
     _space: FreeDistance = field(init=False)
     _looked: float = field(init=False, default=-1.0)  #: when the robots were looked at last [s]
 
@@ -57,9 +69,12 @@ class ProgressClock:
         robots = len(self.world.robots)
         self.last, self._brisk, self._driven = np.zeros((3, robots))
         self._places = deque()
-        self._least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
+        least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
+        self._least_time = least_time.tolist()
+        self._least_way = BRISK * self.step / least_time
         self._served = [-1] * robots
         self._approaches = [[] for _ in range(robots)]
+        self._courses = [None] * robots
         self._space = free_distance(self.world)
 
     def update(self, frame: Frame) -> Array:
@@ -68,10 +83,22 @@ class ProgressClock:
             return self.last
         self._looked = frame.sensed.time
         places = frame.sensed.pose[:, :2]
-        told = zip(places.tolist(), frame.intent.goal.tolist(), frame.served.tolist(), strict=True)
-        for i, (place, goal, served) in enumerate(told):
-            if math.isfinite(goal[0]):
-                self._advance(i, place, goal, served)
+        cells = self._space.cells_of(places).tolist()
+        goals, stops = frame.intent.goal.tolist(), frame.served.tolist()
+        for i, (goal, served) in enumerate(zip(goals, stops, strict=True)):
+            if not math.isfinite(goal[0]):
+                continue
+            course = self._courses[i]
+            if course is None or course.goal != goal or course.served != served:
+                course = self._courses[i] = self._taken_up(i, goal, served)
+            away = course.found.item(cells[i])
+            if not DETOUR_FROM < away < math.inf:
+                away = float(np.hypot(places[i, 0] - goal[0], places[i, 1] - goal[1]))
+            known = course.known
+            is_nearer = away <= known.nearest - self.step
+            share = self._least_time[i] / max(self._looked - known.since, 1e-9)
+            if is_nearer or share < PACE:
+                self._look_anew(i, known, away, share)
         self._note_pace(frame.sensed.time, places)
         return self.last
 
@@ -84,40 +111,39 @@ class ProgressClock:
         while self._places[0][0] < time - PACED_OVER - 1e-6:
             self._places.popleft()
         began, before = self._places[0]
-        least = BRISK * self.step / self._least_time * max(time - began, 1e-9)  # (N,) m
+        least = self._least_way * max(time - began, 1e-9)  # (N,) m
         self._driven[np.hypot(*(places - before).T) >= least] = time
 
-    def _advance(self, i: int, position: Point, goal: Point, served: int) -> None:
-        """Take in where robot ``i`` is that heads for ``goal``.
+    def _taken_up(self, i: int, goal: list[float], served: int) -> _Course:
+        """Take in that robot ``i`` heads for another goal, or has done a stop.
 
-        Progress is a stop done, or a goal that the robot never had since its last stop. To come
-        nearer to such a goal by ``step`` than ever before is progress, too, unless it takes longer
-        than at ``PACE`` times the robot's largest speed. Stops taken off its list are none.
+        Progress is a stop done, or a goal that the robot never had since its last stop. Stops
+        taken off its list are none.
         """
-        time = self._looked
         if self._served[i] != served:
             self._served[i] = served
             self._approaches[i].clear()
-        away = self._space.between(position, goal)
+        found = self._space.map_to(goal)
         for known in self._approaches[i]:
             if np.hypot(known.goal[0] - goal[0], known.goal[1] - goal[1]) <= GOAL_SPREAD:
-                self._compare(i, known, away, time)
-                break
-        else:
-            self._approaches[i].append(_Approach(goal, away, time))
-            self.last[i] = self._brisk[i] = self._driven[i] = time
+                return _Course(goal, served, known, found)
+        new = _Approach(goal, self._looked)
+        self._approaches[i].append(new)
+        self._driven[i] = self._looked
+        return _Course(goal, served, new, found)
 
-    def _compare(self, i: int, known: _Approach, away: float, time: float) -> None:
-        share = self._least_time[i] / max(time - known.since, 1e-9)
-        is_in_time = share >= PACE
+    def _look_anew(self, i: int, known: _Approach, away: float, share: float) -> None:
+        """Take in that robot ``i`` has come nearer by ``step`` than ever before, or is slow.
+
+        The former is progress, unless it took longer than at ``PACE`` times the robot's largest
+        speed: its pace was ``share`` of that.
+        """
         if away <= known.nearest - self.step:
-            if is_in_time:
-                self.last[i] = time
+            if share >= PACE:
+                self.last[i] = self._looked
             if share >= BRISK:
-                self._brisk[i] = time
-        elif is_in_time:
-            return
-        known.nearest, known.since = min(known.nearest, away), time
+                self._brisk[i] = self._looked
+        known.nearest, known.since = min(known.nearest, away), self._looked
 
 
 def has_stop_to_reach(intent: Intent, position: Array) -> BoolArray:

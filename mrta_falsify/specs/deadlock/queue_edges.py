@@ -46,7 +46,7 @@ def queue_edges_from_afar(fleet: FleetSnapshot, i: int, goal: Goal) -> list[Bloc
         spot = resource.spots[goal.spot]
         taken = np.hypot(*(position - spot).T) <= AT_GOAL
         taken[i] = False
-        return [BlockedBy(i, "queue", int(j), resource.name) for j in np.flatnonzero(taken)]
+        return [BlockedBy(i, "queue", int(j), resource.name) for j in taken.nonzero()[0]]
     target = fleet.intent.goal[i]
     own = float(np.hypot(*(position[i] - target)))
     return [

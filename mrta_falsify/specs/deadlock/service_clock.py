@@ -53,7 +53,7 @@ class ServiceClock:
         time = sensed.time
         away = np.hypot(*(sensed.pose[:, :2] - intent.goal).T)
         moved = ~(np.hypot(*(intent.goal - self._goal_point).T) <= GOAL_JITTER)
-        for i in np.flatnonzero(moved):
+        for i in moved.nonzero()[0]:
             given = np.isfinite(intent.goal[i]).all()
             self.goal[i] = self.goals.of(intent.goal[i]) if given else None
             self._goal_point[i] = intent.goal[i]
@@ -62,7 +62,7 @@ class ServiceClock:
         self.at_goal = away <= AT_GOAL
         self._arrived[restart | ~self.at_goal] = np.inf
         self._arrived[self.at_goal] = np.minimum(self._arrived[self.at_goal], time)
-        for i in np.flatnonzero(self.at_goal):
+        for i in self.at_goal.nonzero()[0]:
             goal = self.goal[i]
             self._serving[i] = (
                 goal is not None

@@ -66,13 +66,17 @@ class Standstill:
         Returns:
             ``since`` ``(N,)`` [s], not a copy.
         """
-        _fill_standstill(self._spots, pose, time, self.radius, NO_GOALS if goal is None else goal)
+        goals = NO_GOALS if goal is None else goal
+        _fill_standstill(tuple(self._spots), pose, time, self.radius, goals)
         return self.since
 
 
 @njit(cache=True)
-def _fill_standstill(spots: _Spots, pose: Array, time: float, radius: float, goal: Array) -> None:
-    anchor, since, turned, last = spots.anchor, spots.since, spots.turned, spots.last
+def _fill_standstill(
+    spots: tuple[Array, ...], pose: Array, time: float, radius: float, goal: Array
+) -> None:
+    """Bring the fields of :class:`_Spots` to ``time``."""
+    anchor, since, turned, last, goals = spots
     for i in range(len(pose)):
         dx, dy = pose[i, 0] - anchor[i, 0], pose[i, 1] - anchor[i, 1]
         if not dx * dx + dy * dy <= radius * radius:  # also true for the first, infinite anchor
@@ -88,7 +92,7 @@ def _fill_standstill(spots: _Spots, pose: Array, time: float, radius: float, goa
         if away > TURN_STEP and turned[i] < TURN_LIMIT:
             anchor[i, 2] = pose[i, 2]
             since[i] = time
-    _fill_goals(goal, time, since, spots.goals)
+    _fill_goals(goal, time, since, goals)
 
 
 @njit(cache=True)

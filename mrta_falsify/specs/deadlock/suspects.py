@@ -39,9 +39,10 @@ class SuspectClock:
         self._spot_limit = SPOT_RADIUS / speed  # (N,) s
         self._progress_limit = PROGRESS_STEP / speed  # (N,) s
         self._progress = progress
-        self._spot = Standstill(robots)
-        self._people = Standstill(len(world.humans))
-        self._facing = np.zeros((len(world.humans), 3))  # people are taken not to turn
+        self._spots = Standstill(robots + len(world.humans))  # of robots, then of people
+        self._pose = np.zeros((self._spots.robots, 3))  # people are taken not to turn
+        self._stands_since = self._spots.since[:robots]  # (N,) [s]
+        self._people_stand_since = self._spots.since[robots:]  # (H,) [s]
         self._closed_since = np.full(robots, np.inf)  # (N,) [s]
         self._people_stand = np.zeros(robots)  # (N,) since when those do that it waits for [s]
         self._edges: EdgesByRobot = {}
@@ -50,11 +51,11 @@ class SuspectClock:
 
     def watch(self, frame: Frame) -> None:
         """Take in a tick's motion."""
-        sensed = frame.sensed
-        self._spot.update(sensed.pose, sensed.time, frame.intent.goal)
+        sensed, robots = frame.sensed, len(self.waits)
+        self._pose[:robots] = sensed.pose
         if len(sensed.human_position):
-            self._facing[:, :2] = sensed.human_position
-            self._people.update(self._facing, sensed.time)
+            self._pose[robots:, :2] = sensed.human_position
+        self._spots.update(self._pose, sensed.time, frame.intent.goal)
 
     def look(self, frame: Frame, edges: EdgesByRobot) -> None:
         """Take in the wait-for graph of a tick."""
@@ -72,8 +73,8 @@ class SuspectClock:
         Args:
             is_last: whether the episode ends, so that a later look cannot find a robot.
         """
-        closed = set(np.flatnonzero(np.isfinite(self._closed_since)).tolist())
-        waits = np.flatnonzero(self.waits).tolist()
+        closed = set(np.isfinite(self._closed_since).nonzero()[0].tolist())
+        waits = self.waits.nonzero()[0].tolist()
         held_up = {i for i in waits if self._is_held_up(i)}
         standing = {i for i in waits if is_last and i in self._edges}
         return closed | held_up | standing
@@ -88,7 +89,7 @@ class SuspectClock:
     def longest_wait(self) -> float:
         """Tell for how long a robot has stood that waits for another one, at most [s]."""
         waits = [
-            self._time - float(self._spot.since[i])
+            self._time - float(self._stands_since[i])
             for i, own in self._edges.items()
             if any(edge.other >= 0 and edge.cause != "human" for edge in own)
         ]
@@ -96,14 +97,14 @@ class SuspectClock:
 
     def _is_closed_in(self, i: int) -> bool:
         party = {i} | self._awaited(i)
-        stands = self._time - self._spot.since >= self._spot_limit
+        stands = self._time - self._stands_since >= self._spot_limit
         return all(j in self._edges and stands[j] for j in party)
 
     def _people_since(self, i: int) -> float:
         """Find since when all people stand that ``i`` and its party wait for [s]."""
         edges = [edge for j in {i, *self._awaited(i)} for edge in self._edges.get(j, ())]
         people = [edge.other for edge in edges if edge.cause == "human"]
-        return float(self._people.since[people].max(initial=0.0))
+        return float(self._people_stand_since[people].max(initial=0.0))
 
     def _is_held_up(self, i: int) -> bool:
         without = self._time - self._progress.last[i]
@@ -111,7 +112,7 @@ class SuspectClock:
 
     def _awaits_service(self, i: int) -> bool:
         party = {i} | self._awaited(i)
-        stands = self._time - self._spot.since >= SERVED_AFTER
+        stands = self._time - self._stands_since >= SERVED_AFTER
         return any(self.waits[j] and stands[j] and j not in self._edges for j in party)
 
     def _awaited(self, i: int) -> set[int]:

@@ -12,7 +12,7 @@ Reference: Xiao & Belta, "High-order control barrier functions", IEEE TAC 2022.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,7 @@ class Rows(NamedTuple):
     pair: IntArray  #: (P, 2) robot numbers of rows that concern two
     pair_row: Array  #: (P, 4) coefficients of the first and of the second robot's inputs
     pair_bound: Array  #: (P,)
+    pair_count: IntArray  #: (1,) rows in use
     component: IntArray  #: (N,) smallest number of the robots coupled by rows
 
 
@@ -84,6 +85,7 @@ def room_for_rows(robots: int, things: int) -> Rows:
         np.empty((pairs, 2), dtype=np.int64),
         np.empty((pairs, 4)),
         np.empty(pairs),
+        np.zeros(1, dtype=np.int64),
         np.arange(robots),
     )
 
@@ -222,8 +224,8 @@ def fill_own_rows(
 @njit(cache=True)
 def fill_pair_rows(
     movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float, rows: Rows
-) -> int:
-    """Write the rows that concern two robots of one group, and say how many they are.
+) -> None:
+    """Write the rows that concern two robots of one group.
 
     ``movers``, ``low``, ``high`` and ``rows`` are as for :func:`fill_own_rows`.
     """
@@ -256,7 +258,7 @@ def fill_pair_rows(
             pair_bound[p] = _asked(bound, least, most)
             p += 1
             _fill_joined(rows.component, i, j)
-    return p
+    rows.pair_count[0] = p
 
 
 @njit(cache=True)
@@ -286,20 +288,29 @@ def input_box(
 
 
 @njit(cache=True)
-def fill_violated(inputs: Array, rows: Rows, broken: BoolArray) -> bool:
-    """Say whether ``inputs`` ``(N, 2)`` break a row of any component.
+def fill_violated(
+    inputs: Array, lines: tuple[Any, ...], broken: BoolArray, height: IntArray
+) -> bool:
+    """Say whether inputs break a row of any component.
 
-    ``broken`` ``(N,)``, false so far, is filled with whether they break one of the component of
-    that number.
+    Args:
+        inputs: ``(N, 2)``.
+        lines: fields of :class:`Rows`.
+        broken: ``(N,)``, false so far; filled with whether a row of the component of that number
+            is broken.
+        height: ``(N,)``, 0 so far; filled with the number of its rows.
     """
+    rows = Rows(*lines)
     for i in range(inputs.shape[0]):
+        height[rows.component[i]] += rows.own_count[i]
         for k in range(rows.own_count[i]):
             value = rows.own[i, k, 0] * inputs[i, 0] + rows.own[i, k, 1] * inputs[i, 1]
             if value < rows.own_bound[i, k] - BROKEN:
                 broken[rows.component[i]] = True
                 break
-    for p in range(rows.pair.shape[0]):
+    for p in range(rows.pair_count[0]):
         i, j = rows.pair[p]
+        height[rows.component[i]] += 1
         row = rows.pair_row[p]
         value = row[0] * inputs[i, 0] + row[1] * inputs[i, 1]
         value += row[2] * inputs[j, 0] + row[3] * inputs[j, 1]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,12 +13,12 @@ from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command
-from mrta_falsify.core.polyline import packed
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
 from mrta_falsify.stack.control.dynamics import Wish
-from mrta_falsify.stack.control.obstacles import Clearances, People, clearances_of, people_in
+from mrta_falsify.stack.control.obstacles import Clearances, clearances_of
 from mrta_falsify.stack.control.perception import survey_crew
 from mrta_falsify.stack.control.recovery import back_up_where_stuck
 from mrta_falsify.stack.control.state import (
@@ -26,6 +27,7 @@ from mrta_falsify.stack.control.state import (
     CrewView,
     crew_view,
     hear_robots,
+    people_in,
     remember_points,
 )
 from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
@@ -43,15 +45,6 @@ class Rules(NamedTuple):
     yield_margin: float  #: [m]
     followers_brake: bool
     backs_up: bool
-    clearances: Clearances
-
-
-class Seen(NamedTuple):
-    """Obstacle points before this tick, and what the rays hit at it."""
-
-    point: Array  #: (N, SECTORS, 2) [m]
-    seen_at: Array  #: (N, SECTORS) [s]
-    hits: Array  #: (N, A, 2) [m]
 
 
 class ClusterCbf:
@@ -89,70 +82,71 @@ class ClusterCbf:
             yield_margin=options.yield_margin,
             followers_brake=braking,
             backs_up=options.recovery and options.dynamics != "holonomic",
-            clearances=clearances_of(options),
         )
+        self._clearances = clearances_of(options)
         self._sees_two_people = "humans_unseen_beyond_two" in options.defects
         self._followers_disobey = "follower_zero_command" in options.defects
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
-        decision = self._decide(view)
-        answer, twist = self.steering.steer(decision.view, decision.scene)
-        state = decision.state
-        disobeys = self._followers_disobey and state.tick % 2 == 0
-        _fill_orders(twist, state.crew, disobeys)
-        self._state = state
+        if self._sees_two_people:
+            view = without_later_humans(view)
+        state = self._state
+        if state is None or len(state.crew) != len(view.pose):
+            state = self._state = ControllerState.fresh(view.pose, view.time)
+        scene, wishes = self._decide(view, state)
+        answer, twist = self.steering.steer(view, scene)
+        state.tick += 1
+        _fill_orders(twist, state.crew, self._followers_disobey and state.tick % 2 == 0)
+        _, cluster, leader = wishes.numbers
         return ControlResult(
             command=Command(twist=twist),
-            cluster=decision.cluster,
-            leader=decision.leader,
+            cluster=cluster,
+            leader=leader,
             slack=answer.slack,
             fallback=~answer.usable,
         )
 
     def scene(self, view: ControlView) -> Scene:
         """Give what :meth:`control` would steer at this tick; nothing of it is remembered."""
-        return self._decide(view).scene
-
-    def _decide(self, view: ControlView) -> _Decision:
         if self._sees_two_people:
             view = without_later_humans(view)
-        last = self._state
-        if last is None or len(last.crew) != len(view.pose):
-            last = ControllerState.fresh(view.pose, view.time)
-        crew, wishes = last.crew.copy(), Wishes.room_for(len(view.pose))
-        point, seen_at = np.empty_like(last.point), np.empty_like(last.seen_at)
-        all_told = _decide_crew(
-            crew,
-            crew_view(view),
-            Seen(last.point, last.seen_at, view.obstacle_points),
-            Ways(*packed(view.path)),
-            people_in(view),
-            (self._rules, last.tick == 0),
-            (point, seen_at),
-            wishes,
+        state = copy.deepcopy(self._state)
+        if state is None or len(state.crew) != len(view.pose):
+            state = ControllerState.fresh(view.pose, view.time)
+        return self._decide(view, state)[0]
+
+    def _decide(self, view: ControlView, state: ControllerState) -> tuple[Scene, Wishes]:
+        """Bring ``state`` to this tick, but for the commands, which are still the last."""
+        told, n, path = crew_view(view), len(view.pose), view.path
+        if not isinstance(path, Polylines):
+            path = Polylines.of(path)
+        wishes = Wishes(
+            np.empty((3, n), dtype=np.int64),
+            np.empty((n, 2)),
+            np.empty((3, n)),
+            np.empty(n, dtype=np.bool_),
         )
-        group, cluster, leader = wishes.numbers
+        all_told = _decide_crew(
+            state.crew,
+            told,
+            (path.points, path.first),
+            (tuple(self._rules), tuple(self._clearances), state.tick == 0),
+            (state.point, state.seen_at),
+            tuple(wishes),
+        )
         speed, turn_first, weight = wishes.figures
         scene = Scene(
-            pose=view.pose if all_told else np.ascontiguousarray(crew["pose"]),
-            points=point,
+            told=told,
+            pose=view.pose if all_told else np.ascontiguousarray(state.crew["pose"]),
+            points=state.point,
             known=view.present,
-            group=group,
-            share=_equal_shares(len(group)),
+            group=wishes.numbers[0],
+            share=_equal_shares(n),
             wish=Wish(wishes.target, speed, wishes.reverse, turn_first),
             weight=weight,
         )
-        state = ControllerState(crew=crew, point=point, seen_at=seen_at, tick=last.tick + 1)
-        return _Decision(view, scene, cluster, leader, state)
-
-
-class _Decision(NamedTuple):
-    view: ControlView  #: what is seen
-    scene: Scene  #: what is to be steered
-    cluster: IntArray  #: (N,)
-    leader: IntArray  #: (N,)
-    state: ControllerState  #: of the next tick, but for the commands, which are still the last
+        return scene, wishes
 
 
 @functools.lru_cache(maxsize=16)
@@ -164,30 +158,28 @@ def _equal_shares(n: int) -> Array:
 @njit(cache=True)
 def _decide_crew(
     crew: Crew,
-    told: CrewView,
-    seen: Seen,
-    ways: Ways,
-    people: People,
-    law: tuple[Rules, bool],
+    view: tuple[Any, ...],
+    paths: tuple[Array, IntArray],
+    law: tuple[tuple[Any, ...], tuple[Any, ...], bool],
     memory: tuple[Array, Array],
-    wishes: Wishes,
+    result: tuple[Any, ...],
 ) -> bool:
     """Bring the crew to this tick: perception, manoeuvres, wishes.
 
     Args:
         crew: of the last tick; written.
-        told: what the view says.
-        seen: obstacle points.
-        ways: paths ahead.
-        people: who is about.
-        law: options, and whether this is the first tick.
-        memory: obstacle points and their times, filled.
-        wishes: filled.
+        view: fields of :class:`CrewView`.
+        paths: ahead, the fields of :class:`Ways`.
+        law: fields of :class:`Rules` and :class:`Clearances`, and whether this is the first tick.
+        memory: obstacle points and their times; brought up to date.
+        result: fields of :class:`Wishes`, filled.
 
     Returns:
         Whether all poses are those told.
     """
-    rules, is_first = law
+    rules, clearances, is_first = Rules(*law[0]), Clearances(*law[1]), law[2]
+    told, ways, wishes = CrewView(*view), Ways(*paths), Wishes(*result)
+    people = people_in(told)
     all_told = hear_robots(crew, told, is_first)
     order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
     position = np.empty((crew.shape[0], 2))
@@ -195,9 +187,9 @@ def _decide_crew(
         position[i, 0], position[i, 1] = crew[i].pose[0], crew[i].pose[1]
     points, seen_at = memory
     points[:], seen_at[:] = remember_points(
-        seen.point,
-        seen.seen_at,
-        seen.hits,
+        points,
+        seen_at,
+        told.obstacle_points,
         position,
         told.present,
         told.time,
@@ -207,11 +199,10 @@ def _decide_crew(
         choices = let_leaders_go(crew)
     else:
         choices = choose_manoeuvres(
-            crew, order, ways, points, people, rules.clearances, rules.yield_margin
+            crew, order, ways, points, people, clearances, rules.yield_margin
         )
     if rules.backs_up:
-        gap = rules.clearances.obstacle
-        back_up_where_stuck(choices, crew, points, people, gap, told.time)
+        back_up_where_stuck(choices, crew, points, people, clearances.obstacle, told.time)
     fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)
     return all_told
 

@@ -13,6 +13,7 @@ from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Wish
 from mrta_falsify.stack.control.state import (
     ControllerState,
+    CrewView,
     crew_view,
     hear_robots,
     remember_points,
@@ -71,8 +72,8 @@ class DecentralisedCbf:
         last = self._state
         if last is None or len(last.crew) != n:
             last = ControllerState.fresh(view.pose, view.time)
-        crew = last.crew.copy()
-        all_told = hear_robots(crew, crew_view(view), last.tick == 0)
+        crew, told = last.crew.copy(), crew_view(view)
+        all_told = hear_robots(crew, CrewView(*told), last.tick == 0)
         pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,
@@ -86,6 +87,7 @@ class DecentralisedCbf:
         heard = view.present & view.states_link
         better = view.rank[:, None] < view.rank[None, :]
         scene = Scene(
+            told=told,
             pose=pose,
             points=points,
             known=view.present,

@@ -6,7 +6,7 @@ A robot's position obeys ``p'' = effect @ input``; that is all a barrier of seco
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class Motion(NamedTuple):
     """The robots' motion now, and what their inputs do to it."""
 
     velocity: Array  #: (N, 2) [m/s], map frame
@@ -111,13 +110,10 @@ class Unicycle:
         """See :class:`Dynamics`."""
         inputs = np.zeros((len(view.pose), 2))
         _fill_unicycle_reference(
-            view.pose,
-            view.velocity,
-            wish,
-            view.max_acceleration,
-            view.max_turn_rate,
+            (view.pose, view.velocity, view.max_acceleration, view.max_turn_rate),
+            tuple(wish),
             view.dt,
-            self._gains,
+            tuple(self._gains),
             inputs,
         )
         return inputs
@@ -252,16 +248,23 @@ def _fill_unicycle_motion(
 
 @njit(cache=True)
 def _fill_unicycle_reference(
-    pose: Array,
-    twist: Array,
-    wish: Wish,
-    max_acceleration: Array,
-    max_turn_rate: Array,
+    told: tuple[Array, Array, Array, Array],
+    wanted: tuple[Any, ...],
     dt: float,
-    gains: UnicycleGains,
+    law: tuple[Any, ...],
     inputs: Array,
 ) -> None:
-    """Fill nominal inputs ``(N, 2)``, 0 so far; who brakes stops within a tick if it can."""
+    """Fill nominal inputs ``(N, 2)``, 0 so far; who brakes stops within a tick if it can.
+
+    Args:
+        told: poses, twists and limits, as for the motion.
+        wanted: fields of :class:`Wish`.
+        dt: control period [s].
+        law: fields of :class:`UnicycleGains`.
+        inputs: filled.
+    """
+    pose, twist, max_acceleration, max_turn_rate = told
+    wish, gains = Wish(*wanted), UnicycleGains(*law)
     for i in range(pose.shape[0]):
         v = twist[i, 0]
         limit, turn_limit = max_acceleration[i], max_turn_rate[i]
@@ -278,11 +281,11 @@ def _fill_unicycle_reference(
         inputs[i, 1] = min(turn_limit, max(-turn_limit, gains.k_omega * error))
         if abs(error) > wish.turn_first[i]:
             continue
-        wanted = min(gains.k_x * distance * np.cos(error), wish.speed[i])
-        wanted = max(wanted, 0.0)
+        speed = min(gains.k_x * distance * np.cos(error), wish.speed[i])
+        speed = max(speed, 0.0)
         if wish.reverse[i]:
-            wanted = -wanted
-        inputs[i, 0] = min(limit, max(-limit, gains.k_v * (wanted - v)))
+            speed = -speed
+        inputs[i, 0] = min(limit, max(-limit, gains.k_v * (speed - v)))
 
 
 @njit(cache=True)

@@ -8,7 +8,6 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, ROBOT, Movers, Things
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 
@@ -31,11 +30,6 @@ class Clearances(NamedTuple):
     obstacle: float  #: to a point
     human: float  #: to the centre of a person of HUMAN_RADIUS
     robot: float  #: to the centre of a robot
-
-
-def people_in(view: ControlView) -> People:
-    """Take the people from a view."""
-    return People(view.human_position, view.human_velocity, view.human_radius)
 
 
 def clearances_of(options: CbfOptions) -> Clearances:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,34 +72,29 @@ def solve_fleet(
     """
     reference = demand.reference
     n = len(reference)
-    broken = np.zeros(n, dtype=np.bool_)
-    any_broken = fill_violated(reference, rows, broken)
+    broken, height = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.int64)
+    any_broken = fill_violated(reference, tuple(rows), broken, height)
+    slack, failed = np.zeros(n), np.zeros(n, dtype=np.bool_)
     if always:
         broken = rows.component == np.arange(n)
     elif not any_broken:
-        return FleetInputs(inputs=reference, slack=np.zeros(n), usable=~broken, solved=0)
+        return FleetInputs(inputs=reference, slack=slack, usable=~failed, solved=0)
     heads: list[int] = broken.nonzero()[0].tolist()
     inputs = reference.copy()
-    slack = np.zeros(n)
-    usable = np.ones(n, dtype=np.bool_)
     # The slack variable is sqrt(q) s: all diagonal entries of the Hessian are then near 1.
     scale = 1.0 / math.sqrt(slack_weight)
     for head in heads:
         members = (rows.component == head).nonzero()[0]
-        solution = _solve_component(rows, demand, members, scale, solver)
-        u, finite = _within_limits(solution.x, members, demand.low, demand.high)
-        good = solution.solved and finite
-        inputs[members] = u if good else brake()[members]
-        needed = max(0.0, float(solution.x[-1]) * scale)
-        slack[members] = needed if finite and needed > NO_SLACK else 0.0
-        usable[members] = good
-    return FleetInputs(inputs=inputs, slack=slack, usable=usable, solved=len(heads))
+        program = component_program(rows, demand, members, int(height[head]), scale)
+        solution = _solve(program, solver)
+        is_finite = _take_in(solution.x, members, scale, (demand.low, demand.high), (inputs, slack))
+        if not (solution.solved and is_finite):
+            inputs[members] = brake()[members]
+            failed[members] = True
+    return FleetInputs(inputs=inputs, slack=slack, usable=~failed, solved=len(heads))
 
 
-def _solve_component(
-    rows: Rows, demand: Demand, members: IntArray, scale: float, solver: str
-) -> Solution:
-    program = component_program(rows, demand, members, scale)
+def _solve(program: QuadraticProgram, solver: str) -> Solution:
     if solver == "daqp":
         solution = solve_by_daqp(program)
         if solution.solved:
@@ -108,35 +103,50 @@ def _solve_component(
 
 
 def component_program(
-    rows: Rows, demand: Demand, members: IntArray, scale: float
+    rows: Rows, demand: Demand, members: IntArray, height: int, scale: float
 ) -> QuadraticProgram:
-    """Write the program of one component.
+    """Write the program of one component, which has ``height`` rows.
 
     Rows have unit length; the last variable is the slack divided by ``scale``.
     """
-    return QuadraticProgram(*_filled_program(rows, demand, members, scale))
+    columns = 2 * len(members) + 1
+    program = QuadraticProgram(
+        np.zeros((columns, columns)),
+        np.zeros(columns),
+        np.zeros((height, columns)),
+        np.zeros(columns + height),
+        np.empty(columns + height),
+    )
+    _fill_program(tuple(rows), tuple(demand), members, scale, tuple(program))
+    return program
 
 
 @njit(cache=True)
-def _filled_program(
-    rows: Rows, demand: Demand, members: IntArray, scale: float
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Fill the arrays of a :class:`QuadraticProgram`."""
+def _fill_program(
+    lines: tuple[Any, ...],
+    wanted: tuple[Any, ...],
+    members: IntArray,
+    scale: float,
+    program: tuple[Any, ...],
+) -> None:
+    """Fill the fields of a program whose arrays are 0 so far.
+
+    Args:
+        lines: fields of :class:`Rows`.
+        wanted: fields of :class:`Demand`.
+        members: robots of the program.
+        scale: of the slack.
+        program: fields of the :class:`QuadraticProgram`.
+    """
+    rows, demand = Rows(*lines), Demand(*wanted)
+    hessian, linear, matrix, lower, upper = program
     n = members.shape[0]
     columns, last = 2 * n + 1, 2 * n
     place = np.full(rows.own_count.shape[0], -1)  # of each robot among the members
     for k in range(n):
         place[members[k]] = k
-    height = 0
-    for k in range(n):
-        height += rows.own_count[members[k]]
-    for p in range(rows.pair.shape[0]):
-        height += place[rows.pair[p, 0]] >= 0 and place[rows.pair[p, 1]] >= 0
-    hessian = np.eye(columns)
-    linear = np.zeros(columns)
-    matrix = np.zeros((height, columns))
-    lower = np.zeros(columns + height)
-    upper = np.full(columns + height, UNBOUNDED)
+    hessian[last, last] = 1.0
+    upper[:] = UNBOUNDED
     row = 0
     for k in range(n):
         i = members[k]
@@ -150,7 +160,7 @@ def _filled_program(
             matrix[row, last] = rows.own_coupling[i, c] * scale
             lower[columns + row] = rows.own_bound[i, c]
             row += 1
-    for p in range(rows.pair.shape[0]):
+    for p in range(rows.pair_count[0]):
         a, b = place[rows.pair[p, 0]], place[rows.pair[p, 1]]
         if a < 0 or b < 0:
             continue
@@ -159,22 +169,40 @@ def _filled_program(
         matrix[row, last] = scale
         lower[columns + row] = rows.pair_bound[p]
         row += 1
-    for row in range(height):
+    for row in range(matrix.shape[0]):
         size = np.sqrt(np.sum(matrix[row] ** 2))
         matrix[row] /= size
         lower[columns + row] /= size
-    return hessian, linear, matrix, lower, upper
 
 
 @njit(cache=True)
-def _within_limits(x: Array, members: IntArray, low: Array, high: Array) -> tuple[Array, bool]:
-    """Clip the inputs ``(n, 2)`` of a solution ``(2 n + 1,)``; says whether all of it is finite."""
-    n = members.shape[0]
-    u = np.empty((n, 2))
-    finite = bool(np.isfinite(x[2 * n]))
-    for k in range(n):
+def _take_in(
+    x: Array,
+    members: IntArray,
+    scale: float,
+    limits: tuple[Array, Array],
+    result: tuple[Array, Array],
+) -> bool:
+    """Take in a solution.
+
+    Args:
+        x: ``(2 n + 1,)``.
+        members: ``(n,)`` robots of the program.
+        scale: of the slack.
+        limits: smallest and largest inputs ``(N, 2)``.
+        result: inputs ``(N, 2)`` and slacks ``(N,)``, filled for members.
+
+    Returns:
+        Whether all of it is finite.
+    """
+    low, high = limits
+    inputs, slack = result
+    needed = max(0.0, x[x.shape[0] - 1] * scale)
+    if not np.isfinite(x).all():
+        return False
+    for k in range(members.shape[0]):
+        i = members[k]
         for c in range(2):
-            value = x[2 * k + c]
-            finite = finite and np.isfinite(value)
-            u[k, c] = min(max(value, low[members[k], c]), high[members[k], c])
-    return u, finite
+            inputs[i, c] = min(max(x[2 * k + c], low[i, c]), high[i, c])
+        slack[i] = needed if needed > NO_SLACK else 0.0
+    return True

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,14 +32,13 @@ from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
 from mrta_falsify.stack.control.obstacles import (
     Clearances,
-    People,
     clearances_of,
     list_things,
-    people_in,
     seen_by_wrong_robot,
 )
 from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
 from mrta_falsify.stack.control.speed_limits import SpeedMargins, margins_of, speed_limits
+from mrta_falsify.stack.control.state import CrewView, people_in
 
 TIGHT = 0.01  # m beyond the body's half diagonal: nearer than that a turn on the spot may touch
 TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03 m at most
@@ -53,6 +52,7 @@ HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in vie
 class Scene:
     """What is to be steered, and among what."""
 
+    told: tuple[Any, ...]  #: what the view says, the fields of a :class:`CrewView`
     pose: Array  #: (N, 3) as the fleet knows it; the view's own object if that is the same
     points: Array  #: (N, S, 2) obstacle points [m], inf: none
     known: BoolArray  #: (N,) robots that are there
@@ -73,13 +73,9 @@ class InputLimits(NamedTuple):
     tight: BoolArray  #: (N,) has no room to turn on the spot
 
 
-class Law(NamedTuple):
-    """What is kept clear of, and how."""
-
-    kinds: Kinds  #: (3,) of KIND
-    clearances: Clearances
-    margins: SpeedMargins
-    rows_of_wrong_robot: bool  #: planted defect
+#: what is kept clear of, and how: (3,) of KIND, the fields of Clearances and of SpeedMargins, and
+#: whether rows are of the wrong robot, which is a planted defect
+Law = tuple[Kinds, tuple[Any, ...], tuple[Any, ...], bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,11 +105,11 @@ class Steering:
             Choice(options.dynamics, dict(options.dynamics_options)),
             where="stack.controller",
         )
-        self._law = Law(
-            kinds=kind_table(options),
-            clearances=clearances_of(options),
-            margins=margins_of(options),
-            rows_of_wrong_robot="cluster_rows_wrong_robot" in options.defects,
+        self._law: Law = (
+            kind_table(options),
+            tuple(clearances_of(options)),
+            tuple(margins_of(options)),
+            "cluster_rows_wrong_robot" in options.defects,
         )
         self._solver = options.solver
         self._slack_weight = options.slack_weight
@@ -134,33 +130,23 @@ class Steering:
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
-        movers = Movers(
-            pose=scene.pose,
-            velocity=motion.velocity,
-            direction=motion.direction,
-            speed=motion.speed,
-            effect=motion.effect,
-            limit=motion.limit,
-            max_speed=view.max_speed,
-            max_acceleration=view.max_acceleration,
-            known=scene.known,
-            group=scene.group,
+        reference = np.array(self._dynamics.reference(view, scene.wish), dtype=np.float64)
+        n, sectors, _ = scene.points.shape
+        low, high = np.empty((2, n, 2))
+        low_speed, high_speed = np.empty((2, n))
+        halt, tight = np.empty((2, n), dtype=np.bool_)
+        limits = InputLimits(low, high, low_speed, high_speed, halt, tight)
+        rows = room_for_rows(n, sectors + len(view.human_radius) + n)
+        _fill_program(
+            scene.told,
+            tuple(motion),
+            (scene.pose, scene.known, scene.group),
+            (scene.points, scene.share),
+            self._law,
+            tuple(limits),
+            tuple(rows),
+            reference,
         )
-        people, (n, sectors, _) = people_in(view), scene.points.shape
-        limits = _room_for_limits(n)
-        rows = room_for_rows(n, sectors + len(people.radius) + n)
-        pairs = _fill_constraints(
-            movers,
-            scene.points,
-            people,
-            scene.share,
-            (self._law, motion.drives_along, view.dt),
-            limits,
-            rows,
-        )
-        wanted = self._dynamics.reference(view, scene.wish)
-        reference = np.empty((n, 2))
-        _fill_within_reach(wanted, limits, motion.speed, view.dt, motion.drives_along, reference)
         return BarrierProgram(
             view=view,
             wish=scene.wish,
@@ -168,11 +154,7 @@ class Steering:
             reference=reference,
             weight=scene.weight,
             limits=limits,
-            rows=rows._replace(
-                pair=rows.pair[:pairs],
-                pair_row=rows.pair_row[:pairs],
-                pair_bound=rows.pair_bound[:pairs],
-            ),
+            rows=rows,
         )
 
     def solve(self, program: BarrierProgram, *, always: bool = False) -> FleetInputs:
@@ -194,41 +176,49 @@ class Steering:
         )
 
 
-def _room_for_limits(n: int) -> InputLimits:
-    """Make limits of ``n`` robots that can be filled."""
-    low, high = np.empty((2, n, 2))
-    low_speed, high_speed = np.empty((2, n))
-    halt, tight = np.empty((2, n), dtype=np.bool_)
-    return InputLimits(low, high, low_speed, high_speed, halt, tight)
-
-
 @njit(cache=True)
-def _fill_constraints(
-    movers: Movers,
-    points: Array,
-    people: People,
-    share: Array,
-    law: tuple[Law, bool, float],
-    limits: InputLimits,
-    rows: Rows,
-) -> int:
+def _fill_program(
+    view: tuple[Any, ...],
+    moves: tuple[Any, ...],
+    crew: tuple[Array, BoolArray, IntArray],
+    around: tuple[Array, Array],
+    law: Law,
+    range_: tuple[Any, ...],
+    lines: tuple[Any, ...],
+    inputs: Array,
+) -> None:
     """Find what limits the robots; one entry, because each call from Python costs.
 
     Args:
-        movers: all robots.
-        points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        people: who is about.
-        share: ``(N, N)`` as in :class:`Scene`.
-        law: what is kept clear of; whether the first input drives along; the control period [s].
-        limits: filled.
-        rows: filled.
-
-    Returns:
-        How many rows concern two robots.
+        view: fields of :class:`CrewView`.
+        moves: fields of :class:`Motion`.
+        crew: ``pose``, ``known`` and ``group`` of :class:`Scene`.
+        around: ``points`` and ``share`` of :class:`Scene`.
+        law: what is kept clear of.
+        range_: fields of :class:`InputLimits`, filled.
+        lines: fields of :class:`Rows`, filled.
+        inputs: ``(N, 2)`` wanted ones; brought within their limits.
     """
-    (kinds, clearances, margins, of_wrong_robot), drives_along, dt = law
+    told, motion = CrewView(*view), Motion(*moves)
+    limits, rows = InputLimits(*range_), Rows(*lines)
+    kinds, clearances, margins = law[0], Clearances(*law[1]), SpeedMargins(*law[2])
+    pose, known, group = crew
+    points, share = around
+    movers = Movers(
+        pose,
+        motion.velocity,
+        motion.direction,
+        motion.speed,
+        motion.effect,
+        motion.limit,
+        told.max_speed,
+        told.max_acceleration,
+        known,
+        group,
+    )
+    people, dt, drives_along = people_in(told), told.dt, motion.drives_along
     things = list_things(movers, points, people, share, clearances)
-    if of_wrong_robot:
+    if law[3]:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
         things.seen_from[:] = wrong
     gap = clearances.robot
@@ -240,20 +230,21 @@ def _fill_constraints(
     low, high = input_box(movers.limit, movers.speed, speeds.low, speeds.high, dt, drives_along)
     limits.low[:], limits.high[:] = low, high
     fill_own_rows(movers, low, high, things, kinds, rows)
-    return fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
+    fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
+    _bring_within_reach(inputs, limits, motion.speed, dt, drives_along)
 
 
 @njit(cache=True)
-def _fill_within_reach(
-    wanted: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool, inputs: Array
+def _bring_within_reach(
+    inputs: Array, limits: InputLimits, speed: Array, dt: float, drives_along: bool
 ) -> None:
-    """Fill inputs ``(N, 2)``: the wanted ones, brought within their limits.
+    """Bring wanted inputs ``(N, 2)`` within their limits.
 
     Robots that have no room to turn on the spot turn while they drive.
     """
     low, high = limits.low, limits.high
-    for i in range(wanted.shape[0]):
-        first, second = wanted[i, 0], wanted[i, 1]
+    for i in range(inputs.shape[0]):
+        first, second = inputs[i, 0], inputs[i, 1]
         turns = drives_along and limits.tight[i]
         turns = turns and abs(second) > TURNING and abs(speed[i]) < TIGHT_SPEED
         if turns and limits.high_speed[i] > 0.5 * TIGHT_SPEED:

@@ -25,16 +25,6 @@ class Wishes(NamedTuple):
     figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its wish
     reverse: BoolArray  #: (N,) who drives backwards
 
-    @classmethod
-    def room_for(cls, n: int) -> Wishes:
-        """Make wishes of ``n`` robots that can be filled."""
-        return cls(
-            np.empty((3, n), dtype=np.int64),
-            np.empty((n, 2)),
-            np.empty((3, n)),
-            np.empty(n, dtype=np.bool_),
-        )
-
 
 @njit(cache=True)
 def fill_wishes(

@@ -89,10 +89,6 @@ class CorridorTraffic:
         self._areas = [(i, queues[i].resource.release_area) for i in self._corridors]
         self._middle = {i: np.mean(area, axis=0) for i, area in self._areas}
 
-    def __bool__(self) -> bool:
-        """Whether there is any corridor."""
-        return bool(self._corridors)
-
     def step(
         self, travellers: Sequence[Traveller], memories: Sequence[QueueState], time: float
     ) -> tuple[list[Clearance], list[StackEvent]]:
@@ -270,6 +266,13 @@ class CorridorTraffic:
             robot.limit = min(robot.limit, stand)
             if stand <= STANDS:
                 robot.standing = Phase.SERVING
+
+
+def corridor_traffic(queues: Sequence[Queue]) -> CorridorTraffic | None:
+    """Give the rule by which robots pass the corridors among ``queues``; None: there are none."""
+    if all(queue.resource.kind == "room" for queue in queues):
+        return None
+    return CorridorTraffic(queues)
 
 
 def _waits_there(robot: _Progress) -> bool:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mrta_falsify.core.protocols import Waiter
+
+_robot_of = operator.attrgetter("robot")
+_arrival_of = operator.attrgetter("since", "robot")
+_urgency_of = operator.attrgetter("deadline", "since", "robot")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +28,7 @@ class Fifo:
 
     def order(self, waiters: Sequence[Waiter]) -> tuple[int, ...]:
         """See :class:`~mrta_falsify.core.protocols.QueuePolicy`."""
-        ordered = sorted(waiters, key=lambda waiter: (waiter.since, waiter.robot))
-        return tuple(waiter.robot for waiter in ordered)
+        return tuple(map(_robot_of, sorted(waiters, key=_arrival_of)))
 
 
 class DeadlineFirst:
@@ -37,5 +41,4 @@ class DeadlineFirst:
 
     def order(self, waiters: Sequence[Waiter]) -> tuple[int, ...]:
         """See :class:`~mrta_falsify.core.protocols.QueuePolicy`."""
-        ordered = sorted(waiters, key=lambda w: (w.deadline, w.since, w.robot))
-        return tuple(waiter.robot for waiter in ordered)
+        return tuple(map(_robot_of, sorted(waiters, key=_urgency_of)))

@@ -91,12 +91,13 @@ class Queue:
             return False
         for place, known in enumerate(state.waiters):
             if known.robot == waiter.robot:
-                state.waiters[place] = Waiter(
-                    robot=waiter.robot,
-                    since=known.since,
-                    distance=waiter.distance,
-                    deadline=waiter.deadline,
-                )
+                if (known.distance, known.deadline) != (waiter.distance, waiter.deadline):
+                    state.waiters[place] = Waiter(
+                        robot=waiter.robot,
+                        since=known.since,
+                        distance=waiter.distance,
+                        deadline=waiter.deadline,
+                    )
                 return False
         forgets = "fourth_waiter_dropped" in self._defects
         if forgets and len(state.waiters) >= FORGOTTEN_FROM:
@@ -111,9 +112,10 @@ class Queue:
 
     def place_of(self, state: QueueState, robot: int) -> int | None:
         """Place of a robot in the queue, 0 = head; None if it does not wait."""
-        if all(waiter.robot != robot for waiter in state.waiters):
-            return None
-        return self.order(state).index(robot)
+        for waiter in state.waiters:
+            if waiter.robot == robot:
+                return self.order(state).index(robot)
+        return None
 
     def has_place(self, state: QueueState) -> bool:
         """Whether one more robot may hold the resource."""

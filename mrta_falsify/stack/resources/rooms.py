@@ -14,7 +14,7 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import NO_POINTS, distance_of, inside, is_within
-from mrta_falsify.core.polyline import packed
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import Waiter, WaypointGenerator
 from mrta_falsify.core.world import Lane, Resource, World
 from mrta_falsify.stack.activity import Heading, Idle, Parking, Stalled, Waiting
@@ -55,10 +55,9 @@ class RoomTraffic:
             Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
             for resource in world.resources
         ]
-        self.grounds = Grounds(
-            *packed([np.asarray(queue.resource.request_area) for queue in self.queues]),
-            *packed([queue.spots.reshape(-1, 2) for queue in self.queues]),
-        )
+        areas = Polylines.of([np.asarray(queue.resource.request_area) for queue in self.queues])
+        spots = Polylines.of([queue.spots.reshape(-1, 2) for queue in self.queues])
+        self.grounds = Grounds(areas.points, areas.first, spots.points, spots.first)
         self.queue_of_room = {
             queue.resource.room: i
             for i, queue in enumerate(self.queues)
@@ -247,7 +246,7 @@ class RoomTraffic:
         self, queue: Queue, memory: QueueState, robot: int, mission: Mission, position: Array
     ) -> tuple[Mission, bool]:
         """Whether a holder gives the room back, and its mission then."""
-        if _heads_for(mission, queue):
+        if mission.itinerary and mission.itinerary[0].room == queue.resource.room:
             shut_out = (
                 bool(mission.way.failed) and bool(memory.waiters) and queue.is_left_at(position)
             )
@@ -326,8 +325,3 @@ def _room_of(robot: int, mission: Mission) -> tuple[object, ...]:
     room = mission.itinerary[0].room if mission.itinerary else -1
     keeps = not mission.way.failed and not isinstance(mission.activity, _OUTSIDE)
     return room, room if keeps else -1
-
-
-def _heads_for(mission: Mission, queue: Queue) -> bool:
-    """Whether the robot's next stop is in the room of ``queue``."""
-    return bool(mission.itinerary) and mission.itinerary[0].room == queue.resource.room
