@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 FIRST_LINE = 10.0  # s of work before a pipe gets its first line of progress
 NEXT_LINE = 30.0  # s between two such lines
+UNBOUNDED = 100_000  # columns, more than any table has
 LEAST_DONE = 0.01  # of all, after which the rate to date says how long the rest takes
 
 
@@ -91,10 +93,14 @@ def new_table(
 
 
 def print_table(table: Table) -> None:
-    """Print a table on stdout, as wide as the terminal; 80 columns wide in a pipe."""
+    """Print a table on stdout, as wide as the terminal or COLUMNS; in a pipe as wide as it is."""
     from rich.console import Console
 
-    Console(highlight=False, markup=False, emoji=False).print(table)
+    console = Console(highlight=False, markup=False, emoji=False)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        unbounded = console.options.update(max_width=UNBOUNDED)
+        console.width = console.measure(table, options=unbounded).maximum
+    console.print(table)
 
 
 # --- progress --------------------------------------------------------------------------------

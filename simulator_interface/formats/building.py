@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError
-from simulator_interface.formats.building_file import Edge, Level
+from simulator_interface.formats.building_file import STATIONS, Edge, Level, Vertex
 from simulator_interface.formats.building_graph import LaneGraph
 from simulator_interface.formats.floor_fields import (
     FloorFile,
@@ -45,22 +45,28 @@ class BuildingFloor:
 def floor_of_level(level: Level, where: str) -> BuildingFloor:
     """Make a floor of a level.
 
-    Named places become rooms; chargers and parking spots without a name, parking; unnamed holding
-    points, waiting spots of the nearest place. Between places robots drive along the lanes. Doors
-    on lanes are passed one by one, all others stay shut. A mutex group is a corridor for one robot.
+    Named places become rooms; chargers without a dispenser or ingestor, and parking spots without a
+    name, parking; unnamed holding points, waiting spots of the nearest place. Between places robots
+    drive along the lanes. Doors on lanes are passed one by one, all others stay shut. A mutex group
+    is a corridor for one robot.
 
     Args:
         level: to convert.
         where: what errors begin with.
 
     Raises:
-        FormatError: there are no lanes.
+        FormatError: there are no lanes, or no places.
     """
     graph = LaneGraph(level)
     if not graph.lanes:
         raise FormatError(f"{where}: level {level.name!r} has no lanes; robots could not drive")
     open_doors, shut_doors = _doors(level, graph)
     places = _places(level, graph)
+    if not places:
+        raise FormatError(
+            f"{where}: level {level.name!r} has no place for tasks; a place is a vertex with a "
+            f"name and a lane, and no charger unless it has {' or '.join(STATIONS)}"
+        )
     waiting, parking = _spots(level, graph, places)
     rooms = tuple(
         FloorRoom(
@@ -118,11 +124,15 @@ def _shape(level: Level, edge: Edge, name: str = "") -> FloorShape:
 # --- places ----------------------------------------------------------------------------------
 
 
+def _only_charges(vertex: Vertex) -> bool:
+    return vertex.has("is_charger") and not any(map(vertex.has, STATIONS))
+
+
 def _places(level: Level, graph: LaneGraph) -> dict[str, int]:
     """Find the vertices that tasks can name; a name that occurs again gets a number."""
     found: dict[str, int] = {}
     for k, vertex in enumerate(level.vertices):
-        if not vertex.name.strip() or k not in graph.touched or vertex.has("is_charger"):
+        if not vertex.name.strip() or k not in graph.touched or _only_charges(vertex):
             continue
         name, number = vertex.name, 1
         while name in found:
@@ -280,7 +290,7 @@ def _left_out(
     if shut:
         yield f"{len(shut)} doors without a lane: robots find them shut"
     if any(vertex.has("is_charger") for vertex in level.vertices):
-        yield "charging: chargers are parking places, robots have no battery"
+        yield "charging: chargers are parking places or rooms, robots have no battery"
     graphs = sorted({int(lane.parameters.get("graph_idx", 0)) for lane in graph.lanes})
     if len(graphs) > 1:
         yield f"the fleets of the graphs {', '.join(map(str, graphs))}: one fleet drives all lanes"

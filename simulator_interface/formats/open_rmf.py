@@ -78,7 +78,8 @@ def write_open_rmf(world: World, directory: Path) -> tuple[Path, ...]:
     """Write a building map and a dispatch script.
 
     Lanes are those of the world, or straight ones between the rooms of each task if it has none.
-    A corridor, door or lift for one robot becomes a mutex of the lanes inside. Furniture becomes
+    A corridor, door or lift for one robot becomes a mutex of the lanes inside. Rooms are where
+    goods are picked up and dropped off, starts are chargers, a room may be both. Furniture becomes
     walls. Tasks become patrols from the pick-up to the drop-off. Deadlines, service times, people,
     noise and events have no counterpart.
 
@@ -108,7 +109,8 @@ def building_map(world: World) -> dict[str, Any]:
     """Make the data of a building map."""
     graph = _Graph()
     for room in world.rooms:
-        graph.vertex(room.point, room.name)
+        at = typed(room.name)
+        graph.vertex(room.point, room.name, pickup_dispenser=at, dropoff_ingestor=at)
     areas = [
         (resource.name, Polygon(resource.request_area))
         for resource in world.resources

@@ -18,8 +18,10 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.world import RobotSpec, Task
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.verbs.floor_import import import_floor
+from scenic_worlds.layouts import layout_names, load_layout, load_world, world_names
 from scenic_worlds.layouts.derivation import derive_layout
 from simulator_interface.formats.floor_yaml import read_floor
+from simulator_interface.formats.open_rmf import write_open_rmf
 from simulator_interface.simulate import simulate
 from tests import drawn_buildings
 
@@ -230,6 +232,57 @@ def _delivers(floor, tasks, *, radius, robots=2, horizon=600.0):
 
 def test_robots_deliver_in_a_building(file):
     assert _delivers(read_floor(file), [(0, 1), (2, 0), (1, 2)], radius=0.22) == 3
+
+
+def test_a_charger_with_a_dispenser_is_a_place_and_no_parking(file):
+    data = yaml.safe_load(drawn_buildings.text())
+    vertices = data["levels"]["ground"]["vertices"]
+    (charger,) = [vertex for vertex in vertices if vertex[4].get("spawn_robot_name") == [1, "ada"]]
+    charger[4]["pickup_dispenser"] = [1, "coke_dispenser"]
+    file.write_text(yaml.safe_dump(data))
+    floor = read_floor(file)
+    assert charger[3] in [room.name for room in floor.rooms]
+    assert floor.parking == pytest.approx(np.array([[1.5, -1.5]]))
+    assert [name for name, _ in floor.starts] == ["ada", "bob"]
+
+
+def test_a_building_of_chargers_alone_has_no_place_for_tasks(file):
+    data = yaml.safe_load(drawn_buildings.text())
+    for vertex in data["levels"]["ground"]["vertices"]:
+        vertex[4]["is_charger"] = [4, True]
+    file.write_text(yaml.safe_dump(data))
+    with pytest.raises(InputError, match="'ground' has no place for tasks; a place is a vertex"):
+        read_floor(file)
+
+
+def _with_starts_in_rooms(layout):
+    robots = tuple(
+        RobotSpec(name=f"r{i}", pose=frozen_array([*room.point, 0.0]), radius=0.22)
+        for i, room in enumerate(layout.rooms[:3])
+    )
+    return dataclasses.replace(layout, robots=robots)
+
+
+@pytest.mark.parametrize("name", [*layout_names(), *world_names()])
+def test_a_written_layout_is_read_with_the_same_rooms(name, tmp_path):
+    """Robots start in rooms, which become chargers, and stay rooms."""
+    is_layout = name in layout_names()
+    world = _with_starts_in_rooms(load_layout(name)) if is_layout else load_world(name)
+    building, _ = write_open_rmf(world, tmp_path)
+    read = read_floor(building)
+    derived = derive_layout(read, radius=0.22)
+    assert [room.name for room in derived.rooms] == [room.name for room in world.rooms]
+    for room, before in zip(derived.rooms, world.rooms, strict=True):
+        assert room.point == pytest.approx(before.point, abs=0.01)
+    assert {(lane.start, lane.end) for lane in derived.lanes} == {
+        (lane.start, lane.end) for lane in world.lanes
+    }
+    assert [start for start, _ in read.starts] == [robot.name for robot in world.robots]
+
+
+def test_robots_deliver_between_the_rooms_that_they_started_in(tmp_path):
+    building, _ = write_open_rmf(_with_starts_in_rooms(load_layout("hospital")), tmp_path)
+    assert _delivers(read_floor(building), [(0, 1), (1, 2)], radius=0.22) == 2
 
 
 @pytest.mark.slow
