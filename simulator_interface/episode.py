@@ -160,7 +160,9 @@ class Episode:
     def _new_crowd(self) -> Crowd:
         # People plan on the true map, whatever the stack's own map leaves out.
         true_map = registry.build("costmap", PEOPLES_MAP).bind(self.world)
-        model = registry.build("human_model", self.config.human_model)
+        # Where nobody walks, it does not matter whether an old record's model is still there.
+        choice = self.config.human_model if self.world.humans else StackConfig().human_model
+        model = registry.build("human_model", choice)
         planner = registry.build("planner", StackConfig().planner)
         return Crowd(world=self.world, model=model, planner=planner, source=true_map, dt=self.dt)
 

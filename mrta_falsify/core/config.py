@@ -52,7 +52,7 @@ class StackConfig:
     planner: Choice = Choice("astar")
     costmap: Choice = Choice("layered")
     controller: Choice = Choice("cluster_cbf")
-    human_model: Choice = Choice("social_force")
+    human_model: Choice = Choice("by_sight")
     engine: Choice = Choice(default_engine())
     control_rate: int = quantity(low=5, high=100, unit="Hz", default=20)
     defects: tuple[str, ...] = ()  #: planted defects switched on, sorted

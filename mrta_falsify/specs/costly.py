@@ -7,6 +7,7 @@ Robustness is the factor minus the run's costs as a multiple of the reference's.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -138,7 +139,7 @@ class CostlyWay(_Costly):
     _least = LEAST_WAY
 
     def _kind_of(self, costs: Costs) -> float | None:
-        return sum(costs.way)
+        return math.fsum(costs.way)
 
 
 class CostlyTime(_Costly):

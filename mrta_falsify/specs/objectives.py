@@ -9,6 +9,7 @@ specification cannot tell safe from safer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 
 from mrta_falsify.core.verdict import Verdict
@@ -71,7 +72,7 @@ def search_score(margins: dict[str, float], then: Collection[str] = ()) -> float
     worst = min(counted)
     if worst < 0.0:
         return worst
-    mean = sum(counted) / len(counted)
+    mean = math.fsum(counted) / len(counted)
     return (1.0 - MEAN_SHARE) * worst + MEAN_SHARE * mean
 
 

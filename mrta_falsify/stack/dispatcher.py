@@ -261,8 +261,8 @@ class Dispatcher:
 
     def _cost(self, answer: Allocation) -> float:
         drops = [s for plan in answer.itineraries for s in plan if s.action == "dropoff"]
-        late = sum(max(0.0, s.time - self._tasks[s.task].deadline) for s in drops)
-        return sum(s.time for s in drops) + LATENESS_WEIGHT * late
+        late = math.fsum(max(0.0, s.time - self._tasks[s.task].deadline) for s in drops)
+        return math.fsum(s.time for s in drops) + LATENESS_WEIGHT * late
 
     # --- the allocator's view ---------------------------------------------------------------
 

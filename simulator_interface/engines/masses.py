@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def read_mass(urdf: Path) -> PlanarMass:
         places.append(frame[:2, 3])
         up = frame[2, :3]  # the upright axis in the inertial's frame
         inertia += float(up @ _inertia(inertial.find("inertia")) @ up)
-    total = float(sum(masses))
+    total = math.fsum(masses)
     if total <= 0.0:
         raise FormatError(f"{urdf}: no link has a mass; an engine with contact needs one")
     at = np.array(places)

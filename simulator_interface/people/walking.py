@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
@@ -126,7 +127,7 @@ class Walking:
         last = len(points) if repeat else len(points) - 1
         legs = [self.way(points[i], points[(i + 1) % len(points)]) for i in range(last)]
         lengths = [way_length(leg) for leg in legs]
-        walked = share * sum(lengths)
+        walked = share * math.fsum(lengths)
         for i, (leg, length) in enumerate(zip(legs, lengths, strict=True)):
             if len(leg) and (walked <= length or i == len(legs) - 1):
                 point, rest = _cut(leg, min(walked, length))

@@ -142,7 +142,7 @@ def test_a_stack_is_not_compared_with_itself(call, tmp_path):
 
 def test_engine_and_people_are_those_of_the_stack_under_test(tmp_path):
     (tmp_path / "other.yaml").write_text("engine: bullet\nallocator: nearest\n")
-    tested = mf.load_stack(None, ["engine=kinematic", "human_model=constant_velocity"])
+    tested = mf.load_stack(None, ["engine=kinematic", "human_model.room=0.3"])
     other = load_other_stack(tmp_path / "other.yaml", tested)
     assert other.engine == tested.engine
     assert other.human_model == tested.human_model

@@ -133,6 +133,7 @@ def test_a_world_that_does_not_exist_lists_the_shipped_ones(cli):
     ("setting", "parts"),
     [
         ("planer=astar", ["unknown layer 'planer'; did you mean 'planner'?"]),
+        ("human_model=social_force", ["unknown human_model 'social_force'. Known: by_sight"]),
         ("planner=astr", ["--set planner=astr: ", "unknown planner 'astr'; did you mean 'astar'?"]),
         ("costmap.resolution=-0.05", ["costmap: resolution is -0.05 m; it must be > 0"]),
         ("costmap.resolutoin=0.1", ["costmap: resolutoin is not a known field", "'resolution'"]),
@@ -152,6 +153,7 @@ def test_a_wrong_setting_is_refused(cli, setting, parts):
     ("text", "parts"),
     [
         ("planner: astr\n", ["planner: unknown planner 'astr'"]),
+        ("human_model: social_force\n", ["human_model: unknown human_model 'social_force'"]),
         ("plannr: astar\n", ["plannr is not a known field; did you mean 'planner'?"]),
         ("costmap: {resolution: .nan}\n", ["costmap: resolution is nan m; it must be finite"]),
         ("costmap: [1\n", ["is not valid YAML"]),

@@ -6,6 +6,7 @@ import pytest
 from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec
 from simulator_interface.episode import Episode
 from simulator_interface.people.crowd import Crowd
@@ -29,7 +30,7 @@ def crowd_of(world):
     source = registry.build("costmap", Choice("layered", {"robot_radius": 0.3})).bind(world)
     return Crowd(
         world=world,
-        model=registry.build("human_model", Choice("social_force")),
+        model=registry.build("human_model", StackConfig().human_model),
         planner=registry.build("planner", Choice("astar")),
         source=source,
         dt=0.05,
@@ -79,6 +80,15 @@ def test_a_person_who_left_is_no_longer_perceived():
         assert np.isfinite(seen).all() == (frame.sensed.time < 1.0)
         if frame.sensed.time > 2.0:
             break
+
+
+def test_a_model_that_is_no_more_is_refused_only_where_people_walk():
+    old = dataclasses.replace(KINEMATIC, human_model=Choice("social_force"))
+    world = ward(walker([[3.0, 2.0], [12.0, 2.0]]), horizon=1.0)
+    with pytest.raises(UnknownNameError, match=r"'social_force'.*by_sight"):
+        simulate(world, old)
+    empty = dataclasses.replace(world, humans=())
+    assert simulate(empty, old).trace.digest == simulate(empty, KINEMATIC).trace.digest
 
 
 def test_a_run_is_a_function_of_world_and_configuration():

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_humans import crowd
-
-from mrta_falsify.stack.by_sight import BySight
-
-
-def by_sight():
-    return BySight(BySight.Options())
+from test_humans import by_sight, crowd
 
 
 def walk(position, target, seconds=12.0, **changes):

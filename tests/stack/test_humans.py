@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import copy
-import time
 
 import numpy as np
 import pytest
 from control_course import box, edge_distance
 
 from mrta_falsify.core.protocols import CrowdView
-from mrta_falsify.stack.humans import ConstantVelocity, SocialForce
+from mrta_falsify.stack.by_sight import BySight
 
 
 def crowd(position, target, **changes):
@@ -35,13 +34,13 @@ def crowd(position, target, **changes):
     return CrowdView(**values)
 
 
-def social():
-    return SocialForce(SocialForce.Options())
+def by_sight():
+    return BySight(BySight.Options())
 
 
 def walk(position, target, seconds=20.0, **changes):
     """Tracks ``(K, H, 2)`` until everyone has arrived."""
-    model = social()
+    model = by_sight()
     view = crowd(position, target, **changes)
     tracks = [view.position]
     for _ in range(round(seconds / view.dt)):
@@ -67,7 +66,7 @@ def test_two_people_pass_each_other_on_the_right(walls):
     tracks = walk([(-3, 0), (3, 0)], [(3, 0), (-3, 0)], walls=walls)
     assert np.linalg.norm(tracks[-1] - [[3, 0], [-3, 0]], axis=1).max() < 0.35
     gap = np.linalg.norm(tracks[:, 0] - tracks[:, 1], axis=1)
-    assert gap.min() > 0.4
+    assert gap.min() > 0.6
     assert tracks[gap.argmin(), 0, 1] < 0  # walks east, passes south
 
 
@@ -118,40 +117,17 @@ def test_person_who_stands_inside_a_wall_can_walk_out():
 
 def test_speed_is_capped_and_absent_people_do_not_move():
     view = crowd([(0, 0), (0.2, 0)], [(5, 0), (5, 0)], desired_speed=np.array([1.0, 2.0]))
-    speed = np.linalg.norm(social().velocities(view), axis=1)
+    speed = np.linalg.norm(by_sight().velocities(view), axis=1)
     assert speed[0] <= 1.3 + 1e-9
-    assert speed[1] <= 1.5 + 1e-9
+    assert speed[1] <= 2.6 + 1e-9
     away = crowd([(0, 0)], [(5, 0)], present=np.zeros(1, dtype=bool))
-    np.testing.assert_array_equal(social().velocities(away), 0.0)
+    np.testing.assert_array_equal(by_sight().velocities(away), 0.0)
 
 
 def test_model_can_be_copied_without_copying_the_walls():
-    model = social()
+    model = by_sight()
     view = crowd([(0, 0)], [(5, 0)], walls=np.array([(1.0, -1.0, 1.0, 1.0)]))
     before = model.velocities(view)
     copied = copy.deepcopy(model)
     np.testing.assert_array_equal(copied.velocities(view), before)
     assert copied._grid is model._grid
-
-
-def test_eight_people_among_two_thousand_walls_take_a_fraction_of_a_millisecond():
-    rng = np.random.default_rng(0)
-    start = rng.uniform(0, 40, (2000, 2))
-    walls = np.hstack([start, start + rng.uniform(-0.3, 0.3, (2000, 2))])
-    position = rng.uniform(0, 40, (8, 2))
-    view = crowd(position, position + 1, walls=walls, robots=position[:6] + 0.8)
-    model = social()
-    model.velocities(view)
-    spent = []
-    for _ in range(50):
-        begin = time.perf_counter()
-        model.velocities(view)
-        spent.append(time.perf_counter() - begin)
-    assert min(spent) < 0.15e-3
-
-
-def test_constant_velocity_stops_at_its_point():
-    model = ConstantVelocity(ConstantVelocity.Options())
-    np.testing.assert_allclose(model.velocities(crowd([(0, 0)], [(5, 0)])), [[1, 0]])
-    np.testing.assert_allclose(model.velocities(crowd([(0, 0)], [(0.01, 0)])), [[0.2, 0]])
-    np.testing.assert_array_equal(model.velocities(crowd([(1, 0)], [(1, 0)])), [[0, 0]])

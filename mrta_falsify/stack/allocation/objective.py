@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
@@ -59,12 +60,12 @@ def objective_value(problem: AllocationProblem, answer: Allocation, objective: O
     deadline = {task.number: task.deadline for task in problem.tasks}
     drops = [s for stops in answer.itineraries for s in stops if s.action == "dropoff"]
     if objective == "completion":
-        return sum(stop.time for stop in drops)
+        return math.fsum(stop.time for stop in drops)
     if objective == "makespan":
         return max((stop.time for stop in drops), default=problem.now)
     if objective == "lateness":
-        return sum(max(0.0, stop.time - deadline[stop.task]) for stop in drops)
-    return sum(
+        return math.fsum(max(0.0, stop.time - deadline[stop.task]) for stop in drops)
+    return math.fsum(
         stops[-1].time - max(plan.free_at, problem.now)
         for plan, stops in zip(problem.robots, answer.itineraries, strict=True)
         if stops
