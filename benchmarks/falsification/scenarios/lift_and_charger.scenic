@@ -19,7 +19,7 @@ new Charger with name 'floor_charger', at (Range(9.8, 10.6), 0),
 
 param horizon = 150
 param tasks = [
-    delivery(Range(0, 10), start, end, slack=49, service=Range(0, 4))
+    delivery(Range(0, 10), start, end, slack=56, service=Range(0, 4))
     for start, end in [
         (2, 'lift_0'), (3, Uniform('lift_0', 'charger_0')), (4, 'charger_0'), (5, Uniform(2, 3)),
     ]
