@@ -23,6 +23,7 @@ import scenic
 from scenic.core.distributions import RejectionException, Samplable
 from scipy.stats import chi2_contingency, ks_2samp
 
+from benchmarks import holm
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.primitives import randomness
