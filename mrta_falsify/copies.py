@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.core.probability import chance_of_failure
 from mrta_falsify.core.record import Jittered, OtherRun
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import leading
@@ -31,6 +32,13 @@ class Comparison(NamedTuple):
     jittered: Jittered | None  #: None: no copies were run
     other: OtherRun | None
     their_run: Judged | None = None  #: of the other stack, of the world itself
+
+
+class Margin(NamedTuple):
+    """A margin that copies tell, and how uncertain it is."""
+
+    mean: float
+    variance: float
 
 
 NO_COPIES = Comparison(None, None)  #: of a run that is not judged by copies
@@ -85,13 +93,33 @@ def _counted(runs: Sequence[Judged], told: Sequence[dict[str, float]]) -> Jitter
     """Count copies; ``told`` are the margins of the world and of its copies for the search."""
     if not runs:
         return None
+    expected = {name: expected_margin([of[name] for of in told if name in of]) for name in told[0]}
     return Jittered(
         runs=len(runs),
         failed=sum(one.is_sought for one in runs),
-        objectives={
-            name: float(np.mean([of[name] for of in told if name in of])) for name in told[0]
-        },
+        objectives={name: margin.mean for name, margin in expected.items()},
+        noise={name: margin.variance for name, margin in expected.items() if margin.variance},
     )
+
+
+def expected_margin(margins: Sequence[float]) -> Margin:
+    """Say what a margin is near a world, as far as copies tell.
+
+    Copies tell the chance of failure, as a posterior of some width. The margin is that of runs that
+    fail with this chance, otherwise that of runs that pass: 0 where there are none. So all of few
+    copies is told as less certain than all of many, and a knife edge as next to nothing.
+
+    Args:
+        margins: of the world itself, then of its copies. The world itself does not count for the
+            chance: it was chosen because it fails.
+    """
+    failing = [margin for margin in margins if margin < 0.0]
+    passing = [margin for margin in margins if margin >= 0.0]
+    if not failing:
+        return Margin(float(np.mean(passing)), 0.0)
+    chance = chance_of_failure(sum(margin < 0.0 for margin in margins[1:]), len(margins) - 1)
+    bad, good = float(np.mean(failing)), float(np.mean(passing)) if passing else 0.0
+    return Margin(good + chance.mean * (bad - good), chance.variance * (bad - good) ** 2)
 
 
 # --- the other stack ----------------------------------------------------------------------
@@ -176,16 +204,15 @@ def is_decided(failed: int, runs: int, most: int) -> bool:
 def trial_score(judged: Judged, said: Comparison) -> float:
     """Compute what a search minimises of a trial, below 0 only for what it looks for.
 
-    Of a failure with copies it is the share of runs that fail, negated. Where two stacks are
-    compared, it is the smaller one of that share and of the share in which the other one passes.
+    Of a failure with copies it is the chance that a copy fails, negated. Where two stacks are
+    compared, it is the smaller one of that chance and of the chance that the other one passes.
     """
     score = search_score(judged.margins, judged.then)
     if said.jittered is None:
         if said.other is None:
             return score
         return differing(score, said.other.score)
-    share = said.jittered.share
+    chance = said.jittered.chance.mean
     if said.other is not None and said.other.jittered is not None:
-        copies = said.other.jittered  # the world itself, in which it passes, counts too
-        share = min(share, 1.0 - copies.failed / (copies.runs + 1))
-    return -share
+        chance = min(chance, 1.0 - said.other.jittered.chance.mean)
+    return -chance

@@ -132,10 +132,13 @@ class AutoSampler:
         margin = max(1.0 - feedback.nearness, LEAST)
         known = feedback.objectives.get(DEADLOCK, margin)
         objectives = {**feedback.objectives, NEAR_DEADLOCK: min(margin, known)}
+        noise = dict(feedback.noise)
+        if known < margin and DEADLOCK in noise:
+            noise[NEAR_DEADLOCK] = noise[DEADLOCK]
         score = feedback.score
         if not feedback.failed:
             score = (1.0 - SLOPE) * score + SLOPE * margin
-        return dataclasses.replace(feedback, objectives=objectives, score=score)
+        return dataclasses.replace(feedback, objectives=objectives, noise=noise, score=score)
 
     def _worth(self, feedback: Feedback) -> float:
         if feedback.fate != "judged":

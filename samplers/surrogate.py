@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter as Counts
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -43,7 +44,7 @@ class SurrogateSampler:
     Gonzalez et al. 2016), and the less the more often that specification was violated already. Of
     failures with one signature only the first has children, so that other ones are looked for.
     Where robust failures are wanted the rough part is noise: what only it violates is a knife
-    edge.
+    edge. A margin that few copies tell has a variance, which is noise of that result alone.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,33 +131,28 @@ class SurrogateSampler:
         results = self.results()
         seen = self._features.of(np.array([feedback.u for feedback in results]))
         inside = _Parts.between(seen, seen)
-        varying = _varying(results)
-        if varying:
-            margins = np.array(list(varying.values())).T
-            values = (margins - margins.mean(axis=0)) / margins.std(axis=0)
-            self._models = dict(zip(varying, _likeliest(inside, values), strict=True))
+        self._models = {}
+        for alike in _grouped(_varying(results), lambda margin: margin.noise.tobytes()):
+            self._models |= _likeliest(inside, alike)
 
     def _promise(self, candidates: Array) -> Array:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
         results = self.results()
         points = np.array([feedback.u for feedback in results])
         seen, asked = self._features.of(points), self._features.of(candidates)
-        varying = _varying(results)
-        alike: dict[_Model, list[str]] = {}
-        for name in varying:
-            alike.setdefault(self._models.get(name, DEFAULT), []).append(name)
-        lengths = sorted({model.length for model in alike})
+        margins = _varying(results)
+        models = {margin.name: self._models.get(margin.name, DEFAULT) for margin in margins}
+        lengths = sorted({model.length for model in models.values()})
         inside, across = _Parts.between(seen, seen, lengths), _Parts.between(seen, asked, lengths)
         prior = _Parts.of_points(asked)
         chances = [np.full(len(candidates), -50.0)]
-        for model, names in alike.items():
-            margins = np.array([varying[name] for name in names]).T
-            centre, scale = margins.mean(axis=0), margins.std(axis=0)
+        for alike in _grouped(margins, lambda of: (models[of.name], of.noise.tobytes())):
+            model = models[alike[0].name]
             mean, deviation = model.predict(
-                inside, across, prior, (margins - centre) / scale, robust=self._options.robust
+                inside, across, prior, alike, robust=self._options.robust
             )
-            z = -(centre + scale * mean) / (scale * deviation[:, None])
-            known = np.array([self._violations[name] for name in names])
+            z = -(np.array([of.centre / of.scale for of in alike]) + mean) / deviation[:, None]
+            known = np.array([self._violations[of.name] for of in alike])
             chances.extend((log_ndtr(z) - np.log1p(known)).T)
         promise: Array = logsumexp(np.array(chances), axis=0)
         failed = [i for i, feedback in enumerate(results) if feedback.failed]
@@ -260,20 +256,25 @@ class _Model:
             return far
         return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
 
-    def factor(self, inside: _Parts) -> Array:
+    def factor(self, inside: _Parts, noise: Array) -> Array:
         """Factor the covariance of results: lower Cholesky factor ``(n, n)``."""
-        covariance = self.kernel(inside)
-        return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
+        return np.asarray(np.linalg.cholesky(self.kernel(inside) + np.diag(NUGGET + noise)))
 
-    def log_likelihood(self, inside: _Parts, values: Array) -> Array:
-        """Compute the log marginal likelihood ``(v,)`` of columns ``(n, v)``, up to a constant."""
-        lower = self.factor(inside)
-        solved = solve_triangular(lower, values, lower=True)
+    def log_likelihood(self, inside: _Parts, margins: Sequence[_Margin]) -> Array:
+        """Compute log marginal likelihoods ``(v,)`` of margins of one noise, up to constants."""
+        lower = self.factor(inside, margins[0].noise)
+        solved = solve_triangular(lower, _columns(margins), lower=True)
         likelihood: Array = -0.5 * (solved**2).sum(axis=0) - np.log(np.diag(lower)).sum()
         return likelihood
 
     def predict(
-        self, inside: _Parts, across: _Parts, prior: _Parts, values: Array, *, robust: bool
+        self,
+        inside: _Parts,
+        across: _Parts,
+        prior: _Parts,
+        margins: Sequence[_Margin],
+        *,
+        robust: bool,
     ) -> tuple[Array, Array]:
         """Predict means ``(m, v)`` and standard deviations ``(m,)`` at the points asked about.
 
@@ -281,12 +282,12 @@ class _Model:
             inside: parts between the results.
             across: parts between results and the points asked about.
             prior: parts of the latter with themselves.
-            values: ``(n, v)`` of the results, one column per quantity with these weights.
+            margins: those with these weights, v, all of one noise.
             robust: leave the rough part out of what is predicted.
         """
         solved = solve_triangular(
-            self.factor(inside),
-            np.column_stack([self.kernel(across, robust=robust), values]),
+            self.factor(inside, margins[0].noise),
+            np.column_stack([self.kernel(across, robust=robust), _columns(margins)]),
             lower=True,
         )
         points = len(prior.linear)
@@ -298,18 +299,44 @@ class _Model:
 DEFAULT = _Model(LINEAR[1], LENGTHS[0], ROUGHS[1])  # of a margin that has only begun to vary
 
 
-def _varying(results: Sequence[Feedback]) -> dict[str, Array]:
-    """Collect the margins ``(n,)`` of the specifications that tell results apart, by name."""
-    names = sorted({name for feedback in results for name in feedback.objectives})
-    margins = {
-        name: np.array([feedback.objectives.get(name, 1.0) for feedback in results])
-        for name in names
-    }
-    return {name: values for name, values in margins.items() if np.ptp(values) > SPARE}
+class _Margin(NamedTuple):
+    """A margin of n results, shifted and scaled to mean 0 and variance 1."""
+
+    name: str
+    values: Array  #: (n,)
+    noise: Array  #: (n,) variances of the values
+    centre: float
+    scale: float
 
 
-def _likeliest(inside: _Parts, values: Array) -> list[_Model]:
-    """Choose the model of largest marginal likelihood for each column of ``values`` ``(n, v)``."""
+def _varying(results: Sequence[Feedback]) -> list[_Margin]:
+    """Collect the margins of the specifications that tell results apart, in order of names."""
+    margins = []
+    for name in sorted({name for feedback in results for name in feedback.objectives}):
+        told = np.array([feedback.objectives.get(name, 1.0) for feedback in results])
+        if np.ptp(told) > SPARE:
+            centre, scale = float(told.mean()), float(told.std())
+            noise = np.array([feedback.noise.get(name, 0.0) for feedback in results]) / scale**2
+            margins.append(_Margin(name, (told - centre) / scale, noise, centre, scale))
+    return margins
+
+
+def _grouped(margins: Iterable[_Margin], key: Callable[[_Margin], Hashable]) -> list[list[_Margin]]:
+    """Put margins together that need one factor."""
+    groups: dict[Hashable, list[_Margin]] = {}
+    for margin in margins:
+        groups.setdefault(key(margin), []).append(margin)
+    return list(groups.values())
+
+
+def _columns(margins: Sequence[_Margin]) -> Array:
+    """Stack the values, ``(n, v)``."""
+    return np.array([margin.values for margin in margins]).T
+
+
+def _likeliest(inside: _Parts, margins: Sequence[_Margin]) -> dict[str, _Model]:
+    """Choose the model of largest marginal likelihood for each of margins of one noise."""
     models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS)]
-    likelihoods = np.array([model.log_likelihood(inside, values) for model in models])
-    return [models[i] for i in likelihoods.argmax(axis=0)]
+    likelihoods = np.array([model.log_likelihood(inside, margins) for model in models])
+    best = likelihoods.argmax(axis=0)
+    return {margin.name: models[i] for margin, i in zip(margins, best, strict=True)}

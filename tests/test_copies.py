@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mrta_falsify.campaigns.runner import feedback_of
 from mrta_falsify.campaigns.statistics import chance_in_copies, failure_probability
-from mrta_falsify.copies import judged_by_copies, trial_score
+from mrta_falsify.copies import expected_margin, judged_by_copies, trial_score
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import Jittered, OtherRun, TrialRecord
@@ -135,8 +135,8 @@ def test_a_failure_of_both_stacks_is_told_as_a_world_that_passes(hall):
 def test_the_score_is_the_smaller_share(hall):
     all_here, _ = compared(hall, (-1, -1, -1), (1, 1, 1, 1))
     once_there, _ = compared(hall, (-1, -1, -1), (1, -1, 1, 1, 1))
-    assert all_here.score == -1.0
-    assert once_there.score == pytest.approx(-0.8)
+    assert all_here.score == pytest.approx(-4 / 5)  # of Beta(4, 1); the other one passes 4 of 4
+    assert once_there.score == pytest.approx(-2 / 3)  # of Beta(4, 2)
     knife_edge, _ = compared(hall, (-1, 1, 1), (1,))
     assert all_here.score < once_there.score < knife_edge.score < 0.0
 
@@ -164,7 +164,33 @@ def test_without_another_stack_nothing_is_asked_of_one(hall):
     said = judged_by_copies(hall, judged, COPIES, one)
     assert said.other is None
     assert record_of(said, judged).wanted
-    assert record_of(said, judged).score == -1.0
+    assert record_of(said, judged).score == pytest.approx(-4 / 5)
+
+
+def test_few_copies_tell_a_margin_less_surely_than_many():
+    few, many = expected_margin([-0.5] * 4), expected_margin([-0.5] * 21)
+    assert few.mean == pytest.approx(-0.5 * 4 / 5)
+    assert few.mean > many.mean > -0.5
+    assert few.variance > 4.0 * many.variance > 0.0
+
+
+def test_a_knife_edge_is_told_as_worlds_beside_it_and_as_unsure(hall):
+    one = Stack(0.4, 0.4)
+    said = judged_by_copies(hall, run(-0.8), COPIES, one)
+    told = feedback_of(record_of(said, run(-0.8)), Cube(dimensions=1))
+    assert told.objectives == {"no_deadlock": pytest.approx(0.4 - 1.2 / 4)}
+    assert told.noise == {"no_deadlock": pytest.approx(1.2**2 * 3 / 80)}
+
+
+def test_a_margin_that_no_run_violates_is_the_mean_and_certain():
+    assert expected_margin([0.25, 0.75]) == (0.5, 0.0)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=2, max_size=8))
+def test_an_expected_margin_lies_between_those_of_runs_and_a_bare_pass(margins):
+    told = expected_margin(margins)
+    assert min(margins) - 1e-12 <= told.mean <= max(*margins, 0.0) + 1e-12
+    assert told.variance >= 0.0
 
 
 @given(margin=st.floats(-1, 1), other=st.floats(-1, 1))

@@ -1,38 +1,94 @@
-"""The frozen benchmark suite is whole."""
+"""The frozen benchmark suites are whole."""
 
 from __future__ import annotations
 
+import functools
+
 import pytest
 
-from benchmarks.falsification.suite import HERE, read_suite
+from benchmarks import holm
+from benchmarks.falsification.ablation import PARTS
+from benchmarks.falsification.pairs import HERE, SUITES, read_suite
+from mrta_falsify.core import registry
+from mrta_falsify.core.codec import digest
 from mrta_falsify.specs.library import build_specifications
 from scenic_worlds.program import compile_program
 
-PAIRS = read_suite()
+PAIRS = {version: read_suite(version) for version in SUITES}
+NAMED = [(version, name) for version, pairs in PAIRS.items() for name in pairs]
 
 
-def test_there_are_at_least_ten_pairs_and_five_hard_ones():
-    halves = [pair.half for pair in PAIRS.values()]
-    assert len(halves) >= 10
-    assert halves.count("hard") >= 5
+def worlds(version: str, name: str, count: int = 1):
+    program = _program(PAIRS[version][name].path)
+    return [program.realise(program.candidate(number)).world for number in range(count)]
 
 
-@pytest.mark.parametrize("name", list(PAIRS))
-def test_a_pair_names_layers_defects_and_specifications_that_exist(name):
-    pair = PAIRS[name]
+@functools.cache
+def _program(path):
+    return compile_program(path)
+
+
+def test_there_are_at_least_ten_pairs_each_and_five_hard_ones():
+    for pairs in PAIRS.values():
+        halves = [pair.half for pair in pairs.values()]
+        assert len(halves) >= 10
+        assert halves.count("hard") >= 5
+
+
+@pytest.mark.parametrize(("version", "name"), NAMED)
+def test_a_pair_names_layers_defects_and_specifications_that_exist(version, name):
+    pair = PAIRS[version][name]
     assert pair.stack.engine.name == "kinematic"
-    build_specifications(pair.specifications)
+    specifications, last = pair.judged_by
+    build_specifications(specifications)
+    assert set(last) < set(specifications)
+
+
+def test_most_pairs_of_v2_are_of_the_default_stack_and_few_are_about_deadlines():
+    pairs = PAIRS["v2"].values()
+    own = [
+        pair
+        for pair in pairs
+        if not pair.defects and set(pair.settings) <= {"human_model=by_sight"}
+    ]
+    assert len(own) >= 6
+    assert sum("deadlines" not in pair.judged_by[1] for pair in pairs) <= 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", sorted({pair.scenario for pair in PAIRS.values()}))
-def test_a_scenario_of_the_suite_gives_a_world_of_a_small_ward(scenario):
-    program = compile_program(HERE / "scenarios" / f"{scenario}.scenic")
-    world = program.realise(program.candidate(0)).world
+@pytest.mark.parametrize("name", list(PAIRS["v1"]))
+def test_a_scenario_of_v1_gives_a_world_of_a_small_ward(name):
+    (world,) = worlds("v1", name)
     assert 1 <= len(world.robots) <= 5
     assert world.horizon <= 200.0
 
 
+@pytest.mark.slow
+def test_v2_has_the_worlds_it_promises():
+    found = {name: worlds("v2", name, 2) for name in PAIRS["v2"]}
+    first = {name: two[0] for name, two in found.items()}
+    on_aws = [w for w in first.values() if "day_surgery" in {room.name for room in w.rooms}]
+    assert sum(len(w.robots) == 6 and len(w.humans) == 8 for w in on_aws) >= 4
+    assert sum(len(w.robots) >= 12 for w in first.values()) >= 2
+    assert sum(w.horizon > 180.0 for w in first.values()) <= 2
+    walls = [[digest(world.walls) for world in two] for two in found.values()]
+    assert sum(one != other for one, other in walls) >= 2
+    kinds = [{resource.kind for resource in w.resources} for w in first.values()]
+    assert sum(bool(of & {"door", "elevator", "charger"}) for of in kinds) >= 2
+
+
 def test_every_scenario_file_is_of_some_pair():
     files = {path.stem for path in (HERE / "scenarios").glob("*.scenic")}
-    assert files == {pair.scenario for pair in PAIRS.values()}
+    assert files == {pair.scenario for pairs in PAIRS.values() for pair in pairs.values()}
+
+
+@pytest.mark.parametrize("name", list(PARTS))
+def test_auto_without_a_part_can_be_built(name):
+    sampler = registry.build("sampler", PARTS[name], where=name)
+    assert sampler.ask().number == 0
+
+
+def test_p_values_are_corrected_for_how_many_there_are():
+    assert holm.adjusted([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm.adjusted([0.5, 0.9]) == pytest.approx([1.0, 1.0])
+    assert holm.adjusted([]) == []

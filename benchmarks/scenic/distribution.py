@@ -23,6 +23,7 @@ import scenic
 from scenic.core.distributions import RejectionException, Samplable
 from scipy.stats import chi2_contingency, ks_2samp
 
+from benchmarks import holm
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.seeding import stream
 from scenic_worlds.primitives import randomness
@@ -117,11 +118,7 @@ def main() -> None:
             flush=True,
         )
     found.sort()
-    rejected = 0
-    for i, (p, _) in enumerate(found):
-        if p > arguments.level / (len(found) - i):
-            break
-        rejected += 1
+    rejected = sum(p <= arguments.level for p in holm.adjusted([p for p, _ in found]))
     below = np.mean([p < 0.05 for p, _ in found])
     print(f"{len(found)} tests, {100 * below:.1f} % below 0.05, smallest:")
     for p, name in found[:5]:

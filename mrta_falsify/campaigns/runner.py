@@ -148,7 +148,7 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
     A failure only in what is looked for last is none to it, nor is one that the other stack shares
-    where two are compared. Of a failure with copies it is told the mean margins, so a knife edge
+    where two are compared. Of a failure with copies it is told the margins to expect: a knife edge
     looks like the passing worlds around it. The signature of a knife edge differs from that of a
     robust failure, so a sampler that looks for other kinds of failure leaves knife edges.
     """
@@ -159,6 +159,7 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
         fate="judged" if judged else "rejected",
         score=record.score,
         objectives=_margins_told(record),
+        noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
         failed=record.is_sought,
         signature=_kind(record) if record.is_sought else "",

@@ -109,10 +109,15 @@ def found_share(searches: Sequence[SearchCost]) -> IntervalEstimate:
 
 
 def log_rank(one: Sequence[SearchCost], other: Sequence[SearchCost]) -> float:
-    """Compute the p-value of the log-rank test that both need equally long; 1 without failures."""
+    """Compute the p-value of the log-rank test that both need equally long.
+
+    It is 1 where there is nothing to compare: no failure while both were still searching.
+    """
     if not any(search.found for search in (*one, *other)):
         return 1.0
-    return float(stats.logrank(_censored(one), _censored(other)).pvalue)
+    with np.errstate(invalid="ignore"):
+        p = float(stats.logrank(_censored(one), _censored(other)).pvalue)
+    return 1.0 if np.isnan(p) else p
 
 
 def _censored(searches: Sequence[SearchCost]) -> stats.CensoredData:

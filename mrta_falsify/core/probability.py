@@ -3,6 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Chance(NamedTuple):
+    """What runs tell of a chance of failure: its mean and its variance."""
+
+    mean: float
+    variance: float
+
+
+def chance_of_failure(failed: int, runs: int) -> Chance:
+    """Compute the posterior of a chance that may be anything beforehand, Beta(1 + f, 1 + r - f).
+
+    When the runs ended may hang on what they showed; the posterior is the same.
+
+    Args:
+        failed: runs that failed.
+        runs: all runs.
+    """
+    mean = (failed + 1) / (runs + 2)
+    return Chance(mean, mean * (1.0 - mean) / (runs + 3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from typing import Literal
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.external import Coupling
-from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.probability import Chance, Probability, chance_of_failure
 from mrta_falsify.core.verdict import Verdict
 
 #: ok: simulated and judged; rejected: no scene; crashed, timeout: the toolkit failed
@@ -26,7 +26,8 @@ class Jittered:
     runs: int
     failed: int  #: of them
     objectives: dict[str, float] = field(default_factory=dict)
-    """Mean margins of all runs, the world's own included; see specs.objectives."""
+    """Margins as copies tell them (:func:`mrta_falsify.copies.expected_margin`)."""
+    noise: dict[str, float] = later(dict)  #: variances of these, where above 0
 
     def __str__(self) -> str:
         """Write it as in ``3 of 4 copies with small differences fail too``."""
@@ -38,9 +39,9 @@ class Jittered:
         return 2 * self.failed > self.runs
 
     @property
-    def share(self) -> float:
-        """Of all runs that fail, the world itself included: above 0, at most 1."""
-        return (self.failed + 1) / (self.runs + 1)
+    def chance(self) -> Chance:
+        """Of failure among copies of this world."""
+        return chance_of_failure(self.failed, self.runs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

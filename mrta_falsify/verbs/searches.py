@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,8 @@ class ComparisonPlan:
     budget: int
     first_seed: int = 0
     stop_after: int = 1  #: failures, 0: run the budget out
+    #: what a name stands for that is no sampler's own
+    choices: Mapping[str, Choice] = field(default_factory=dict)
 
     @property
     def limits(self) -> Limits:
@@ -199,4 +201,6 @@ def _mark(plan: ComparisonPlan, directory: Path) -> None:
 
 def _settings(plan: ComparisonPlan, name: str, seed: int, folder: Path) -> CampaignSettings:
     trials = dataclasses.replace(plan.settings.trials, seed=seed, directory=str(folder.resolve()))
-    return dataclasses.replace(plan.settings, trials=trials, sampler=Choice(name))
+    return dataclasses.replace(
+        plan.settings, trials=trials, sampler=plan.choices.get(name, Choice(name))
+    )

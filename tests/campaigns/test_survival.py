@@ -38,6 +38,7 @@ def test_the_log_rank_test_tells_quick_from_slow_and_not_equal_from_equal():
     assert survival.log_rank(quick, slow) < 1e-3
     assert survival.log_rank(quick, quick) == pytest.approx(1.0)
     assert survival.log_rank(_searches([], [9, 9]), _searches([], [9])) == 1.0
+    assert survival.log_rank(_searches([], [5]), _searches([7])) == 1.0  # nobody left to compare
 
 
 @pytest.mark.parametrize(

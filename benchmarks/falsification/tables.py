@@ -1,0 +1,161 @@
+"""What the searches of a suite came to: rows, curves, modes, confirmation."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from benchmarks import holm
+from benchmarks.falsification.pairs import Pair
+from benchmarks.falsification.pools import pool_folder, pool_outcomes, rate_row
+from mrta_falsify.campaigns.journal import read_rows
+from mrta_falsify.campaigns.store import SETTINGS
+from mrta_falsify.core import codec
+from mrta_falsify.verbs.search_outcomes import (
+    SamplerRow,
+    SearchOutcome,
+    sampler_rows,
+    survival_curves,
+)
+from mrta_falsify.verbs.searches import outcomes
+from mrta_falsify.verbs.stored_trials import open_campaign
+from reports.figure_searches import Curve, write_searches
+
+CONFIRMED = "confirmed.jsonl"
+ALL = "all pairs"
+RANDOM = "random"
+Rows = dict[str, tuple[SamplerRow, ...]]
+
+
+def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
+    """Rows per pair and for all pairs together, as JSON, and survival curves.
+
+    Where copies were run once for robust failures and once for all.
+    """
+    pairs = list(pairs)
+    options.output.mkdir(parents=True, exist_ok=True)
+    out: dict[str, Any] = {"budget": options.budget, "rates": rate_rows(pairs, options.directory)}
+    kinds = {"searches": False} | ({"searches_with_knife_edges": True} if options.jittered else {})
+    for kind, knife_edges in kinds.items():
+        rows, panels = searches_table(pairs, options, knife_edges=knife_edges)
+        out[kind], corrected = rows, corrected_p(rows)
+        out[f"{kind}_holm_p"] = corrected
+        write_searches(panels, options.budget, options.output / f"{kind}.png")
+        print_rows(rows, corrected)
+    out["modes"] = modes_table(pairs, options)
+    out["confirmation"] = confirmation(options.directory)
+    path = options.output / "results.json"
+    path.write_text(json.dumps(codec.finite(codec.encode(out)), indent=1) + "\n", encoding="utf-8")
+    print(json.dumps({name: out[name] for name in ("rates", "modes", "confirmation")}, indent=1))
+
+
+def rate_rows(pairs: Iterable[Pair], directory: Path) -> list[dict[str, Any]]:
+    """Sum up the pools that there are."""
+    folders = {pair.name: pool_folder(directory, pair) for pair in pairs}
+    return [
+        rate_row(name, open_campaign(folder).records)
+        for name, folder in folders.items()
+        if (folder / SETTINGS).exists()
+    ]
+
+
+def searches_table(
+    pairs: Iterable[Pair], options: argparse.Namespace, *, knife_edges: bool
+) -> tuple[Rows, dict[str, dict[str, Curve]]]:
+    """Rows and survival curves of the searches, per pair and of all pairs together.
+
+    The searches of ``random`` are those of its pool where there is one.
+    """
+    rows: Rows = {}
+    panels: dict[str, dict[str, Curve]] = {}
+    pooled: dict[str, list[SearchOutcome]] = {}
+    for pair in pairs:
+        plan = pair.plan(options.directory, options)
+        found = outcomes(plan, options.directory / "searches" / pair.name, knife_edges=knife_edges)
+        drawn = pool_outcomes(
+            options.directory, pair, budget=options.budget, knife_edges=knife_edges
+        )
+        if drawn:
+            found = {RANDOM: drawn} | {name: of for name, of in found.items() if name != RANDOM}
+        if not found:
+            continue
+        rows[pair.name] = sampler_rows(found, options.budget)
+        panels[pair.name] = survival_curves(found)
+        for name, told in found.items():
+            pooled.setdefault(name, []).extend(told)
+    rows[ALL] = sampler_rows(pooled, options.budget)
+    panels[ALL] = survival_curves(pooled)
+    return rows, panels
+
+
+def corrected_p(rows: Rows) -> dict[str, dict[str, float]]:
+    """Correct the tests of each sampler against the first one for the number of pairs (Holm)."""
+    found: dict[str, dict[str, float]] = {}
+    for pair, of in rows.items():
+        for row in of[1:] if pair != ALL else ():
+            found.setdefault(row.sampler, {})[pair] = row.log_rank_p
+    return {
+        name: dict(zip(by_pair, holm.adjusted(list(by_pair.values())), strict=True))
+        for name, by_pair in found.items()
+    }
+
+
+def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Distinct failure modes per 1000 simulations, of searches that ran their budget out."""
+    rows = []
+    for pair in pairs:
+        root = options.directory / "modes" / pair.name
+        for folder in sorted(path.parent for path in root.glob(f"*/*/{SETTINGS}")):
+            campaign = open_campaign(folder)
+            records = [record for record in campaign.records if record.status == "ok"]
+            kinds = {"failed": [record for record in records if record.is_sought]}
+            if campaign.settings.trials.jittered:
+                kinds["robust"] = [record for record in records if record.wanted]
+            row = {"pair": pair.name, "sampler": folder.parent.name, "seed": int(folder.name)}
+            row["trials"] = len(records)
+            for kind, of in kinds.items():
+                row[kind] = len(of)
+                row[f"{kind}_modes"] = sorted({record.signature for record in of})
+                row[f"{kind}_first"] = records.index(of[0]) + 1 if of else None
+            rows.append(row)
+    return rows
+
+
+def confirmation(directory: Path) -> dict[str, Any]:
+    """Share of the searches' failures that physics confirms, by pair and by copies that fail."""
+    rows = list(read_rows(directory / CONFIRMED))
+    by_pair: dict[str, list[bool]] = {}
+    by_copies: dict[str, list[bool]] = {}
+    for row in rows:
+        by_pair.setdefault(row["pair"], []).append(row["confirmed"])
+        if row["jittered"] is not None:
+            copies = "{} of {}".format(*row["jittered"])
+            by_copies.setdefault(copies, []).append(row["confirmed"])
+    return {
+        "failures": len(rows),
+        "confirmed": sum(row["confirmed"] for row in rows),
+        "by_pair": {name: f"{sum(of)} of {len(of)}" for name, of in by_pair.items()},
+        "by_copies": {name: f"{sum(of)} of {len(of)}" for name, of in sorted(by_copies.items())},
+    }
+
+
+def print_rows(rows: Rows, corrected: dict[str, dict[str, float]]) -> None:
+    """Print the searches as a table in Markdown."""
+    heads = ("Pair", "Sampler", "Found", "Simulations", "Per failure", "Seconds", "p", "Holm")
+    print(f"| {' | '.join(heads)} |")
+    print("|---" * len(heads) + "|")
+    for pair, of in rows.items():
+        for row in of:
+            rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
+            per = row.simulations_per_failure
+            adjusted = corrected.get(row.sampler, {}).get(pair)
+            print(
+                f"| {pair} | `{row.sampler}` | {rate.value:.0%} of {row.searches} "
+                f"[{rate.low:.0%}, {rate.high:.0%}] | {mean.value:.1f} "
+                f"[{mean.low:.1f}, {mean.high:.1f}] | {per.value:.0f} "
+                f"[{per.low:.0f}, {per.high:.0f}] | {row.seconds_to_failure:.0f} | "
+                f"{row.log_rank_p:.2g} | {'' if adjusted is None else f'{adjusted:.2g}'} |"
+            )
