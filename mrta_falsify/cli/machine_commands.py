@@ -51,8 +51,10 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
     "engines",
     type=component("engine"),
     multiple=True,
+    default=("bullet", "kinematic"),
+    show_default=True,
     metavar="NAME",
-    help="Run the fleets on this engine as well. Repeatable.",
+    help="Run the fleets on this engine beside the stack's own. Repeatable.",
 )
 @stack_options
 @format_option
@@ -67,14 +69,15 @@ def bench_command(
     """Measure the speed of every layer on this machine, on one core."""
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.bench.benchmark import bench, step_count
+    from mrta_falsify.verbs.stacks import load_stack
 
-    with output.progress("bench", step_count(robots, engines), "steps") as on_progress:
+    config = load_stack(stack, settings)
+    with output.progress("bench", step_count(robots, engines, config), "steps") as on_progress:
         speeds = bench(
             robots=robots,
             seconds=seconds,
             engines=engines,
-            stack=stack,
-            settings=settings,
+            stack=config,
             on_progress=on_progress,
         )
     if style == "json":

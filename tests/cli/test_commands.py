@@ -282,7 +282,11 @@ def test_bench_has_the_fields_of_the_contract(cli):
     result = cli("bench", "--robots", "6", "--seconds", "15", "--format", "json")
     assert result.exit_code == 0, result.stderr
     data = json.loads(result.stdout)
-    assert set(data["real_time_factor"]["6"]) >= {"mean", "min", "busy_min"}
+    assert set(data["engines"]) == {"kinematic"}
+    for fleets in (data["real_time_factor"], *data["engines"].values()):
+        assert set(fleets) == {"6"}
+        assert set(fleets["6"]) >= {"mean", "min", "busy_min", "calls", "stages_ms"}
+        assert 0.0 < fleets["6"]["cpu_factor"]["min"] <= fleets["6"]["cpu_factor"]["mean"]
     assert set(data["cbf_qp_ms"]) == {"1", "2", "3", "6"}
     assert set(data["cbf_qp_ms"]["1"]) == {"p50", "p99"}
     assert set(data["plan_ms"]) == {"cold_p95", "warm_p95"}

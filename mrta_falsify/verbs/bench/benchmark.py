@@ -27,6 +27,7 @@ from scenic_worlds.variation import vary_world
 from simulator_interface.episode import Episode
 
 WORLD = "aws_hospital_day"
+ENGINES = ("bullet", "kinematic")  # on which fleets run
 CLUSTERS = (1, 2, 3, 6)  # robots in one cluster, as in MRTA-Sim's table
 ENGINE_FLEET = 6  # robots that drive circles to time the engine alone
 ENGINE_SECONDS = 30.0  # s of it at most
@@ -35,16 +36,21 @@ WARM_UP = 40  # ticks that load or compile all compiled code
 MOST_ROBOTS = 1000  # in a fleet
 
 
-def step_count(robots: Sequence[int], engines: Sequence[str] = ()) -> int:
+def step_count(robots: Sequence[int], engines: Sequence[str], config: StackConfig) -> int:
     """Count the steps that :func:`bench` reports on the way."""
-    return len(robots) * (1 + len(engines)) + len(CLUSTERS) + OTHER_STEPS
+    return len(robots) * (1 + len(_others(engines, config))) + len(CLUSTERS) + OTHER_STEPS
+
+
+def _others(engines: Sequence[str], config: StackConfig) -> list[str]:
+    """List the engines that are not the stack's own, each once."""
+    return [name for name in dict.fromkeys(engines) if name != config.engine.name]
 
 
 def bench(
     *,
     robots: Sequence[int] = (6, 24, 50, 100, 200),
     seconds: float = 60.0,
-    engines: Sequence[str] = (),
+    engines: Sequence[str] = ENGINES,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
     on_progress: Callable[[float], None] = lambda done: None,
@@ -54,7 +60,7 @@ def bench(
     Args:
         robots: fleet sizes to run with all layers and 8 people.
         seconds: simulated time per fleet [s], >= 10.
-        engines: on which the fleets are run beside the stack's own.
+        engines: on which the fleets are run; always on the stack's own.
         stack: the stack, or its YAML file; the default stack if None.
         settings: ``--set`` texts applied to the stack.
         on_progress: called with the number of finished steps.
@@ -66,10 +72,12 @@ def bench(
         raise ConfigError(f"robots is {robots}; it must be numbers from 1 to {MOST_ROBOTS}")
     config = load_stack(stack, settings)
     world = vary_world(load_world(WORLD), 0)
-    others = {name: dataclasses.replace(config, engine=Choice(name)) for name in engines}
+    others = {
+        name: dataclasses.replace(config, engine=Choice(name)) for name in _others(engines, config)
+    }
     for other in others.values():
         registry.build("engine", other.engine)
-    steps = iter(range(1, step_count(robots, engines) + 1))
+    steps = iter(range(1, step_count(robots, engines, config) + 1))
 
     def step() -> None:
         on_progress(next(steps))

@@ -28,7 +28,7 @@ from mrta_falsify.stack.pipeline import Stack
 from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.stopwatch import Stopwatch
-from mrta_falsify.verbs.bench.timing_values import FleetSpeed, milliseconds
+from mrta_falsify.verbs.bench.timing_values import Factor, FleetSpeed, milliseconds
 from simulator_interface.guard import Guard
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import EpisodeRun
@@ -113,8 +113,10 @@ def _time_fleet(world: World, config: StackConfig, robots: int, seconds: float) 
         tick_p50_ms=milliseconds(wall, 50.0),
         tick_p99_ms=milliseconds(wall, 99.0),
         copies=robots <= COPIED_UP_TO,
-        cpu_mean=_mean_factor(np.diff(cpu), per_sample * dt),
-        cpu_min=_worst_factor(np.diff(cpu), per_sample * dt),
+        cpu_factor=Factor(
+            mean=_mean_factor(np.diff(cpu), per_sample * dt),
+            min=_worst_factor(np.diff(cpu), per_sample * dt),
+        ),
         calls=calls,
         stages_ms={name: round(1000.0 * spent / ticks, 4) for name, spent in stages.items()},
     )

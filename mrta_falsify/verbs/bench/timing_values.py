@@ -13,6 +13,14 @@ from mrta_falsify.core.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Factor:
+    """Simulated time over time spent."""
+
+    mean: float
+    min: float  #: over any 10 s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FleetSpeed:
     """Speed of a whole run: real-time factors, and time of a tick [ms]."""
 
@@ -24,8 +32,7 @@ class FleetSpeed:
     tick_p50_ms: float
     tick_p99_ms: float
     copies: bool  #: whether the oracle and `repeatable` had copies of the run to ask
-    cpu_mean: float  #: simulated time over CPU time, copies included
-    cpu_min: float  #: the same over any 10 s
+    cpu_factor: Factor  #: by CPU time, copies included
     calls: int  #: Python functions called in a tick without events, median
     stages_ms: dict[str, float]  #: mean wall time of each stage of a tick, without inner ones
 
@@ -61,7 +68,7 @@ class Speeds:
     """What ``bench --format json`` prints; keys are numbers of robots."""
 
     real_time_factor: dict[str, FleetSpeed]  #: on the stack's engine
-    engines: dict[str, dict[str, FleetSpeed]]  #: the same on other engines, by their names
+    engines: dict[str, dict[str, FleetSpeed]]  #: the same on each other engine, by its name
     cbf_qp_ms: dict[str, CallTimes | None]  #: assembly and solve; None for foreign controllers
     control_ms: dict[str, CallTimes]  #: the whole controller
     qp_init_ms: float  #: first call of a fresh controller
