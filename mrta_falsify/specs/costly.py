@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -91,6 +91,7 @@ class _Costly:
         del dt
         self._meter = CostMeter(world)
         self._highest = RunningMin(self._spec, self._factor)
+        self._dearest: dict[str, Any] = {}
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
@@ -102,18 +103,14 @@ class _Costly:
             return
         margin = self._factor - own / max(known, self._least)
         if margin < self._highest.margin:
-            evidence = {
-                "run": own,
-                "reference": known,
-                "factor": self._factor,
-                "time": frame.sensed.time,
-            }
-            self._highest.note(margin, frame.sensed.time, (), evidence)
+            now = frame.sensed.time
+            self._dearest = {"run": own, "reference": known, "factor": self._factor, "time": now}
+            self._highest.note(margin, now, (), {})
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         missing = self._missing()
-        return unjudged(self._spec, missing) if missing else self._highest.verdict()
+        return unjudged(self._spec, missing) if missing else self._highest.verdict(**self._dearest)
 
     def _missing(self) -> str:
         """Say why the costs cannot be compared, empty: they can."""

@@ -10,12 +10,13 @@ from mrta_falsify.core.verdict import Verdict
 
 @dataclass(slots=True)
 class RunningMin:
-    """The smallest margin so far, where that was, and who has violated the specification."""
+    """The smallest margin so far, and what happened when the specification was first violated."""
 
     spec: str  #: name
     margin: float  #: in the specification's unit; at first the largest possible
-    evidence: dict[str, Any] = field(default_factory=dict)  #: of the moment of ``margin``
-    who: tuple[str, ...] = ()  #: empty as long as nothing is violated
+    #: of the first violation; before there is one, of the moment of ``margin``
+    evidence: dict[str, Any] = field(default_factory=dict)
+    who: tuple[str, ...] = ()  #: of the first violation, empty as long as there is none
     violated_at: float | None = None  #: [s]
 
     def note(
@@ -29,11 +30,12 @@ class RunningMin:
             who: robots, people or tasks that violate it, if it is violated.
             evidence: of the moment.
         """
-        self.margin, self.evidence = margin, evidence
+        self.margin = margin
+        if self.violated_at is not None:
+            return
+        self.evidence = evidence
         if margin < 0.0:
-            self.who = who
-            if self.violated_at is None:
-                self.violated_at = time
+            self.who, self.violated_at = who, time
 
     def verdict(self, **more: Any) -> Verdict:
         """Give the verdict to date.
