@@ -23,6 +23,15 @@ from mrta_falsify.specs.deadlock.place_kind import place_kind
 
 #: evidence that tells modes of one specification apart
 TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
+#: what holds a robot that gets no nearer, by cause; any other cause: nothing that is seen
+HELD_BY = {
+    "barrier": "robot",
+    "cluster": "robot",
+    "queue": "robot",
+    "human": "person",
+    "wall": "solid",
+    "no-path": "solid",
+}
 #: whether a robot ahead stands in the way or merely goes first may hang on a centimetre
 SAME_IN_A_CYCLE = {"cluster": "barrier"}
 
@@ -42,6 +51,7 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     if verdict.spec != DEADLOCK:
         told = [first_claim(verdict.evidence)]
         told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+        told += [_holders(verdict)] if verdict.spec == "progress" else []
         return "/".join(part for part in (verdict.spec, *told) if part)
     account = wait_account(verdict)
     place = first_deadlock(verdict.evidence).get("place")
@@ -49,6 +59,14 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     took_part = _object_kinds(account.objects)
     where = f"{where} with {took_part}".strip() if took_part else where
     return "/".join(part for part in (verdict.spec, canonical_cycle(account), where) if part)
+
+
+def _holders(verdict: Verdict) -> str:
+    """Name the kinds of what holds the robot; empty if the evidence does not tell."""
+    causes = verdict.evidence.get("causes")
+    if not isinstance(causes, Sequence) or isinstance(causes, str):
+        return ""
+    return "+".join(sorted({HELD_BY[one] for one in causes if one in HELD_BY})) or "nothing"
 
 
 def canonical_cycle(account: WaitAccount) -> str:

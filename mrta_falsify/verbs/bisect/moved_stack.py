@@ -31,7 +31,6 @@ def repository_of(config: StackConfig, specifications: Sequence[str]) -> Reposit
         places = [Path(config.stack.folder)]
     found = {repository for place in places if (repository := _repository_with(place)) is not None}
     tops = sorted(str(repository.top) for repository in found)
-    tops = sorted(str(repository.top) for repository in found if repository is not None)
     if len(tops) == 1:
         return Repository(Path(tops[0]))
     if tops:
