@@ -180,8 +180,9 @@ def test_copies_say_which_failures_are_robust(campaign):
     robust = {row["id"]: 2 * row["jittered_failures"] > row["jittered"] for row in failures}
     assert data["robust"] == sum(robust.values())
     for row in failures:
-        share = (row["jittered_failures"] + 1) / (row["jittered"] + 1)
-        assert row["score"] == pytest.approx(-share)
+        # The mean of the chance of failure, Beta(1 + f, 1 + n - f).
+        chance = (row["jittered_failures"] + 1) / (row["jittered"] + 2)
+        assert row["score"] == pytest.approx(-chance)
     # The same copies, run by another command, which runs all of them.
     again = json.loads(call("corpus", folder / "j", "--jittered", 3, "--format", "json").stdout)
     assert {row["id"]: row["jittered_failures"] > 1 for row in again["failures"]} == robust
