@@ -11,16 +11,14 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.trial import Job, run_job
+from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 
 
 def run_seed(seed: int, world_name: str, settings: tuple[str, ...]) -> dict[str, object]:
-    config = StackConfig()
-    for setting in settings:
-        config = apply_setting(config, setting)
+    config = load_stack(settings=settings)
     world = vary_world(load_world(world_name), seed)
     outcome = run_job(Job(world=world, config=config), keep_trace=False)
     return {

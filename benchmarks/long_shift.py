@@ -16,13 +16,14 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrta_falsify.core.config import StackConfig, apply_setting
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import Task, World, write_world
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.fleet_speed import processes_seconds
+from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.guard import guarded
@@ -96,9 +97,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], dest="settings")
     parser.add_argument("-o", "--output", type=Path)
     args = parser.parse_args()
-    config = StackConfig()
-    for setting in args.settings:
-        config = apply_setting(config, setting)
+    config = load_stack(settings=args.settings)
     world = shift_world(args.hours, args.every, args.seed, args.robots)
     marks: list[Mark] = []
 

@@ -1,6 +1,6 @@
 """What allocation and planning cost with many robots: share of CPU, and goal fields known already.
 
-    python -m benchmarks.planning.scale [--world NAME] [--seconds S] [--set human_model=by_sight]
+    python -m benchmarks.planning.scale [--world NAME] [--seconds S] [--set LAYER=NAME]
 
 Three worlds on the hospital: 24 robots with 96 tasks at once, 100 robots with 200 tasks arriving
 over ten minutes, and 24 robots of the long shift. Each is a whole run with all default
@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.long_shift import shift_world
 from mrta_falsify.core import registry
-from mrta_falsify.core.config import StackConfig, apply_setting
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.library import build_specifications
@@ -27,6 +27,7 @@ from mrta_falsify.stack.planning.astar import AStar
 from mrta_falsify.stack.planning_service import PlanningService
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.stopwatch import Stopwatch
+from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from simulator_interface.costmap_layers import BoundCostmap
 from simulator_interface.simulate import EpisodeRun
@@ -126,9 +127,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], dest="settings")
     parser.add_argument("--format", choices=["text", "json"], default="text")
     arguments = parser.parse_args()
-    config = apply_setting(StackConfig(), "engine=kinematic")
-    for setting in arguments.settings:
-        config = apply_setting(config, setting)
+    config = load_stack(settings=["engine=kinematic", *arguments.settings])
     load_kernels(config)
     for name in arguments.world or WORLDS:
         build, seconds = WORLDS[name]

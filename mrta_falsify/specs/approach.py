@@ -64,14 +64,13 @@ class Approach:
         away = np.hypot(*(position - intent.goal).T)
         anew = (frame.served != self._served) | np.isnan(away)
         self._served = frame.served
-        is_over = (anew | (away <= AT_GOAL)).tolist()
+        is_over = anew | (away <= AT_GOAL)
+        self.since[is_over], self.travelled[is_over] = sensed.time, 0.0
         goals, left = intent.goal.tolist(), self._left(intent.path, position)
         for i in range(self.robots):
             if anew[i]:
                 self._best[i] = []
-            if is_over[i]:
-                self.since[i], self.travelled[i] = sensed.time, 0.0
-            elif len(intent.path[i]):
+            if len(intent.path[i]) and not is_over[i]:
                 way = (*goals[i], *intent.path[i][-1].tolist())
                 if self._improves(i, way, left[i]):
                     self.restart(i, sensed.time)

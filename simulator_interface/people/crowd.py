@@ -1,8 +1,8 @@
 """People on their routes and scripts: where each goes, and the model that moves them.
 
 A route is a list of points; the way between two of them is planned on the costmap, so that
-no route leads through a bed. The model sees one point of the way only, at
-most as far ahead as its sight.
+no route leads through a bed. The model sees one point of the way only, at most as far ahead as its
+sight.
 """
 
 from __future__ import annotations

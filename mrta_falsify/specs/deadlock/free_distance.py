@@ -16,7 +16,6 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.plane import distance_of
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
 
@@ -39,16 +38,6 @@ class FreeDistance:
     def __post_init__(self) -> None:
         self.free = SolidGrid(self.world).lasting_free()
         self._west, self._south = self.world.bounds[:2].tolist()
-
-    def between(self, position: Point, goal: Point) -> float:
-        """Measure the way from ``position`` to ``goal``, both ``(2,)`` [m].
-
-        Without a way, or nearby, it is the straight distance.
-        """
-        way = float(self.map_to(goal)[self._cell(position)])
-        if DETOUR_FROM < way < math.inf:
-            return way
-        return float(distance_of(np.asarray(position), np.asarray(goal)))
 
     def cells_of(self, positions: Array) -> IntArray:
         """Number the cells of a map, as ``map_to`` gives it, in which positions ``(N, 2)`` lie."""
@@ -78,11 +67,8 @@ class FreeDistance:
         return found
 
     def _cell(self, point: Point) -> tuple[int, int]:
-        rows, cols = self.free.shape
-        x, y = point
-        row = math.floor((y - self._south) / GRID_CELL)
-        col = math.floor((x - self._west) / GRID_CELL)
-        return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
+        number = int(self.cells_of(np.array([point], dtype=np.float64))[0])
+        return divmod(number, int(self.free.shape[1]))
 
 
 @functools.lru_cache(maxsize=1)

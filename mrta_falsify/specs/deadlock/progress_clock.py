@@ -92,7 +92,7 @@ class ProgressClock:
             if course is None or course.goal != goal or course.served != served:
                 course = self._courses[i] = self._taken_up(i, goal, served)
             away = course.found.item(cells[i])
-            if not DETOUR_FROM < away < math.inf:
+            if not DETOUR_FROM < away < math.inf:  # without a way, or nearby: straight
                 away = float(np.hypot(places[i, 0] - goal[0], places[i, 1] - goal[1]))
             known = course.known
             is_nearer = away <= known.nearest - self.step

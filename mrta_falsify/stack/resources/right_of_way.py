@@ -33,9 +33,7 @@ def coming_out(
             away = distance_of(departure.place, pose[robot, :2]) > OUT_OF_THE_WAY
             if away or robot in memory.holders:
                 del memory.left[robot]
-        for holder in memory.holders if memory.left else ():
-            if queue.is_left_at(pose[holder, :2]):
-                for robot, departure in memory.left.items():
-                    found[robot] = max(departure.time, found.get(robot, departure.time))
-                break
-    return tuple(sorted(found, key=lambda robot: (-found[robot], robot))) if found else ()
+        if memory.left and any(queue.is_left_at(pose[robot, :2]) for robot in memory.holders):
+            for robot, departure in memory.left.items():
+                found[robot] = max(departure.time, found.get(robot, departure.time))
+    return tuple(sorted(found, key=lambda robot: (-found[robot], robot)))
