@@ -10,6 +10,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs import corpus
+from tests.failing_stacks import Sleeps
 from tests.reports.planted import BROKEN, stored
 
 
@@ -61,7 +62,8 @@ def test_a_damaged_world_is_refused_with_its_file(campaign):
 
 @pytest.mark.slow
 def test_a_run_that_exceeds_its_time_limit_is_killed_and_reported(campaign):
-    rows = corpus.recheck(campaign, jittered=0, workers=2, time_limit=0.01)
+    asleep = dataclasses.replace(BROKEN, controller=Choice(f"{Sleeps.__module__}:Sleeps"))
+    rows = corpus.recheck(campaign, config=asleep, jittered=0, workers=2, time_limit=1.0)
     assert [row.fate for row in rows] == ["timeout"]
     assert rows[0].signature_now == ""
 
