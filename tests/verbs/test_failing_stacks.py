@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -167,13 +169,18 @@ def test_what_only_another_process_can_end_is_a_verdict_as_well(place, layer):
 
 @pytest.mark.slow
 def test_what_grows_from_tick_to_tick_is_found_as_well(place):
-    result = fails("Hoards")
-    assert result.exit_code == 1, result.output
+    # In a process of its own: what earlier tests leave in this one and let go of meanwhile counts.
+    command = (
+        sys.executable, "-c", "from mrta_falsify.cli import main; main()", "run", "hall.json",
+        "--set", "engine=kinematic", "--set", "controller=users_layers:Hoards", *LIMITS,
+        "-o", "out",
+    )  # fmt: skip
+    result = subprocess.run(command, check=False, capture_output=True)
+    assert result.returncode == 1, result.stderr
     found = judged(place / "out")
     assert found["evidence"]["kind"] == "memory"
-    # 64 MiB a tick from tick 40. What the shipped layers take up beside it is less than that of two
-    # ticks; what earlier tests left behind and is let go of meanwhile, of four.
-    assert 46 <= found["evidence"]["tick"] <= 52
+    # 64 MiB a tick from tick 40, and what the shipped layers take up beside it.
+    assert 46 <= found["evidence"]["tick"] <= 48
 
 
 @pytest.mark.slow
