@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import Resource, World
 
 #: m; goals may be jittered by 0.2 m per axis (MRTA-Sim), and spots are 1 m apart
@@ -86,23 +86,5 @@ def is_inside(world: World, resource: Resource, position: Array) -> bool:
         room = world.rooms[resource.room]
         if np.hypot(*(room.point - position)) <= ROOM_CORE:
             return True
-        return contains(room.area, position)
-    return contains(resource.release_area, position)
-
-
-def contains(polygon: Array, point: Array) -> bool:
-    """Whether ``point`` ``(2,)`` lies in the simple ``polygon`` ``(V, 2)``; never if V < 3."""
-    if len(polygon) < 3:
-        return False
-    return bool(_contains(polygon, point[0], point[1]))
-
-
-@njit(cache=True)
-def _contains(polygon: Array, x: float, y: float) -> bool:
-    inside = False
-    for k in range(len(polygon)):
-        ax, ay = polygon[k - 1]
-        bx, by = polygon[k]
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
-            inside = not inside
-    return inside
+        return inside(room.area, position)
+    return inside(resource.release_area, position)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.plane import inside
 from mrta_falsify.core.polyline import project_on_path
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.goals import ROOM_CORE, contains, is_inside
+from mrta_falsify.specs.deadlock.goals import ROOM_CORE, is_inside
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 
 DOOR_REACH = 1.0  # m from a door's line: a robot there closes a door of usual width for others
@@ -61,11 +62,11 @@ def _kinds_at(world: World, point: Array) -> Iterator[str]:
         yield ROOM
     if any(np.hypot(*(room.point - point)) <= ROOM_CORE for room in world.rooms):
         yield ROOM
-    shared = [r.kind for r in resources if r.room is None and contains(r.release_area, point)]
+    shared = [r.kind for r in resources if r.room is None and inside(r.release_area, point)]
     if shared.count("corridor") > 1:
         yield "crossing"
     yield from (KIND_OF_RESOURCE.get(kind, kind) for kind in shared)
-    if any(r.room is not None and contains(r.release_area, point) for r in resources):
+    if any(r.room is not None and inside(r.release_area, point) for r in resources):
         yield DOORWAY
 
 

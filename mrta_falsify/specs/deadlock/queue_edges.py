@@ -8,8 +8,9 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import Resource
-from mrta_falsify.specs.deadlock.goals import Goal, contains, is_inside
+from mrta_falsify.specs.deadlock.goals import Goal, is_inside
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 
@@ -37,9 +38,7 @@ def queue_edges_from_afar(fleet: FleetSnapshot, i: int, goal: Goal) -> list[Bloc
     """Derive the edges of a robot that waits outside a queue that is full or has no spots."""
     resource = fleet.world.resources[goal.resource]
     position = fleet.position
-    near = contains(resource.request_area, position[i]) or contains(
-        resource.release_area, position[i]
-    )
+    near = inside(resource.request_area, position[i]) or inside(resource.release_area, position[i])
     if not near:
         return []
     if goal.kind == "spot":
@@ -78,7 +77,7 @@ def _claim(fleet: FleetSnapshot, j: int, position: Array, number: int, resource:
     if goal is not None and goal.kind == "spot" and goal.resource == number:
         return "none"
     heads_in = goal is not None and goal.kind == "room" and goal.resource == number
-    near = contains(resource.release_area, position)
+    near = inside(resource.release_area, position)
     if is_inside(fleet.world, resource, position):
         return "inside"
     if heads_in:

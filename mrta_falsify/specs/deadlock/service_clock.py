@@ -8,8 +8,9 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import Intent, Sensed
+from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import Resource, World
-from mrta_falsify.specs.deadlock.goals import Goal, GoalMap, contains
+from mrta_falsify.specs.deadlock.goals import Goal, GoalMap
 from mrta_falsify.specs.deadlock.standstill import GOAL_JITTER
 
 AT_GOAL = 0.6  # m; a robot this near to its goal has arrived
@@ -77,7 +78,7 @@ class ServiceClock:
         for a, area in enumerate(self._areas):
             limit = SERVICE_FACTOR * area.service_time + SERVICE_SLACK
             for i, position in enumerate(sensed.pose[:, :2]):
-                if not contains(area.release_area, position):
+                if not inside(area.release_area, position):
                     self._entered[i, a] = np.inf
                     continue
                 self._entered[i, a] = min(self._entered[i, a], sensed.time)
