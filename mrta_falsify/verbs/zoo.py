@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.specs import repeatable
 from mrta_falsify.trial import judge, quick_stack
 from mrta_falsify.verbs.corpus import (
     STORED,
@@ -157,7 +158,7 @@ def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
         fate = "flaky"
     elif any(run.fate == "timeout" for run in runs.values()):
         fate = "timeout"
-    elif own.not_judged:
+    elif set(own.not_judged) - {repeatable.NAME}:  # a scene may end before the stack is asked again
         fate = "not judged"
     told = own if own.failed or not failures else failures[0]
     return SceneCheck(
