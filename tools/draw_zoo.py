@@ -3,13 +3,14 @@
     python -m tools.draw_zoo [--stacks FILE.yaml ...] [--only STACK ...]
 
 Writes docs/pictures/zoo/NAME.png, and the part of docs/zoo.md between its two markers. The stacks
-are the default one, each alternative layer in it, and those of the files. With --only, other rows
-of the table stay as they are.
+are the default one, each alternative layer in it, and those of the files. Each row is put down as
+soon as it is measured; other rows of the table stay as they are.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -109,23 +110,29 @@ def cell(row: SceneCheck) -> str:
     return f"{word}: {', '.join(kinds[:1] or ['?'])}"
 
 
-def table(scenes: Sequence[Scene], files: Sequence[str], only: Sequence[str], old: str) -> str:
-    """Run the stacks, and write the table; rows that are not run are taken from ``old``."""
-    known = {line.split("`")[1]: line for line in old.splitlines() if line.startswith("| `")}
-    lines = [
-        "| Stack | as known | " + " | ".join(f"({i + 1})" for i in range(len(scenes))) + " |",
-        "|---" * (len(scenes) + 2) + "|",
-    ]
-    for name, file, settings in stacks(files):
-        if only and name not in only:
-            lines += [known[name]] if name in known else []
-            continue
-        print(f"{name} ...", file=sys.stderr, flush=True)
-        rows = {row.name: row for row in run_zoo(stack=file, settings=settings, time_limit=LIMIT)}
-        right = sum(row.is_as_known for row in rows.values())
-        cells = " | ".join(cell(rows[scene.name]) for scene in scenes)
-        lines.append(f"| `{name}` | {right} of {len(scenes)} | {cells} |")
-    return "\n".join(lines)
+def table_row(
+    scenes: Sequence[Scene], name: str, file: str | None, settings: tuple[str, ...]
+) -> str:
+    """Run a stack in the folder of its file, and write its row."""
+    path = Path(file).resolve() if file else None
+    with contextlib.chdir(path.parent if path else DOCS):
+        ran = run_zoo(stack=path and str(path), settings=settings, time_limit=LIMIT)
+    rows = {row.name: row for row in ran}
+    right = sum(row.is_as_known for row in ran)
+    cells = " | ".join(cell(rows[scene.name]) for scene in scenes)
+    return f"| `{name}` | {right} of {len(scenes)} | {cells} |"
+
+
+def put_row(row: str, scenes: int) -> None:
+    """Put a row in place of the one that the page has, or at the end."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    old, _, after = rest.partition(END)
+    rows = {line.split("`")[1]: line for line in old.splitlines() if line.startswith("| `")}
+    rows[row.split("`")[1]] = row
+    numbers = " | ".join(f"({i + 1})" for i in range(scenes))
+    lines = [f"| Stack | as known | {numbers} |", "|---" * (scenes + 2) + "|", *rows.values()]
+    whole = "\n".join(lines)
+    PAGE.write_text(f"{before}{BEGIN}\n\n{whole}\n\n{END}{after}", encoding="utf-8")
 
 
 def main() -> int:
@@ -138,14 +145,10 @@ def main() -> int:
     PICTURES.mkdir(parents=True, exist_ok=True)
     for scene in scenes:
         draw_scene(scene.world, PICTURES / f"{scene.name}.png")
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    old, _, _ = rest.partition(END)
-    measured = table(scenes, arguments.stacks, arguments.only, old)
-    # read again: it may have been written meanwhile
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    PAGE.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}", encoding="utf-8")
+    for name, file, settings in stacks(arguments.stacks):
+        if not arguments.only or name in arguments.only:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+            put_row(table_row(scenes, name, file, settings), len(scenes))
     return 0
 
 

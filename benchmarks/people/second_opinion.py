@@ -11,7 +11,7 @@ larger one they refuse the starts that are nearest to each other.
 
 from __future__ import annotations
 
-import argparse
+import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -19,7 +19,6 @@ import jupedsim as jps
 import numpy as np
 
 from benchmarks.people.flows import (
-    DENSITIES,
     LENGTH,
     SETTLING,
     UNTIL,
@@ -27,8 +26,8 @@ from benchmarks.people.flows import (
     measure,
     measured_flow,
     walkers,
-    weidmann,
 )
+from benchmarks.people.opinions import Walking, print_table, stream_arguments
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import HumanSpec
 
@@ -95,39 +94,10 @@ def theirs(density: float, width: float, model: str, *, both_ways: bool, seed: i
 
 
 def main() -> None:
-    """Print speed, share off Weidmann's curve, and share of people that touch, for each stream."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--densities", type=float, nargs="*", default=DENSITIES)
-    parser.add_argument("--widths", type=float, nargs="*", default=(2.4, 3.6))
-    options = parser.parse_args()
-    print("| Stream | Corridor | Wanted [1/m2] | by_sight | " + " | ".join(MODELS) + " |")
-    print("|---" * (4 + len(MODELS)) + "|")
-    for both_ways in (False, True):
-        for width in options.widths:
-            for density in options.densities:
-                cells = [
-                    _cell([way(seed) for seed in range(options.seeds)])
-                    for way in _ways(density, width, both_ways=both_ways)
-                ]
-                stream = "counterflow" if both_ways else "one way"
-                print(
-                    f"| {stream} | {width} m | {density} | " + " | ".join(cells) + " |", flush=True
-                )
-
-
-def _ways(density: float, width: float, *, both_ways: bool) -> list[Callable[[int], Flow]]:
-    def by(measuring: Callable[..., Flow], model: str) -> Callable[[int], Flow]:
-        return lambda seed: measuring(density, width, model, both_ways=both_ways, seed=seed)
-
-    return [by(measure, "by_sight"), *(by(theirs, model) for model in MODELS)]
-
-
-def _cell(flows: list[Flow]) -> str:
-    at = float(np.mean([flow.density for flow in flows]))
-    speed = float(np.mean([flow.speed for flow in flows]))
-    share = float(np.mean([flow.touching for flow in flows]))
-    return f"{speed:.2f} m/s at {at:.2f}, {speed / weidmann(at) - 1.0:+.0%}, {share:.0%}"
+    """Print the table."""
+    simulators: dict[str, Walking] = {"by_sight": functools.partial(measure, model="by_sight")}
+    simulators |= {model: functools.partial(theirs, model=model) for model in MODELS}
+    print_table(simulators, stream_arguments(__doc__).parse_args())
 
 
 if __name__ == "__main__":

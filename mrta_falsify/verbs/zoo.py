@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
+from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.specs import repeatable
 from mrta_falsify.trial import judge, quick_stack
 from mrta_falsify.verbs.corpus import (
     STORED,
@@ -29,8 +31,9 @@ from scenic_worlds.zoo import PREFIX, Answer, Scene, load_scene, scene_names
 ZOO = PREFIX.rstrip("/")  #: name of all scenes together
 TIME_LIMIT = 60.0  # s of wall clock for one run
 
-#: flaky: the scene passes, but a copy with small differences fails
-SceneFate: TypeAlias = Literal["passes", "fails", "flaky", "timeout", "not judged"]
+#: flaky: the scene passes, but a copy with small differences fails; refused: the stack runs other
+#: scenes, but cannot be started in this one
+SceneFate: TypeAlias = Literal["passes", "fails", "flaky", "timeout", "not judged", "refused"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +96,7 @@ def run_zoo(
         One row per scene. They run on the kinematic engine unless the stack names one.
 
     Raises:
-        InputError: no such scene, or an unknown layer.
+        InputError: no such scene, an unknown layer, or a stack that starts in no scene.
         HarnessError: a run crashed.
     """
     scenes = scenes_named(name)
@@ -108,10 +111,12 @@ def run_zoo(
     with contextlib.closing(finished_jobs(_settings(config, time_limit), jobs, pool)) as ended:
         for finished in ended:
             scene, copy = asked[finished.number]
-            runs[scene.name][copy] = run_of(finished, scene.name)
+            runs[scene.name][copy] = _run_of(finished, scene.name)
             if len(runs[scene.name]) == 1 + jittered:
                 rows[scene.name] = _row(scene, runs[scene.name])
                 on_done(rows[scene.name])
+    if all(row.fate == "refused" for row in rows.values()):
+        raise InputError(rows[scenes[0].name].sentence)
     return tuple(rows[scene.name] for scene in scenes)
 
 
@@ -130,6 +135,14 @@ def _settings(config: StackConfig, time_limit: float | None) -> CampaignSettings
     )
 
 
+def _run_of(finished: Finished, scene: str) -> RecheckRun:
+    """Read what a worker answered; a stack may refuse one scene and run another."""
+    try:
+        return run_of(finished, scene)
+    except InputError as error:
+        return RecheckRun(fate="refused", error=str(error))
+
+
 def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
     own = runs[STORED]
     copies = [run for number, run in runs.items() if number != STORED and run.fate == "ran"]
@@ -139,11 +152,13 @@ def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
         fate = "fails"
     elif own.fate == "timeout":
         fate = "timeout"
+    elif own.fate == "refused":
+        fate = "refused"
     elif failures:
         fate = "flaky"
     elif any(run.fate == "timeout" for run in runs.values()):
         fate = "timeout"
-    elif own.not_judged:
+    elif set(own.not_judged) - {repeatable.NAME}:  # a scene may end before the stack is asked again
         fate = "not judged"
     told = own if own.failed or not failures else failures[0]
     return SceneCheck(
@@ -153,7 +168,7 @@ def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
         answer=scene.answer,
         fate=fate,
         violated=told.violated,
-        sentence=told.sentence,
+        sentence=told.sentence or told.error,
         jittered_failures=len(failures),
         jittered=len(copies),
     )

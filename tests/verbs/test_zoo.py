@@ -72,6 +72,35 @@ def test_the_command_prints_one_row_for_a_scene():
     assert data["scenes"][0]["is_as_known"] is True
 
 
+@pytest.mark.usefixtures("in_process")
+def test_a_stack_may_refuse_one_scene_but_not_all(monkeypatch):
+    def run(settings, scene, copy):
+        if scene.name in refused:
+            raise InputError("no lattice")
+        return corpus.RecheckRun(fate="ran")
+
+    monkeypatch.setattr(zoo, "run_scene", run)
+    monkeypatch.setattr(zoo, "scene_names", lambda: ("doorway", "roundabout"))
+    refused = {"doorway"}
+    first, second = zoo.run_zoo(jittered=0)
+    assert (first.fate, first.sentence, first.is_as_known) == ("refused", "no lattice", False)
+    assert second.fate == "passes"
+    refused.add("roundabout")
+    with pytest.raises(InputError, match="no lattice"):
+        zoo.run_zoo(jittered=0)
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(
+    ("missing", "fate"), [("repeatable", "passes"), ("no_deadlock", "not judged")]
+)
+def test_a_scene_that_ends_before_the_stack_is_asked_again_passes(monkeypatch, missing, fate):
+    ran = corpus.RecheckRun(fate="ran", not_judged=(missing,))
+    monkeypatch.setattr(zoo, "run_scene", lambda settings, scene, copy: ran)
+    (row,) = zoo.run_zoo("zoo/doorway", jittered=0)
+    assert row.fate == fate
+
+
 def test_an_unknown_scene_is_named_with_the_nearest():
     done = CliRunner().invoke(main, ["corpus", "zoo/dorway"])
     assert done.exit_code == 2
