@@ -216,6 +216,11 @@ def minimize_command(
     help="Find the commit of the stack's git repository that brought a failure.",
 )
 @click.option(
+    "--build",
+    metavar="CMD",
+    help="With --bisect: build the stack by this command in each commit's worktree.",
+)
+@click.option(
     "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
 )
 @format_option
@@ -227,14 +232,17 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     kept unless --stack or --set names one.
 
     With --bisect the commit of the stack's repository that brought a failure is looked for, for
-    the first failure of each mode: each commit is checked out into a temporary worktree.
+    the first failure of each mode: each commit is checked out into a temporary worktree. A stack
+    that is built from its sources is built there by --build CMD.
 
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
     kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 
-    span = options.pop("bisect")
+    span, build = options.pop("bisect"), options.pop("build")
+    if build is not None and span is None:
+        raise click.UsageError("--build goes with --bisect GOOD..BAD only")
     if is_zoo(directory):
         if span or options.pop("only") or options.pop("pictures"):
             raise click.UsageError("--only, --bisect and --pictures are about stored failures")
@@ -243,7 +251,7 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
         return _corpus(Path(directory), style, options)
     if options.pop("pictures"):
         raise click.UsageError("--pictures cannot go with --bisect")
-    return _bisect(Path(directory), span, style, options)
+    return _bisect(Path(directory), span, style, {**options, "build": build})
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
