@@ -59,14 +59,17 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     campaign = open_campaign(directory)
     record = campaign.record(id)
     runs = max_runs + rewinds
-    output.say_cost(runs, record.wall_s)
-    with output.progress(f"explain {record.id}", runs, "runs", is_most=True) as on_progress:
+    is_foreign = campaign.settings.trials.stack.stack is not None  # it runs whole worlds
+    output.say_cost(runs, record.wall_s, copies=not is_foreign)
+    with output.progress(
+        f"explain {record.id}", runs, "runs", is_most=True, first_apart=True
+    ) as on_progress:
         found = explain_trial(
             directory,
             id,
             max_runs,
             rewinds=rewinds,
-            on_done=lambda done, total: on_progress(done),
+            on_done=on_progress,
         )
     if style == "json":
         output.print_json(found)
