@@ -59,14 +59,17 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
     campaign = open_campaign(directory)
     record = campaign.record(id)
     runs = max_runs + rewinds
-    output.say_cost(runs, record.wall_s)
-    with output.progress(f"explain {record.id}", runs, "runs", is_most=True) as on_progress:
+    is_foreign = campaign.settings.trials.stack.stack is not None  # it runs whole worlds
+    output.say_cost(runs, record.wall_s, copies=not is_foreign)
+    with output.progress(
+        f"explain {record.id}", runs, "runs", is_most=True, first_apart=True
+    ) as on_progress:
         found = explain_trial(
             directory,
             id,
             max_runs,
             rewinds=rewinds,
-            on_done=lambda done, total: on_progress(done),
+            on_done=on_progress,
         )
     if style == "json":
         output.print_json(found)
@@ -216,6 +219,11 @@ def minimize_command(
     help="Find the commit of the stack's git repository that brought a failure.",
 )
 @click.option(
+    "--build",
+    metavar="CMD",
+    help="With --bisect: build the stack by this command in each commit's worktree.",
+)
+@click.option(
     "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
 )
 @format_option
@@ -227,14 +235,17 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     kept unless --stack or --set names one.
 
     With --bisect the commit of the stack's repository that brought a failure is looked for, for
-    the first failure of each mode: each commit is checked out into a temporary worktree.
+    the first failure of each mode: each commit is checked out into a temporary worktree. A stack
+    that is built from its sources is built there by --build CMD.
 
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
     kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 
-    span = options.pop("bisect")
+    span, build = options.pop("bisect"), options.pop("build")
+    if build is not None and span is None:
+        raise click.UsageError("--build goes with --bisect GOOD..BAD only")
     if is_zoo(directory):
         if span or options.pop("only") or options.pop("pictures"):
             raise click.UsageError("--only, --bisect and --pictures are about stored failures")
@@ -243,7 +254,7 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
         return _corpus(Path(directory), style, options)
     if options.pop("pictures"):
         raise click.UsageError("--pictures cannot go with --bisect")
-    return _bisect(Path(directory), span, style, options)
+    return _bisect(Path(directory), span, style, {**options, "build": build})
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:

@@ -7,10 +7,10 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
@@ -106,10 +106,17 @@ def print_table(table: Table) -> None:
 # --- progress --------------------------------------------------------------------------------
 
 
+class OnProgress(Protocol):
+    """A function that shows progress."""
+
+    def __call__(self, done: float, total: float | None = None, /) -> None:
+        """Take how far work is, and how much there will be if that is known better by now."""
+
+
 @contextlib.contextmanager
 def progress(
-    what: str, total: float, unit: str, *, is_most: bool = False
-) -> Iterator[Callable[[float], None]]:
+    what: str, total: float, unit: str, *, is_most: bool = False, first_apart: bool = False
+) -> Iterator[OnProgress]:
     """Show how far work is on stderr: a bar on terminals, a line now and then elsewhere.
 
     Args:
@@ -117,12 +124,13 @@ def progress(
         total: of it, in ``unit``.
         unit: of the total.
         is_most: work may well end before the total, so the time left is an upper bound.
+        first_apart: what is done first says nothing of how long the rest takes.
 
     Yields:
         A function that takes how far the work is, in ``unit``.
     """
     if not sys.stderr.isatty():
-        yield PipedProgress(what, total, unit, is_most=is_most).show
+        yield PipedProgress(what, total, unit, is_most=is_most, first_apart=first_apart).show
         return
     from rich.console import Console
     from rich.progress import (
@@ -142,24 +150,41 @@ def progress(
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, total=None: bar.update(task, completed=done, total=total)
 
 
 class PipedProgress:
     """Lines of progress on a stderr that is not a terminal; none for work that ends soon."""
 
-    def __init__(self, what: str, total: float, unit: str, *, is_most: bool = False) -> None:
+    def __init__(
+        self,
+        what: str,
+        total: float,
+        unit: str,
+        *,
+        is_most: bool = False,
+        first_apart: bool = False,
+    ) -> None:
         self._what, self._total, self._unit, self._is_most = what, total, unit, is_most
+        self._is_first, self._before = first_apart, 0.0  #: done before the time was taken
+        self._begin()
+
+    def _begin(self) -> None:
         self._began = time.monotonic()
         self._next = self._began + FIRST_LINE
 
-    def show(self, done: float) -> None:
+    def show(self, done: float, total: float | None = None, /) -> None:
         """Print a line if the last one is long ago."""
+        self._total = self._total if total is None else total
+        if self._is_first:
+            self._is_first, self._before = False, done
+            self._begin()
         now = time.monotonic()
         if now < self._next:
             return
         self._next = now + NEXT_LINE
-        left = time_left(done, self._total, now - self._began, is_most=self._is_most)
+        rest, of_rest = done - self._before, self._total - self._before
+        left = time_left(rest, of_rest, now - self._began, is_most=self._is_most)
         say(f"{self._what}: {done:.0f}/{self._total:.0f} {self._unit}{left}")
 
 
@@ -178,15 +203,22 @@ def time_text(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def say_cost(runs: int, each: float) -> None:
+def say_cost(runs: int, each: float, *, copies: bool = False) -> None:
     """Say what work may take before it begins; nothing of work that ends soon.
 
     Args:
         runs: at most.
         each: wall clock of the run that is repeated [s].
+        copies: all runs but the first are copies of it, which end once they are decided. Then the
+            time of the whole is not known before some have been run.
     """
-    if runs * each > FIRST_LINE:
-        say(f"at most {runs} runs of about {each:.1f} s each: {time_text(runs * each)} on one core")
+    if runs * each <= FIRST_LINE:
+        return
+    if copies:
+        first = f"the trial again, about {time_text(each)}"
+        say(f"{first}, then at most {runs - 1} copies; the time left is said once some are run")
+        return
+    say(f"at most {runs} runs of about {each:.1f} s each: {time_text(runs * each)} on one core")
 
 
 def print_files(directory: Path) -> None:

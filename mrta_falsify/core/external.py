@@ -90,13 +90,27 @@ def parse_exec(text: str, *, where: str, folder: Path | None = None) -> External
     """
     if not text.startswith(EXEC):
         raise ConfigError(f"{where}: {text!r} must read exec:CMD")
+    command = split_command(text.removeprefix(EXEC), where=where)
+    return bound_to(ExternalStack(command=command), where=where, folder=folder or Path.cwd())
+
+
+def split_command(text: str, *, where: str) -> tuple[str, ...]:
+    """Split a command into words, as a shell would; no shell runs it.
+
+    Args:
+        text: the command.
+        where: it stands, for messages.
+
+    Raises:
+        ConfigError: a quotation is not closed, or there is no word.
+    """
     try:
-        command = tuple(shlex.split(text.removeprefix(EXEC)))
+        command = tuple(shlex.split(text))
     except ValueError as error:
         raise ConfigError(f"{where}: {text!r} cannot be split: {error}") from None
     if not command:
-        raise ConfigError(f"{where}: no command follows exec:")
-    return bound_to(ExternalStack(command=command), where=where, folder=folder or Path.cwd())
+        raise ConfigError(f"{where}: there is no command; it must name a program")
+    return command
 
 
 def bound_to(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack:

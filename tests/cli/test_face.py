@@ -26,7 +26,7 @@ ONLY_OPTIONS = {
     "import": {"floor", "stack", "settings"},  # import_log
     "ci": {"fail_on", "opens"},
     "report": {"opens"},
-    "corpus": {"bisect"},  # bisect_failures
+    "corpus": {"bisect", "build"},  # bisect_failures
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}

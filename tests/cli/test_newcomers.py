@@ -231,6 +231,36 @@ def test_work_that_may_end_early_says_how_long_it_takes_at_most(capsys, monkeypa
     ]
 
 
+def test_a_first_run_that_is_longer_does_not_count_in_the_time_left(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    progress = output.PipedProgress("explain 0004", 120, "runs", is_most=True, first_apart=True)
+    now[0] = 30.0
+    progress.show(1, 100)
+    now[0] = 41.0
+    progress.show(12, 101)
+    assert capsys.readouterr().err.splitlines() == ["explain 0004: 12/101 runs, at most 89 s left"]
+
+
+@pytest.mark.parametrize(
+    ("runs", "each", "copies", "said"),
+    [
+        (100, 6.0, False, ["at most 100 runs of about 6.0 s each: 10 min on one core"]),
+        (
+            120,
+            31.5,
+            True,
+            ["the trial again, about 32 s, then at most 119 copies; the time left is said once "
+             "some are run"],
+        ),
+        (10, 0.5, True, []),
+    ],
+)  # fmt: skip
+def test_the_cost_is_said_before_work_that_does_not_end_soon(capsys, runs, each, copies, said):
+    output.say_cost(runs, each, copies=copies)
+    assert capsys.readouterr().err.splitlines() == said
+
+
 def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tmp_path):
     from mrta_falsify.campaigns.runner import Progress
     from mrta_falsify.core.candidate import Candidate

@@ -23,7 +23,7 @@ def test_a_command_is_split_as_a_shell_would(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("exec:", "no command follows exec:"),
+        ("exec:", "there is no command"),
         ("exec:'", "cannot be split: No closing quotation"),
         ("exec:no-such-program", "there is no program 'no-such-program' in"),
         ("exec:./no-such-program", "there is no program './no-such-program' in"),

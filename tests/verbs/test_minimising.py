@@ -9,7 +9,7 @@ from benchmarks.defects import worlds
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
@@ -17,6 +17,7 @@ from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
 from mrta_falsify.verbs.minimize.reruns import SmallerRun
 from scenic_worlds.program import compile_program
+from tests.external import lane_worlds
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +145,25 @@ def test_no_program_is_left_that_does_not_fail(cluttered, begun, tmp_path):
     healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
     assert "no failure" in write_as_program(begun, healthy, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_failure_with_two_reasons_keeps_the_one_it_began_with(monkeypatch):
+    monkeypatch.setattr(lane_worlds, "WIDTH", 0.7)  # too narrow for two
+    lane = dataclasses.replace(lane_worlds.lane_world(), horizon=130.0)
+    box = Furniture(name="box", kind="box", polygon=rectangle(0.5, 0.6, (8.5, 0.35)))
+    job = Job(
+        world=dataclasses.replace(lane, furniture=(box,)),
+        config=dataclasses.replace(
+            quick_stack(StackConfig()), controller=Choice("cluster_cbf", {"recovery": False})
+        ),
+        specifications=("progress",),
+        early_stop=True,
+    )
+    behind = judge(dataclasses.replace(job, world=lane), keep_trace=False).verdicts
+    assert signature(behind) == "progress/nothing"  # they meet, and neither gives way
+    found = minimize_job(job, max_runs=60)
+    assert found.finding.one_minimal
+    assert found.finding.signature == signature(found.judged.verdicts) == "progress/solid"
+    assert [item.name for item in found.world.furniture] == ["box"]
+    assert len(found.world.robots) == 1

@@ -1,18 +1,16 @@
 """Find the commit of a stack's repository that brought a stored failure.
 
-Each commit is checked out into a temporary worktree. A process of its own runs the failure there,
-so that modules are those of the commit. A commit counts as bad if the number of its runs that fail
-is nearer to that of BAD than to that of GOOD; one whose stack does not start tells nothing.
+Each commit is checked out into a temporary worktree, and built there if need be. A process of its
+own runs the failure there, so that modules are those of the commit. A commit counts as bad if the
+number of its runs that fail is nearer to that of BAD than to that of GOOD; one whose stack is not
+built or does not start tells nothing.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
-import signal
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,9 +25,11 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.external import split_command
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.bisect.moved_stack import moved, repository_of
+from mrta_falsify.verbs.bisect.processes import failed_build, folder_as_of, run_to_end
 from mrta_falsify.verbs.bisect.repository import Repository
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import on_recorded_engine
@@ -41,7 +41,6 @@ from mrta_falsify.worker import specifications_of
 
 JOURNAL_NAME = "bisect.journal.jsonl"  # in the campaign
 WORKTREES = "bisect.worktrees"  # folder in the campaign
-PATIENCE = 0.6  # s for a process to end after SIGTERM
 BAD_INPUT = 2  # exit code of a command
 STACK_RUNS = "stack_runs"  # specification: the stack did not crash
 
@@ -78,6 +77,7 @@ def bisect_failures(
     directory: Place,
     span: str,
     *,
+    build: str | None = None,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
     jittered: int = 2,
@@ -91,6 +91,8 @@ def bisect_failures(
     Args:
         directory: of the campaign.
         span: ``GOOD..BAD``, commits of the repository that holds the stack.
+        build: command that builds the stack, as a shell would split it. It runs before the runs of
+            each commit, in the folder of its worktree that is ours in the repository.
         stack: the stack, or its YAML file; the campaign's own if None. Its files are taken from
             each commit.
         settings: ``--set`` texts applied to the stack.
@@ -101,18 +103,19 @@ def bisect_failures(
         on_commit: called with each commit and what it gave.
 
     Raises:
-        InputError: no such commits, BAD fails no more often than GOOD, or the stack is in no
-            repository.
+        InputError: no such commits, BAD fails no more often than GOOD, the stack is in no
+            repository, or ``build`` is no command.
         HarnessError: a run crashed.
         Interrupted: Ctrl-C; finished commits are kept for the next call.
     """
+    words = split_command(build, where="--build") if build is not None else ()
     campaign = open_campaign(directory)
     is_own = stack is None and not settings
     config = campaign.settings.trials.stack if is_own else load_stack(stack, settings)
     if not is_own and keeps_engine(stack, settings):
         config = on_recorded_engine(campaign, config)
     specifications = specifications_of(campaign.settings.trials)
-    repository = repository_of(config, specifications)
+    repository = repository_of(config, specifications, is_built=bool(words))
     good, bad = _ends(repository, span)
     names = failures_named(campaign, only) or tuple(mode.ids[0] for mode in modes(campaign))
     journal = RunJournal(
@@ -124,6 +127,7 @@ def bisect_failures(
         campaign=campaign,
         repository=repository,
         config=config,
+        build=words,
         options=_options(jittered, workers, time_limit),
         jittered=jittered,
         journal=journal,
@@ -222,6 +226,7 @@ class _Trial:
     campaign: Campaign
     repository: Repository
     config: StackConfig
+    build: tuple[str, ...]
     options: tuple[str, ...]
     jittered: int
     journal: RunJournal[CommitRuns]
@@ -229,7 +234,8 @@ class _Trial:
 
     def runs(self, record: TrialRecord, commit: str) -> CommitRuns:
         """Run a failure and its copies at a commit, unless an earlier call has done so."""
-        key = codec.digest([commit, record.id, record.world_digest, self.config, self.jittered])
+        asked = [commit, record.id, record.world_digest, self.config, self.jittered, self.build]
+        key = codec.digest(asked)
         known = self.journal.answers.get(key)
         if known is None:
             known = self.journal.keep(key, self._run(record, commit))
@@ -239,8 +245,14 @@ class _Trial:
     def _run(self, record: TrialRecord, commit: str) -> CommitRuns:
         folder = self.campaign.directory.resolve() / WORKTREES
         with self.repository.worktree(commit, folder / commit[:12]) as worktree:
+            within = folder_as_of(self.repository.top, worktree)
+            why = failed_build(self.build, within) if self.build else ""
+            if why:
+                return CommitRuns(why=why)
             try:
-                config = moved(self.config, self.repository.top, worktree)
+                config = moved(
+                    self.config, self.repository.top, worktree, is_built=bool(self.build)
+                )
             except InputError as error:
                 return CommitRuns(why=str(error))
             file = folder / "stack.yaml"
@@ -274,7 +286,7 @@ def _counted(record: TrialRecord, row: dict[str, Any]) -> CommitRuns:
 
 
 def _command(*words: str, top: Path, worktree: Path) -> tuple[int, str, str]:
-    """Run a command of ours with the modules of a worktree; stop it when we are stopped.
+    """Run a command of ours with the modules of a worktree.
 
     Returns:
         Exit code, stdout, and the last line of stderr.
@@ -282,25 +294,10 @@ def _command(*words: str, top: Path, worktree: Path) -> tuple[int, str, str]:
     ours = [Path(entry or ".").resolve() for entry in sys.path]
     theirs = [str(worktree / one.relative_to(top)) for one in ours if one.is_relative_to(top)]
     path = os.pathsep.join([*theirs, *filter(None, [os.environ.get("PYTHONPATH")])])
-    folder = Path.cwd().resolve()
-    within = worktree / folder.relative_to(top) if folder.is_relative_to(top) else worktree
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mrta_falsify.cli", *words, "--format", "json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=within if within.is_dir() else worktree,
+    done = run_to_end(
+        (sys.executable, "-m", "mrta_falsify.cli", *words, "--format", "json"),
+        folder=folder_as_of(top, worktree),
         env={**os.environ, "PYTHONPATH": path},
-        start_new_session=True,
     )
-    try:
-        said, complaint = process.communicate()
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(PATIENCE)
-            process.kill()
-            process.wait()
-    lines = complaint.strip().splitlines() or ["no reason given"]
-    return process.returncode, said, lines[-1].removeprefix("error: ")
+    lines = done.stderr.strip().splitlines() or ["no reason given"]
+    return done.returncode, done.stdout, lines[-1].removeprefix("error: ")

@@ -13,24 +13,28 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.verbs.bisect.repository import Repository
 
 
-def repository_of(config: StackConfig, specifications: Sequence[str]) -> Repository:
+def repository_of(
+    config: StackConfig, specifications: Sequence[str], *, is_built: bool = False
+) -> Repository:
     """Find the git repository that a stack's own files lie in.
 
     Args:
         config: the stack.
         specifications: that judge it, which may be the user's own.
+        is_built: its program is not part of the repository that its folder lies in.
 
     Raises:
         InputError: there is none, or more than one.
     """
+    own = config.stack
+    folders = [Path(own.folder)] if own is not None and own.command else []
     places = [
         folder if "*" in pattern else folder / pattern
         for folder, pattern in places_of_stack(config, specifications)
-    ]
-    if not places and config.stack is not None and config.stack.command:
-        places = [Path(config.stack.folder)]
-    found = {repository for place in places if (repository := _repository_with(place)) is not None}
-    tops = sorted(str(repository.top) for repository in found)
+    ] or folders
+    found = {_repository_with(place) for place in places}
+    found |= {Repository.around(folder) for folder in folders if is_built}
+    tops = sorted(str(one.top) for one in found if one is not None)
     if len(tops) == 1:
         return Repository(Path(tops[0]))
     if tops:
@@ -48,16 +52,17 @@ def _repository_with(place: Path) -> Repository | None:
     return found if found is not None and found.holds(place) else None
 
 
-def moved(config: StackConfig, top: Path, worktree: Path) -> StackConfig:
+def moved(config: StackConfig, top: Path, worktree: Path, *, is_built: bool = False) -> StackConfig:
     """Take a stack's files from a worktree.
 
     Args:
         config: the stack, in the repository at ``top``.
         top: of the repository.
         worktree: of the same repository.
+        is_built: the stack was built in the worktree.
 
     Raises:
-        InputError: its folder does not exist in the worktree.
+        InputError: its folder does not exist in the worktree, or a file that the build makes.
     """
     if config.stack is None or not config.stack.command:
         return config
@@ -66,19 +71,31 @@ def moved(config: StackConfig, top: Path, worktree: Path) -> StackConfig:
     place = _inside(folder, top, worktree)
     if not place.is_dir():
         raise InputError(f"the folder {folder} does not exist")
-    words = tuple(_moved_word(folder / word, word, top, worktree) for word in stack.command)
+    words = tuple(
+        _moved_word(folder / word, word, top, worktree, is_built=is_built) for word in stack.command
+    )
     return dataclasses.replace(
         config, stack=dataclasses.replace(stack, folder=str(place), command=words)
     )
 
 
-def _moved_word(path: Path, word: str, top: Path, worktree: Path) -> str:
-    """Take a file that is part of a commit from the worktree, any other from where it is."""
-    if not path.is_file():
-        return word
+def _moved_word(path: Path, word: str, top: Path, worktree: Path, *, is_built: bool) -> str:
+    """Take a file that is part of a commit, or built, from the worktree, others from their place.
+
+    Raises:
+        InputError: the build has not made the file.
+    """
     path = Path(os.path.normpath(path))
     there = _inside(path, top, worktree)
-    return str(there if there.is_file() or Repository(top).holds(path) else path)
+    if there.is_file():
+        return str(there)
+    if not path.is_file():
+        return word
+    if Repository(top).holds(path):
+        return str(there)
+    if is_built and path.resolve().is_relative_to(top):  # a link out of it is no product
+        raise InputError(f"the build has not made {path.relative_to(top)}")
+    return str(path)
 
 
 def _inside(path: Path, top: Path, worktree: Path) -> Path:
