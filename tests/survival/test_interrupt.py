@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ import pytest
 
 from mrta_falsify.core.seeding import stream
 from tests.quick_program import PROGRAM
+from tests.verbs.test_bisect import git
 
 SIGNALS, SHARES = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL), (0.6, 0.2, 0.2)
 LIMIT = 2.0  # s from the signal to the end of the process, asserted in the long tier only
@@ -30,6 +32,50 @@ STACK = ("--set", "engine=kinematic", "--spec", "deadlines")
 JSON = ("--format", "json")
 
 
+PROJECT = """
+scenarios:
+  small.scenic: {budget: 4, seed: 4, sampler: random, specs: [deadlines], jittered: 0, verify: 0}
+stacks: {ours: {stack: default, settings: [engine=kinematic]}}
+corpus: [c]
+jittered: 1
+keep: kept
+"""
+CONTROLLER = """
+import dataclasses
+
+from mrta_falsify.core.fleet import Command
+from mrta_falsify.stack.control.cluster import ClusterCbf
+
+SHARE = {share}  # of the speed
+
+
+class Controller(ClusterCbf):
+    def control(self, view):
+        found = super().control(view)
+        slower = Command(twist=found.command.twist * SHARE)
+        return dataclasses.replace(found, command=slower)
+"""
+
+
+def _write_project(folder: Path) -> None:
+    (folder / "mrta-falsify.yaml").write_text(PROJECT)
+
+
+def _write_repository(folder: Path) -> None:
+    """Commit a controller that gets too slow, and search with it: trial 0001 fails by that."""
+    git(folder, "init", "--quiet")
+    for share in (1.0, 0.2, 0.19):
+        (folder / "slow.py").write_text(CONTROLLER.format(share=share))
+        git(folder, "add", "slow.py")
+        git(folder, "commit", "--quiet", "-m", f"{share} of the speed")
+    begun = _call(
+        folder,
+        ("campaign", "small.scenic", "-o", "b", "--budget", "2", "--seed", "4", "--workers", "1",
+         "--sampler", "random", *STACK, "--set", "controller=slow:Controller"),
+    )  # fmt: skip
+    assert json.loads(begun.stdout)["modes"][0]["ids"] == ["0001"], begun.stderr
+
+
 @dataclass(frozen=True)
 class Case:
     """A command, what it leaves behind, and how it goes on."""
@@ -37,6 +83,8 @@ class Case:
     args: tuple[str, ...]
     results: tuple[str, ...] = ()  #: files that only a whole run writes
     again: tuple[str, ...] = ()  #: the call that goes on; empty: the same
+    prepare: Callable[[Path], None] = lambda folder: None  #: what else it needs
+    over: str = ""  #: file whose being there makes the next call another one
 
 
 QUICK = ("run", "campaign", "replay", "minimize")  # in every run of CI; `make long` has all
@@ -64,6 +112,17 @@ CASES = {
         ("c/trials/{id}/minimize.json", "c/trials/{id}/world.min.json"),
     ),
     "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "1")),
+    "ci": Case(
+        ("ci", "--workers", "2"),
+        ("kept/report.html",),
+        prepare=_write_project,
+        over="kept/last.json",
+    ),
+    "bisect": Case(
+        ("corpus", "b", "--bisect", "HEAD~2..HEAD", "--workers", "1", "--jittered", "0",
+         "--build", "sleep 0.2"),
+        prepare=_write_repository,
+    ),
 }  # fmt: skip
 
 
@@ -157,6 +216,9 @@ def test_a_command_that_was_interrupted_comes_to_the_same_result(
 ):
     origin, id = stored
     case = CASES[command]
+    if case.prepare is not Case.prepare:
+        origin = Path(shutil.copytree(origin, tmp_path / "origin"))
+        case.prepare(origin)
 
     def named(text: str) -> str:
         return text.format(id=id)
@@ -194,6 +256,8 @@ def test_a_command_that_was_interrupted_comes_to_the_same_result(
         if by != signal.SIGKILL:
             took.append(ended.stopped_in)
             _check_interrupted(ended)
+        if case.over and (folder / case.over).exists():
+            folder = begin()
     call = again if any((folder / "new").glob("c*.json")) else args
     last = _call(folder, tuple(call))
     assert last.code == peace.code, last.stderr

@@ -239,6 +239,13 @@ def test_an_interrupted_run_keeps_what_is_finished_and_leaves_the_last_run_in_pl
     with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
         running.run_project(project, workers=1)
     assert ledger.read_ledger(project.kept) == ledger.Ledger()
+
+    def stopped(result):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+        running.run_project(project, workers=1, on_result=stopped)
+    assert ledger.read_ledger(project.kept) == ledger.Ledger()
     result = running.run_project(project, workers=1)
     assert asked == ["one", "two", "two"]
     assert [change.kind for change in result.changes] == ["resolved"]

@@ -51,7 +51,8 @@ def run_to_end(
             os.killpg(process.pid, signal.SIGTERM)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(PATIENCE)
-            os.killpg(process.pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # all of them have ended
+                os.killpg(process.pid, signal.SIGKILL)
             process.wait()
     return subprocess.CompletedProcess(words, process.returncode, said, complaint)
 

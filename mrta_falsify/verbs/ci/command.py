@@ -51,13 +51,20 @@ def ci(
     places = [Path(place) for place in (page, junit, markdown) if place is not None]
     for place in places:
         make_directory(place.parent)
-    result = run_project(
-        read, everything=everything, workers=workers, on_cell=on_cell, on_told=on_told
+
+    def write(result: CiResult) -> None:
+        contents = contents_of(read, result)
+        write_page(contents, page)
+        if junit is not None:
+            Path(junit).write_text(junit_of(read, result), encoding="utf-8")
+        if markdown is not None:
+            Path(markdown).write_text(render_markdown(contents), encoding="utf-8")
+
+    return run_project(
+        read,
+        everything=everything,
+        workers=workers,
+        on_cell=on_cell,
+        on_told=on_told,
+        on_result=write,
     )
-    contents = contents_of(read, result)
-    write_page(contents, page)
-    if junit is not None:
-        Path(junit).write_text(junit_of(read, result), encoding="utf-8")
-    if markdown is not None:
-        Path(markdown).write_text(render_markdown(contents), encoding="utf-8")
-    return result

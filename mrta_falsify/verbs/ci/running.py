@@ -71,6 +71,7 @@ def run_project(
     workers: int | None = None,
     on_cell: Callable[[CellOutcome], None] = lambda cell: None,
     on_told: OnTold = lambda record, progress: None,
+    on_result: Callable[[CiResult], None] = lambda result: None,
 ) -> CiResult:
     """Run the cells of a project that have changed, and write what was found for the next run.
 
@@ -80,6 +81,7 @@ def run_project(
         workers: processes; one per core if None. They change no result.
         on_cell: called with each cell before it runs, or is left out.
         on_told: called with each trial of a search.
+        on_result: called before the last run is replaced: what is stopped in it is new next time.
 
     Raises:
         InputError: something that the project names is wrong.
@@ -112,19 +114,21 @@ def run_project(
         now = Ledger(
             number=before.number + 1, ended=time.strftime("%Y-%m-%d %H:%M"), cells=tuple(states)
         )
+        resolved = sum(one.fate == "resolved" for state in states for one in state.findings)
+        result = CiResult(
+            project=str(project.path),
+            number=now.number,
+            last=before.ended,
+            cells=tuple(outcomes),
+            changes=tuple(sorted(changes, key=lambda one: (ORDER.index(one.kind), one.cell))),
+            at_rest=resolved - sum(change.kind == "resolved" for change in changes),
+            gone=tuple(cell.name for cell in before.cells if now.cell(cell.name) is None),
+        )
+        on_result(result)
         write_ledger(project.kept, now)
     journal.discard()
     _clear_away(project, now)
-    resolved = sum(one.fate == "resolved" for state in states for one in state.findings)
-    return CiResult(
-        project=str(project.path),
-        number=now.number,
-        last=before.ended,
-        cells=tuple(outcomes),
-        changes=tuple(sorted(changes, key=lambda one: (ORDER.index(one.kind), one.cell))),
-        at_rest=resolved - sum(change.kind == "resolved" for change in changes),
-        gone=tuple(cell.name for cell in before.cells if now.cell(cell.name) is None),
-    )
+    return result
 
 
 def _known(before: Ledger, cell: Cell) -> CellState:
