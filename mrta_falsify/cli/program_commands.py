@@ -178,11 +178,12 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
             f"sets apart; {first.number:03d}: {first.reason}"
         )
     out.print()
-    table = output.new_table("dimension", "kind", "values")
-    for dimension in summary.dimensions:
-        table.add_row(dimension.name, dimension.kind, _values(dimension))
-    output.print_table(table)
-    out.print()
+    if summary.dimensions:
+        table = output.new_table("dimension", "kind", "values")
+        for dimension in summary.dimensions:
+            table.add_row(dimension.name, dimension.kind, _values(dimension))
+        output.print_table(table)
+        out.print()
     if not summary.lint:
         out.print("lint: nothing found")
     for finding in summary.lint:
@@ -212,7 +213,7 @@ def _values(dimension: Dimension) -> str:
     if dimension.kind == "choice" and dimension.choices:
         return f"{dimension.choices} options"
     if low is None and high is None:
-        return ""
+        return "depends on others"
     parts = ["" if bound is None else f"{bound:.4g}" for bound in (low, high)]
     return f"{parts[0]} to {parts[1]}".strip()
 

@@ -49,6 +49,24 @@ def program(tmp_path) -> Path:
 # --- check ---------------------------------------------------------------------------------
 
 
+def test_check_has_a_table_of_dimensions_only_where_there_are_some(cli, tmp_path):
+    path = tmp_path / "fixed.scenic"
+    lines = [
+        "model scenic_worlds.model",
+        "new Robot with start_room 0",
+        "param tasks = [(0, 1, 2, 200)]",
+    ]
+    path.write_text("\n".join(lines))
+    fixed = cli("check", str(path), "--count", "1").stdout
+    assert "0 dimensions" in fixed
+    assert "kind" not in fixed
+    lines += ["bed = new Bed in corridors", "new IVStand in beside(bed)"]
+    path.write_text("\n".join(lines))
+    rows = [line.split() for line in cli("check", str(path), "--count", "1").stdout.splitlines()]
+    assert ["dimension", "kind", "values"] in rows
+    assert ["iv_stand_1.position.0", "point", "depends", "on", "others"] in rows
+
+
 def test_check_tells_dimensions_speed_rejecters_and_lint(cli, program):
     result = cli("check", str(program), "--count", "6", "--format", "json", "-o", "out")
     assert result.exit_code == 0, result.stderr

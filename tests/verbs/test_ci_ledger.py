@@ -183,6 +183,13 @@ def test_a_missing_project_file_is_named(tmp_path):
         read_project(tmp_path / "other.yaml")
 
 
+def test_a_stack_file_that_is_missing_is_named_with_where_it_stands(tmp_path):
+    (tmp_path / "mrta-falsify.yaml").write_text("corpus: [one]\nstacks: {mine: stack.yaml}\n")
+    project = read_project(tmp_path)
+    with pytest.raises(InputError, match=r"stacks\.mine: there is no file .*`mrta-falsify init`"):
+        project.stack("mine")
+
+
 def test_stacks_and_scenarios_are_looked_for_beside_the_file(tmp_path):
     (tmp_path / "own.scenic").write_text("model scenic_worlds.model\n")
     (tmp_path / "fast.yaml").write_text("planner: {resolution: 0.1}\n")

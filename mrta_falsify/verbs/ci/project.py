@@ -79,7 +79,7 @@ class Project:
         """Read a stack by its name in the file.
 
         Raises:
-            InputError: unknown layer, implementation or option.
+            InputError: unknown layer, implementation or option, or there is no such file.
         """
         entry = self.file.stacks[name]
         where = f"{self.path}: stacks.{name}"
@@ -87,6 +87,11 @@ class Project:
             config = decode_config({"stack": entry.stack}, where=where, folder=self.folder)
         elif entry.stack == SHIPPED:
             config = StackConfig()
+        elif not (self.folder / entry.stack).is_file():
+            raise FormatError(
+                f"{where}: there is no file {self.folder / entry.stack}; `mrta-falsify init` "
+                "writes one to begin with, and `default` is the shipped stack"
+            )
         else:
             config = load_stack(self.folder / entry.stack)
         return load_stack(config, entry.settings)
