@@ -97,7 +97,7 @@ def draw(of: int, seed: int) -> list[Row]:
 def _sampled(scenario: str, seed: int) -> Iterator[Row]:
     """Sample one program: at most so many worlds that fail, and as many that pass."""
     left = collections.Counter({True: SHARE, False: SHARE})
-    program = _program(scenario)
+    program = program_named(scenario)
     for number in range(DRAWS):
         if not left.total():
             return
@@ -121,7 +121,8 @@ def _sampled(scenario: str, seed: int) -> Iterator[Row]:
 
 
 @functools.cache
-def _program(scenario: str) -> Program:
+def program_named(scenario: str) -> Program:
+    """Compile a shipped program, once."""
     return compile_program(scenario_path(scenario))
 
 
@@ -151,7 +152,7 @@ def judge_all(worlds: Sequence[Row], output: Path, copies: int) -> None:
         if (of["scenario"], of["seed"]) in known:
             continue
         began = time.process_time()
-        world = _program(of["scenario"]).sample(of["seed"])
+        world = program_named(of["scenario"]).sample(of["seed"])
         assert world.digest() == of["world"], f"{of} is another world by now"
         row = judged_on_all(of, world, copies)
         rows.append(row)
