@@ -23,15 +23,6 @@ from mrta_falsify.specs.deadlock.place_kind import place_kind
 
 #: evidence that tells modes of one specification apart
 TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
-#: what holds a robot that gets no nearer, by cause; any other cause: nothing that is seen
-HELD_BY = {
-    "barrier": "robot",
-    "cluster": "robot",
-    "queue": "robot",
-    "human": "person",
-    "wall": "solid",
-    "no-path": "solid",
-}
 #: whether a robot ahead stands in the way or merely goes first may hang on a centimetre
 SAME_IN_A_CYCLE = {"cluster": "barrier"}
 
@@ -63,10 +54,10 @@ def signature(verdicts: Sequence[Verdict]) -> str:
 
 def _holders(verdict: Verdict) -> str:
     """Name the kinds of what holds the robot; empty if the evidence does not tell."""
-    causes = verdict.evidence.get("causes")
-    if not isinstance(causes, Sequence) or isinstance(causes, str):
+    held_by = verdict.evidence.get("held_by")
+    if not isinstance(held_by, Sequence) or isinstance(held_by, str):
         return ""
-    return "+".join(sorted({HELD_BY[one] for one in causes if one in HELD_BY})) or "nothing"
+    return "+".join(map(str, held_by)) or "nothing"
 
 
 def canonical_cycle(account: WaitAccount) -> str:

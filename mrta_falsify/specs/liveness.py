@@ -5,7 +5,7 @@ Robustness is a time [s]: patience minus the longest time without what is asked 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -152,7 +152,18 @@ class SteadyProgress(ApproachMargin):
         super().__init__(options.window, options.step)
 
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
-        return {"causes": [edge.cause for edge in frame.blocked_by if edge.robot == i]}
+        return {"held_by": held_by(i, frame.blocked_by)}
+
+
+def held_by(robot: int, edges: Iterable[BlockedBy]) -> list[str]:
+    """Name the kinds of what holds a robot: person, robot, solid; none: nothing that is seen."""
+    kinds = set()
+    for edge in edges:
+        if edge.robot == robot and edge.other >= 0:
+            kinds.add("person" if edge.cause == "human" else "robot")
+        elif edge.robot == robot and edge.cause in ("wall", "no-path"):
+            kinds.add("solid")
+    return sorted(kinds)
 
 
 class NoStarvation:

@@ -3,20 +3,12 @@
 import pytest
 
 from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.liveness import held_by
 
 
-@pytest.mark.parametrize(
-    ("evidence", "expected"),
-    [
-        ({"causes": ["wall"]}, "progress/solid"),
-        ({"causes": ["human", "barrier", "cluster"]}, "progress/person+robot"),
-        ({"causes": ["stalled"]}, "progress/nothing"),
-        ({"causes": []}, "progress/nothing"),
-        ({}, "progress"),  # as stored by a version that did not tell
-    ],
-)
-def test_it_names_what_holds_the_robot(evidence: dict[str, object], expected: str) -> None:
+def of_progress(evidence: dict[str, object]) -> str:
     verdict = Verdict(
         spec="progress",
         violated=True,
@@ -25,4 +17,23 @@ def test_it_names_what_holds_the_robot(evidence: dict[str, object], expected: st
         who=("r1",),
         evidence=evidence,
     )
-    assert signature((verdict,)) == expected
+    return signature((verdict,))
+
+
+@pytest.mark.parametrize(
+    ("edges", "expected"),
+    [
+        ([BlockedBy(0, "wall")], "progress/solid"),
+        ([BlockedBy(0, "no-path", -1, "bed")], "progress/solid"),
+        ([BlockedBy(0, "no-path", 1)], "progress/robot"),
+        ([BlockedBy(0, "human", 0), BlockedBy(0, "barrier", 2)], "progress/person+robot"),
+        ([BlockedBy(0, "stalled"), BlockedBy(1, "wall")], "progress/nothing"),
+        ([], "progress/nothing"),
+    ],
+)
+def test_it_names_what_holds_the_robot(edges, expected):
+    assert of_progress({"held_by": held_by(0, edges)}) == expected
+
+
+def test_a_version_that_did_not_tell_is_read():
+    assert of_progress({}) == "progress"
