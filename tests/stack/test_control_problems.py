@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from control_course import NO_PATH, Course, box, line
 
+from mrta_falsify.specs.contacts import DRIVING_SPEED
 from mrta_falsify.stack.control.cluster import ClusterCbf
 from mrta_falsify.stack.control.decentralised import DecentralisedCbf
 
@@ -175,7 +176,36 @@ def test_person_who_sees_nothing_never_meets_a_moving_robot(controller, start, v
         pose=[[-4, 0, 0]], paths=[line((-4, 0), (4, 0))], humans=[start], human_velocity=[velocity]
     ).run(controller, 30)
     assert course.arrived().all()
-    assert all(speed < 0.02 for *_, speed in course.struck)
+    assert all(speed < DRIVING_SPEED for *_, speed in course.struck)
+
+
+@pytest.mark.parametrize("side", [(0.06, 0.4), (0.0, 0.4), (-0.19, -0.4), (-0.36, 0.32)])
+@pytest.mark.parametrize("pace", [0.0, 0.3], ids=["stands", "walks to and fro"])
+@pytest.mark.parametrize("controller", [cluster(), decentralised()], ids=["cluster", "alone"])
+def test_robot_creeps_away_from_a_person_who_touches_it(controller, side, pace):
+    course = Course(pose=[[0, 0, 0]], paths=[line((0, 0), (3, 0))], humans=[side])
+    for tick in range(800):
+        course.human_velocity = np.array([[pace if tick // 4 % 2 else -pace, 0.0]])
+        course.step(controller)
+    assert course.arrived().all()
+    assert all(speed < DRIVING_SPEED for *_, speed in course.struck)
+
+
+def test_robot_behind_a_person_stops_in_time_if_the_person_turns_round():
+    controller = cluster()
+    course = Course(
+        pose=[[-4, 0, 0]],
+        paths=[line((-4, 0), (9, 0))],
+        humans=[(-3.2, 0.1)],
+        human_velocity=[(0.75, 0)],
+        engine_acceleration=1.0,
+    )
+    for _ in range(80):
+        course.step(controller)
+    course.human_velocity[:] = (-1.0, 0)
+    course.run(controller, 20)
+    assert course.arrived().all()
+    assert all(speed < DRIVING_SPEED for *_, speed in course.struck)
 
 
 def test_robot_goes_round_a_person_who_stands_in_its_way():

@@ -20,11 +20,11 @@ from mrta_falsify.stack.control.obstacles import ROBOT_RANGE
 HELD_SHARE = 0.98
 NEAREST = 1e-6  # m, distances below count as this: a direction is needed
 WALKING = 0.05  # m/s, slower people stand
-#: cosine; who walks past may turn: at right angles it counts with 0.3 / 1.3, a quarter of its
-#: speed, walking away at more than 107 degrees with none
+#: cosine; who walks past or away may turn, and counts with 0.3 / 1.3, a quarter of its speed
 TURNING = 0.3
 BESIDE = 0.17  # cosine of 80 degrees: a person farther round is beside the robot
-TOUCH = 0.05  # m, nearer people who walk make a robot stop, wherever they walk
+TOUCH = 0.05  # m, from nearer people, and from those who walk, a robot creeps away
+CREEP = 0.04  # m/s, slower than WALKING: who touches the robot touches one that stands
 NO_BRAKING = 1e-9  # m per (m/s)^2, less way to brake is none
 
 
@@ -45,7 +45,7 @@ class SpeedRange(NamedTuple):
     low: Array  #: most negative [m/s]
     high: Array  #: largest [m/s]
     halt: BoolArray  #: must stop at once for a person
-    nearest: Array  #: distance of the nearest obstacle point [m], inf: none
+    nearest: Array  #: distance of the nearest obstacle point or person's body [m], inf: none
 
 
 class _Offset(NamedTuple):
@@ -80,11 +80,18 @@ def _along(dx: float, dy: float, ux: float, uy: float, gap: float) -> float:
 
 @njit(cache=True)
 def _human_limit(
-    person: _Offset, ux: float, uy: float, contact: float, braking: float, reaction: float
+    person: _Offset,
+    ux: float,
+    uy: float,
+    contact: float,
+    clearance: float,
+    braking: float,
+    reaction: float,
 ) -> float:
     """Find the speed along (ux, uy) from which the robot stops before it meets the person.
 
-    The person is taken to walk on at its speed, and may turn towards the robot.
+    The person is taken to walk on at its speed, and may turn towards the robot. The robot is at
+    rest at a gap of ``clearance`` beyond ``contact``; inside it, it may leave.
     """
     dx, dy, hvx, hvy = person
     distance = max(np.sqrt(dx * dx + dy * dy), NEAREST)
@@ -94,14 +101,16 @@ def _human_limit(
     approach = 0.0
     if pace > WALKING:
         cosine = -(hvx * rx + hvy * ry) / pace
-        approach = pace * max(0.0, (cosine + TURNING) / (1.0 + TURNING))
+        approach = pace * (max(0.0, cosine) + TURNING) / (1.0 + TURNING)
     ahead = max(0.0, ux * rx + uy * ry)
     quadratic = 0.5 * ahead / braking
     linear = approach / braking + reaction * ahead
-    spare = gap - reaction * approach
+    spare = gap - clearance - reaction * approach
     if spare <= 0.0:
-        # A person at rest beside or behind does not keep the robot from leaving.
-        return 0.0 if approach > 0.0 or ahead > BESIDE else np.inf
+        # A person beside or behind does not keep the robot from leaving.
+        if ahead > BESIDE:
+            return 0.0
+        return CREEP if approach > 0.0 or gap < TOUCH else np.inf
     if quadratic < NO_BRAKING:
         return spare / linear if linear > NO_BRAKING else np.inf
     root = np.sqrt(linear * linear + 4.0 * quadratic * spare)
@@ -110,13 +119,11 @@ def _human_limit(
 
 @njit(cache=True)
 def _must_halt(person: _Offset, contact: float, stop_gap: float) -> bool:
-    """Whether a person touches the robot, or comes towards it from near by."""
+    """Whether a person comes towards the robot from near by."""
     dx, dy, hvx, hvy = person
     distance = np.sqrt(dx * dx + dy * dy)
     closing = -(hvx * dx + hvy * dy) / max(distance, NEAREST)
-    pace = np.sqrt(hvx * hvx + hvy * hvy)
-    touching = distance < contact + TOUCH and pace > WALKING
-    return bool(touching or (distance < contact + stop_gap and closing > WALKING))
+    return bool(distance < contact + stop_gap and closing > WALKING)
 
 
 @njit(cache=True)
@@ -186,9 +193,11 @@ def speed_limits(
             else:
                 person = _Offset(dx, dy, things.velocity[i, k, 0], things.velocity[i, k, 1])
                 contact = margins.body_radius + human_radius[k - sectors]
-                held = contact + margins.human_clearance
-                front = _human_limit(person, ux, uy, held, braking, delay)
-                back = _human_limit(person, -ux, -uy, held, braking, delay)
+                surface = np.sqrt(dx * dx + dy * dy) - human_radius[k - sectors]
+                limits.nearest[i] = min(limits.nearest[i], surface)
+                clear = margins.human_clearance
+                front = _human_limit(person, ux, uy, contact, clear, braking, delay)
+                back = _human_limit(person, -ux, -uy, contact, clear, braking, delay)
                 if _must_halt(person, contact, margins.human_stop):
                     limits.halt[i] = True
             limits.high[i] = min(limits.high[i], front)
