@@ -170,8 +170,8 @@ def _is_busy(frame: Frame) -> bool:
     return bool((frame.intent.tasks_left > 0).all() and sizes.max(initial=0) >= 3)
 
 
-def _calls_of_a_quiet_tick(run: EpisodeRun) -> int:
-    """Count the Python functions called in a tick without events: median of many."""
+def _calls_of_a_quiet_tick(run: EpisodeRun) -> int | None:
+    """Count the Python functions called in a tick without events: median; None: no such tick."""
     counts = []
     for _ in range(COUNTED):
         count = 0
@@ -187,4 +187,4 @@ def _calls_of_a_quiet_tick(run: EpisodeRun) -> int:
             sys.setprofile(None)
         if not frame.events:
             counts.append(count)
-    return int(np.median(counts)) if counts else 0
+    return int(np.median(counts)) if counts else None

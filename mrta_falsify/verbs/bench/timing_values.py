@@ -33,7 +33,7 @@ class FleetSpeed:
     tick_p99_ms: float
     copies: bool  #: whether the oracle and `repeatable` had copies of the run to ask
     cpu_factor: Factor  #: by CPU time, copies included
-    calls: int  #: Python functions called in a tick without events, median
+    calls: int | None  #: Python functions called in a tick without events; None: there was none
     stages_ms: dict[str, float]  #: mean wall time of each stage of a tick, without inner ones
 
 
