@@ -14,7 +14,6 @@ from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from samplers.asking import Counter
 from samplers.cross_entropy import CrossEntropySampler
 from samplers.evolution import EvolutionSampler
-from samplers.knife_edges import KnifeEdgesSampler
 from samplers.local_search import LocalSearchSampler
 from samplers.situations import SituationsSampler
 from samplers.surrogate import SurrogateSampler
@@ -33,9 +32,6 @@ class AutoSampler:
     score, for a failure of a signature not seen before, and for situations not seen before. Scores
     count by rank, so that their scale does not matter. Rewards fade, and every arm keeps a share.
 
-    While a failure is known that most of its copies do not share, six in ten of the other proposals
-    look beside it (see :class:`~samplers.knife_edges.KnifeEdgesSampler`).
-
     How near a run came to a deadlock is a margin of its own, and part of the score, so that there
     is a slope where no specification has one. The first proposals are uniform, and so is one in
     five after them, whatever has been found: they say what a search cannot, how probable a failure
@@ -53,8 +49,6 @@ class AutoSampler:
         floor: float = quantity(low=0.0, high=0.08, default=0.04)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
         robust: bool = False  #: whether knife edges are not wanted
-        #: share of proposals beside knife edges, as long as there are any
-        chase: float = quantity(low=0.0, high=1.0, default=0.6)
         slope: bool = True  #: whether how near a run came to a deadlock counts
         coverage: bool = True  #: whether new situations count
         blame: bool = True  #: whether children change first who took part
@@ -73,7 +67,6 @@ class AutoSampler:
             "local_search": LocalSearchSampler(LocalSearchSampler.Options(cube=cube, seed=seed)),
             "cross_entropy": CrossEntropySampler(CrossEntropySampler.Options(cube=cube, seed=seed)),
         }
-        self._knife_edges = KnifeEdgesSampler(KnifeEdgesSampler.Options(cube=cube, seed=seed))
         if options.coverage:
             self._arms["situations"] = SituationsSampler(
                 SituationsSampler.Options(cube=cube, seed=seed)
@@ -108,21 +101,18 @@ class AutoSampler:
 
     def _next_arm(self) -> Sampler:
         """Choose the arm of the next proposal, and remember it."""
-        random, options = self._counter.stream(), self._options
-        if self._knife_edges.has_any and random.random() < options.chase:
-            return self._knife_edges
         names = list(self._arms)
         value = np.array([self._reward[name] / self._cost[name] for name in names])
-        certain = np.array([CERTAIN.get(name, options.floor) for name in names])
+        certain = np.array([CERTAIN.get(name, self._options.floor) for name in names])
         share = certain + (1.0 - certain.sum()) * value / value.sum()
-        name = str(random.choice(names, p=share / share.sum()))
+        name = str(self._counter.stream().choice(names, p=share / share.sum()))
         self._by[self._counter.next] = name
         return self._arms[name]
 
     def tell(self, feedback: Feedback) -> None:
         """Tell all arms; reward the one that proposed it."""
         feedback = self._seen_by_arms(feedback)
-        for arm in (*self._arms.values(), self._knife_edges):
+        for arm in self._arms.values():
             arm.tell(feedback)
         proposer = self._by.pop(feedback.number, None)
         reward = self._worth(feedback)

@@ -111,7 +111,10 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
     table = trial_table(many, modes(many), [1, 0])
     assert table.parameters == ("people", "bed.x")
     assert table.rows[0].values == (None, records[0].values[0])
-    told = " ".join(summary_sentences(many, records, modes(many), ranking.mattering))
+    failed = [record.id for record in records if record.failed]
+    layers = dict.fromkeys(failed, "queue_policy")
+    told = " ".join(summary_sentences(many, records, modes(many), ranking.mattering, layers))
+    assert f"Suspected part of the stack, by trials: the queue policy ({len(failed)})." in told
     assert "ended in a deadlock" in told
     assert "Failing goes with bed.x." in told
     searched = dataclasses.replace(many.settings, sampler=Choice("auto"))

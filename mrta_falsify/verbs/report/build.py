@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -78,12 +78,13 @@ def build_report(
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
     kinds = modes(campaign)
-    found = _modes(kinds, failed, shown)
+    layers = {r.id: r.layer for r in failed} | {case.id: case.layer for case in shown if case.layer}
+    found = _modes(kinds, failed, shown, layers)
     ranking = rank_dimensions(campaign, judged)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
         headline=_headline(campaign, failed, len(judged), kinds),
-        summary=summary_sentences(campaign, judged, kinds, ranking.mattering),
+        summary=summary_sentences(campaign, judged, kinds, ranking.mattering, layers),
         facts=facts_of(campaign, judged, failed),
         modes=found,
         trials=_trials(judged, floor),
@@ -144,7 +145,10 @@ def _headline(
 
 
 def _modes(
-    kinds: Sequence[FailureMode], failed: Sequence[TrialRecord], shown: Sequence[CaseContents]
+    kinds: Sequence[FailureMode],
+    failed: Sequence[TrialRecord],
+    shown: Sequence[CaseContents],
+    layer_of: Mapping[str, str],
 ) -> tuple[Mode, ...]:
     by_id = {record.id: record for record in failed}
     cases: dict[str, list[CaseContents]] = {}
@@ -153,8 +157,7 @@ def _modes(
     found = []
     for mode in kinds:
         verdict = leading(by_id[mode.ids[0]].verdicts)
-        explained = {case.id: case.layer for case in cases.get(mode.signature, [])}
-        layers = Counter(explained.get(i) or by_id[i].layer for i in mode.ids)
+        layers = Counter(layer_of[i] for i in mode.ids)
         layers.pop("", None)
         found.append(
             Mode(

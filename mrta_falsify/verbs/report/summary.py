@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign
@@ -21,6 +21,7 @@ def summary_sentences(
     judged: Sequence[TrialRecord],
     found: Sequence[FailureMode],
     mattering: Sequence[int],
+    layers: Mapping[str, str],
 ) -> tuple[str, ...]:
     """Sum a campaign up for someone who knows nothing of it; empty without judged trials.
 
@@ -29,13 +30,14 @@ def summary_sentences(
         judged: its judged trials.
         found: its failure modes.
         mattering: dimensions that failing goes with beyond chance.
+        layers: suspected layer by id of a failing trial, by re-runs where there are any.
     """
     if not judged:
         return ()
     return (
         *_failure_sentences(campaign, judged),
         *_mode_sentences(judged, found),
-        *_layer_sentences(judged),
+        *_layer_sentences(judged, layers),
         *_parameter_sentences(campaign, mattering),
         *_unseen_sentences(campaign),
     )
@@ -70,11 +72,12 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
     return [f"They fail in {kinds}; the first failure came in trial {first} of {len(judged)}."]
 
 
-def _layer_sentences(judged: Sequence[TrialRecord]) -> list[str]:
-    layers = Counter(r.layer.replace("_", " ") for r in judged if r.is_reported and r.layer)
-    if not layers:
+def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
+    suspected = Counter(layers.get(r.id, "").replace("_", " ") for r in judged if r.is_reported)
+    suspected.pop("", None)
+    if not suspected:
         return []
-    named = [f"the {name} ({count})" for name, count in layers.most_common(MOST_NAMED)]
+    named = [f"the {name} ({count})" for name, count in suspected.most_common(MOST_NAMED)]
     return [f"Suspected part of the stack, by trials: {listed(named)}."]
 
 
