@@ -146,13 +146,13 @@ class AutoSampler:
         new = set(feedback.situations) - self._situations
         self._situations |= new
         reward = 0.5 if new and self._options.coverage else 0.0
-        if feedback.failed and feedback.kind in self._signatures:
+        if feedback.failed and feedback.signature in self._signatures:
             return reward  # the same failure again
         known = np.array(self._scores)
         self._scores.append(feedback.score)
         better = float((known > feedback.score).mean()) if len(known) else 0.5
         reward += max(0.0, 4.0 * (better - 0.75))  # the best quarter, 0 to 1
         if feedback.failed:
-            self._signatures.add(feedback.kind)
+            self._signatures.add(feedback.signature)
             reward += 2.0
         return reward

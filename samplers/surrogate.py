@@ -90,10 +90,10 @@ class SurrogateSampler:
         """Take in a result, also of a point that another sampler proposed."""
         if feedback.fate != "judged":
             return
-        if not feedback.failed or feedback.kind not in self._signatures:
+        if not feedback.failed or feedback.signature not in self._signatures:
             self._best.add(feedback)
         if feedback.failed:
-            self._signatures.add(feedback.kind)
+            self._signatures.add(feedback.signature)
             self._violations.update(n for n, margin in feedback.objectives.items() if margin < 0.0)
         self._kept.add(feedback)
         self._recent.append(feedback)

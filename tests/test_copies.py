@@ -144,7 +144,7 @@ def test_the_score_is_the_smaller_share(hall):
 def test_a_knife_edge_of_either_stack_is_a_kind_of_its_own(hall):
     cube = Cube(dimensions=1)
     kinds = {
-        feedback_of(compared(hall, mine, theirs)[0], cube).kind
+        feedback_of(compared(hall, mine, theirs)[0], cube).signature
         for mine, theirs in (
             ((-1, -1, -1), (1, 1, 1, 1)),
             ((-1, 1, 1), (1,)),
@@ -154,7 +154,7 @@ def test_a_knife_edge_of_either_stack_is_a_kind_of_its_own(hall):
     assert kinds == {
         "no_deadlock",
         "1 of 3 copies: no_deadlock",
-        "0 of 2 copies: no_deadlock",  # the other stack passes none of the two
+        "2 of 2 copies on the other stack: no_deadlock",
     }
 
 

@@ -149,7 +149,8 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
 
     A failure only in what is looked for last is none to it, nor is one that the other stack shares
     where two are compared. Of a failure with copies it is told the margins to expect: a knife edge
-    looks like the passing worlds around it.
+    looks like the passing worlds around it. The signature of a knife edge differs from that of a
+    robust failure, so a sampler that looks for other kinds of failure leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -161,8 +162,7 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
         noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
         failed=record.is_sought,
-        signature=record.signature if record.is_sought else "",
-        copies=_copies_told(record) if record.is_sought else (0, 0),
+        signature=_kind(record) if record.is_sought else "",
         situations=record.situations,
         blamed=cube.blocks_of(record.blamed),
     )
@@ -177,16 +177,14 @@ def _margins_told(record: TrialRecord) -> dict[str, float]:
     return {name: differing(margin, other.score) for name, margin in record.objectives.items()}
 
 
-def _copies_told(record: TrialRecord) -> tuple[int, int]:
-    """Count the copies that share a failure, and all of them.
-
-    Where two stacks are compared, and most copies fail, they are those that the other one passes.
-    """
-    copies, other = record.jittered, record.other
-    if copies is not None and copies.robust and other is not None and other.jittered is not None:
-        theirs = other.jittered
-        return theirs.runs - theirs.failed, theirs.runs
-    return (copies.failed, copies.runs) if copies is not None else (0, 0)
+def _kind(record: TrialRecord) -> str:
+    copies = record.jittered
+    if copies is None or record.wanted:
+        return record.signature
+    if copies.robust and record.other is not None and record.other.jittered is not None:
+        theirs = record.other.jittered
+        return f"{theirs.failed} of {theirs.runs} copies on the other stack: {record.signature}"
+    return f"{copies.failed} of {copies.runs} copies: {record.signature}"
 
 
 def run_campaign(

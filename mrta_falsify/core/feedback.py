@@ -82,25 +82,10 @@ class Feedback:
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
     failed: bool = False  #: a specification is violated that the search is for
     signature: str = ""  #: of the failure mode, empty: no failure
-    copies: tuple[int, int] = (0, 0)  #: of a failing world: how many fail too, how many were run
     situations: tuple[str, ...] = ()  #: what happened, by name
     blamed: tuple[
         int, ...
     ] = ()  #: blocks of the cube that took part when it was nearest to failing
-
-    @property
-    def is_knife_edge(self) -> bool:
-        """Whether it is a failure that most copies do not share."""
-        failed, runs = self.copies
-        return self.failed and 2 * failed <= runs and runs > 0
-
-    @property
-    def kind(self) -> str:
-        """What tells failures apart: a knife edge is not of the kind of a robust failure."""
-        failed, runs = self.copies
-        return (
-            f"{failed} of {runs} copies: {self.signature}" if self.is_knife_edge else self.signature
-        )
 
     @property
     def nearness(self) -> float:

@@ -82,7 +82,7 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
         most = record.failed and record.jittered.failed > 4
         assert record.wanted == most
         assert feedback.failed == record.failed
-        assert feedback.is_knife_edge == (record.failed and not most)
+        assert (feedback.signature == record.signature) == (record.wanted or not record.failed)
 
 
 def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
