@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import functools
 from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
-from benchmarks.people.flows import DENSITIES, Flow, weidmann
+from benchmarks.people.flows import DENSITIES, Flow, measure, weidmann
 
 
 class Walking(Protocol):
@@ -26,8 +27,15 @@ def stream_arguments(doc: str) -> argparse.ArgumentParser:
     return parser
 
 
-def print_table(simulators: Mapping[str, Walking], options: argparse.Namespace) -> None:
-    """Print speed, share off Weidmann's curve, and share of people that touch, for each stream."""
+def print_table(others: Mapping[str, Walking], options: argparse.Namespace) -> None:
+    """Print speed, share off Weidmann's curve, and share of people that touch, for each stream.
+
+    Args:
+        others: simulators beside `by_sight`, by the names of their columns.
+        options: of :func:`stream_arguments`.
+    """
+    ours: Walking = functools.partial(measure, model="by_sight")
+    simulators = {"by_sight": ours, **others}
     print("| Stream | Corridor | Wanted [1/m2] | " + " | ".join(simulators) + " |")
     print("|---" * (3 + len(simulators)) + "|")
     for both_ways in (False, True):

@@ -23,11 +23,10 @@ from benchmarks.people.flows import (
     SETTLING,
     UNTIL,
     Flow,
-    measure,
     measured_flow,
     walkers,
 )
-from benchmarks.people.opinions import Walking, print_table, stream_arguments
+from benchmarks.people.opinions import print_table, stream_arguments
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import HumanSpec
 
@@ -95,9 +94,8 @@ def theirs(density: float, width: float, model: str, *, both_ways: bool, seed: i
 
 def main() -> None:
     """Print the table."""
-    simulators: dict[str, Walking] = {"by_sight": functools.partial(measure, model="by_sight")}
-    simulators |= {model: functools.partial(theirs, model=model) for model in MODELS}
-    print_table(simulators, stream_arguments(__doc__).parse_args())
+    models = {model: functools.partial(theirs, model=model) for model in MODELS}
+    print_table(models, stream_arguments(__doc__).parse_args())
 
 
 if __name__ == "__main__":

@@ -27,11 +27,10 @@ from benchmarks.people.flows import (
     SETTLING,
     UNTIL,
     Flow,
-    measure,
     measured_flow,
     walkers,
 )
-from benchmarks.people.opinions import Walking, print_table, stream_arguments
+from benchmarks.people.opinions import print_table, stream_arguments
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import HumanSpec
 
@@ -126,10 +125,11 @@ def main() -> None:
     parser.add_argument("--programs", type=Path, required=True, help="folder of sumo, netconvert")
     arguments = parser.parse_args()
     programs = arguments.programs.resolve()
-    simulators: dict[str, Walking] = {"by_sight": functools.partial(measure, model="by_sight")}
-    for name, options in OPTIONS.items():
-        simulators[name] = functools.partial(theirs, programs=programs, options=options)
-    print_table(simulators, arguments)
+    columns = {
+        name: functools.partial(theirs, programs=programs, options=options)
+        for name, options in OPTIONS.items()
+    }
+    print_table(columns, arguments)
 
 
 if __name__ == "__main__":
