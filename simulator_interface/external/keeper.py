@@ -81,6 +81,8 @@ class Keeper:
         """Kill all that the program has started; may be called twice, not by copies."""
         if self._process < 0 or os.getpid() != self._owner:
             return
+        with contextlib.suppress(OSError):  # the keeper has been killed
+            self._ours.shutdown(socket.SHUT_RDWR)  # copies of this process may hold it open
         self._ours.close()
         with contextlib.suppress(ChildProcessError):
             os.waitpid(self._process, 0)
