@@ -7,6 +7,7 @@ once and killed when its time is up, and a crash costs one trial and not the wor
 
 from __future__ import annotations
 
+import gc
 import queue
 import signal
 import threading
@@ -76,14 +77,20 @@ class DaskExecutor:
                     dashboard_address=f"{LOOPBACK}:0",
                 )
             address = self._cluster.scheduler_address
+        why = ""
         try:
             connect: Any = distributed.Client
             self._client = connect(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
+            why = str(error)
+        if self._client is None:
+            # Garbage by now: a client that did not connect. It takes a lock when it is collected,
+            # for which it would wait without end while another client or cluster starts.
+            gc.collect()
             raise ConfigError(
-                f"executor dask: no scheduler answers at {address!r} ({error}); start one by "
+                f"executor dask: no scheduler answers at {address!r} ({why}); start one by "
                 "`dask scheduler`, or leave the address out to start one here"
-            ) from None
+            )
 
     def submit(self, job: Job) -> None:
         """Take a job."""

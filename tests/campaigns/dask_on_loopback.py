@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import gc
+
 import pytest
 
 from mrta_falsify.campaigns.executors import SerialExecutor
@@ -62,8 +64,20 @@ def test_a_scenario_that_workers_refuse_is_bad_input(tmp_path, scheduler):
 
 
 def test_no_scheduler_at_the_address_is_bad_input():
-    with pytest.raises(ConfigError, match="no scheduler answers at 'nowhere'"):
-        on_dask("nowhere").open(settings())
+    known = clients()
+    gc.disable()
+    try:
+        with pytest.raises(ConfigError, match="no scheduler answers at 'nowhere'"):
+            on_dask("nowhere").open(settings())
+        # Collected later, while another one starts, it would wait for that one's lock.
+        assert clients() <= known
+    finally:
+        gc.enable()
+
+
+def clients():
+    """Ids of all clients that are there, garbage or not."""
+    return {id(one) for one in gc.get_objects() if type(one) is distributed.Client}
 
 
 def test_an_executor_that_is_not_open_says_so():
