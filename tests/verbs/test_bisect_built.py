@@ -24,7 +24,8 @@ from mrta_falsify.verbs.bisect.processes import failed_build, run_to_end
 from mrta_falsify.verbs.bisect.repository import Repository
 from tests.verbs.test_bisect import git
 
-LENGTH, CULPRIT, UNBUILT = 8, 6, 4  # commits, the first bad one, one that is not built
+#: commits, the first bad one, one that is not built: the only middle, so that it is always tried
+LENGTH, CULPRIT, UNBUILT = 9, 6, 4
 MAKE = 'mkdir -p build && sed s/SOURCE/BUILT/ source > build/stack && echo "a warning"'
 FAIL = "echo first; echo second >&2; echo third >&2; echo fourth >&2; exit 7"
 BUILD = "sh './make it.sh'"
