@@ -13,8 +13,10 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.world import RobotSpec
-from mrta_falsify.specs.exclusive import ExclusiveUse, signed_distances
+from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.plane import signed_distances
+from mrta_falsify.core.world import Resource, RobotSpec
+from mrta_falsify.specs.exclusive import ExclusiveUse
 from mrta_falsify.specs.library import build_specifications
 from simulator_interface.simulate import simulate
 from tests.scenes.ward import ward_layout
@@ -70,9 +72,10 @@ def _ward(robots):
 class _At:
     """As much of a frame as the specification looks at."""
 
-    def __init__(self, time, *places):
+    def __init__(self, time, *places, served=()):
         self.sensed = self
         self.time = time
+        self.served = np.array(served or [0] * len(places))
         self.pose = np.array([[x, y, 0.0] for x, y in places])
 
 
@@ -119,6 +122,38 @@ def test_capacity_counts():
     room = world.rooms[0].point
     far = np.array([8.0, 1.0])
     assert not _exclusive(world, _At(0.0, room, far), _At(1.0, room, room + BESIDE)).violated
+
+
+def test_a_room_that_is_free_once_its_robot_is_served_has_room_for_the_next():
+    world = _ward(2)
+    rooms = tuple(dataclasses.replace(r, hold="until_served") for r in world.resources)
+    world = dataclasses.replace(world, resources=rooms)
+    room, outside = world.rooms[0].point, np.array([8.0, 1.0])
+    alone, both = (room, outside), (room, room + BESIDE)
+    first = _At(0.0, outside, outside), _At(1.0, *alone)
+    assert _exclusive(world, *first, _At(2.0, *both)).violated
+    served = _At(2.0, *alone, served=(1, 0)), _At(3.0, *both, served=(1, 0))
+    assert not _exclusive(world, *first, *served).violated
+
+
+def test_a_corridor_that_is_free_after_its_service_time_may_be_followed_into():
+    area = rectangle(4.0, 4.0, (8.0, 0.0))
+    lane = Resource(
+        name="lane",
+        kind="corridor",
+        request_area=area,
+        release_area=area,
+        hold="until_served",
+        service_time=2.0,
+    )
+    world = dataclasses.replace(_ward(2), resources=(lane,))
+    inside, outside = (8.0, 0.0), (1.0, 1.0)
+    enters = _At(0.0, outside, outside), _At(1.0, inside, outside)
+    soon, late = (_At(time, inside, (8.5, 0.5)) for time in (2.9, 3.0))
+    assert _exclusive(world, *enters, soon).violated
+    assert not _exclusive(world, *enters, late).violated
+    held = dataclasses.replace(world, resources=(dataclasses.replace(lane, hold="until_left"),))
+    assert _exclusive(held, *enters, late).violated
 
 
 def test_signed_distances_agree_with_shapely():

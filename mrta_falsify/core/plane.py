@@ -47,6 +47,34 @@ def is_within(points: Array, position: Array, distance: float) -> bool:
     return False
 
 
+@njit(cache=True)
+def signed_distances(polygon: Array, points: Array) -> Array:
+    """Measure how far ``points`` are from a polygon ``(V, 2)`` [m]; inside negative.
+
+    Args:
+        polygon: corners.
+        points: ``(N, 2)`` [m], or poses ``(N, 3)``.
+    """
+    count = len(polygon)
+    result = np.empty(len(points))
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        square, inside = np.inf, False
+        for k in range(count):
+            ax, ay = polygon[k - 1, 0], polygon[k - 1, 1]
+            bx, by = polygon[k, 0], polygon[k, 1]
+            dx, dy = bx - ax, by - ay
+            length = dx * dx + dy * dy
+            share = 0.0
+            if length > 0.0:
+                share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length))
+            square = min(square, (ax + share * dx - x) ** 2 + (ay + share * dy - y) ** 2)
+            if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
+                inside = not inside
+        result[i] = -np.sqrt(square) if inside else np.sqrt(square)
+    return result
+
+
 def distance_of(point: Array, other: Array) -> float:
     """Distance [m] between two points ``(2,)``."""
     return float(np.hypot(point[0] - other[0], point[1] - other[1]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
 from mrta_falsify.specs.contacts import GAP_CAP
@@ -27,6 +29,9 @@ class ExclusiveUse:
     coming or going. Robustness [m]: signed distance, positive outside, of the robot that
     would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. A
     resource that is overfull at the start is judged from when it first was not.
+
+    A resource that is held ``until_served`` is free again before the robot has left. There a robot
+    counts until it has been inside for the service time, in a room until a stop of it was done.
 
     Only positions count, not what the stack's queues say.
     """
@@ -54,18 +59,21 @@ class ExclusiveUse:
             capacity=np.array([r.capacity for r in crowded], dtype=np.int64),
         )
         self._judged = np.zeros(len(crowded), dtype=np.bool_)
+        self._visits = _Visits(crowded, len(world.robots))
         self._closest = RunningMin("exclusive_use", GAP_CAP)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         pose = frame.sensed.pose
-        if not _is_news(tuple(self._spaces), pose, self._judged, self._closest.margin):
+        uses = self._visits.uses(frame)
+        if not _is_news(tuple(self._spaces), pose, uses, self._judged, self._closest.margin):
             return
-        margins = _margins(self._spaces, pose)
+        margins = _margins(self._spaces, pose, uses)
         for k, resource in enumerate(self._resources):
             margin = float(margins[k])
             if self._judged[k] and margin < self._closest.margin:
-                self._note(frame, resource, signed_distances(self._areas[k], pose), margin)
+                distance = np.where(uses[k], signed_distances(self._areas[k], pose), np.inf)
+                self._note(frame, resource, distance, margin)
 
     def _note(self, frame: Frame, resource: Resource, distance: Array, margin: float) -> None:
         order = np.argsort(distance, kind="stable")[: resource.capacity + 1]
@@ -83,6 +91,35 @@ class ExclusiveUse:
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         return self._closest.verdict()
+
+
+class _Visits:
+    """Tells who uses each of R resources, or may go on to use it: ``(R, N)``.
+
+    Args:
+        resources: whose ``hold`` says when a robot that is inside has done with it.
+        robots: how many there are.
+    """
+
+    def __init__(self, resources: Sequence[Resource], robots: int) -> None:
+        self._resources = [(k, r) for k, r in enumerate(resources) if r.hold == "until_served"]
+        self._uses = np.ones((len(resources), robots), dtype=np.bool_)
+        self._since = np.full((len(resources), robots), np.inf)  # inside since then [s]
+        self._before = np.zeros((len(resources), robots), dtype=np.int64)  # stops served by then
+
+    def uses(self, frame: Frame) -> BoolArray:
+        """Take in one tick."""
+        time = frame.sensed.time
+        for k, resource in self._resources:
+            inside = signed_distances(np.asarray(resource.release_area), frame.sensed.pose) < 0.0
+            enters = inside & np.isinf(self._since[k])
+            self._since[k][enters], self._before[k][enters] = time, frame.served[enters]
+            self._since[k][~inside] = np.inf
+            is_served = time >= self._since[k] + resource.service_time
+            if resource.room is not None:
+                is_served = inside & (frame.served > self._before[k])
+            self._uses[k] = ~is_served
+        return self._uses
 
 
 def _inner_area(world: World, resource: Resource, rim: float) -> Array:
@@ -106,10 +143,12 @@ class _Spaces(NamedTuple):
 
 
 @njit(cache=True)
-def _is_news(fields: tuple[Any, ...], pose: Array, judged: BoolArray, least: float) -> bool:
+def _is_news(
+    fields: tuple[Any, ...], pose: Array, uses: BoolArray, judged: BoolArray, least: float
+) -> bool:
     """Say whether a margin is below ``least`` [m]; bring ``judged`` ``(R,)`` up to date."""
     news = False
-    margins = _margins(_Spaces(*fields), pose)
+    margins = _margins(_Spaces(*fields), pose, uses)
     for k in range(len(margins)):
         judged[k] = judged[k] or margins[k] >= 0.0
         news = news or (judged[k] and margins[k] < least)
@@ -117,39 +156,14 @@ def _is_news(fields: tuple[Any, ...], pose: Array, judged: BoolArray, least: flo
 
 
 @njit(cache=True)
-def _margins(spaces: _Spaces, pose: Array) -> Array:
-    """Measure how far the robot that is one too many is from each resource ``(R,)`` [m]."""
+def _margins(spaces: _Spaces, pose: Array, uses: BoolArray) -> Array:
+    """Measure how far the robot that is one too many is from each resource ``(R,)`` [m].
+
+    ``uses`` ``(R, N)``: robots that count.
+    """
     margins = np.empty(len(spaces.capacity))
     for k in range(len(margins)):
         area = spaces.corners[spaces.first[k] : spaces.first[k + 1]]
-        distance = signed_distances(area, pose)
+        distance = np.where(uses[k], signed_distances(area, pose), np.inf)
         margins[k] = np.sort(distance)[spaces.capacity[k]]
     return margins
-
-
-@njit(cache=True)
-def signed_distances(polygon: Array, points: Array) -> Array:
-    """Measure how far ``points`` are from a polygon ``(V, 2)`` [m]; inside negative.
-
-    Args:
-        polygon: corners.
-        points: ``(N, 2)`` [m], or poses ``(N, 3)``.
-    """
-    count = len(polygon)
-    result = np.empty(len(points))
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        square, inside = np.inf, False
-        for k in range(count):
-            ax, ay = polygon[k - 1, 0], polygon[k - 1, 1]
-            bx, by = polygon[k, 0], polygon[k, 1]
-            dx, dy = bx - ax, by - ay
-            length = dx * dx + dy * dy
-            share = 0.0
-            if length > 0.0:
-                share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length))
-            square = min(square, (ax + share * dx - x) ** 2 + (ay + share * dy - y) ** 2)
-            if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
-                inside = not inside
-        result[i] = -np.sqrt(square) if inside else np.sqrt(square)
-    return result
