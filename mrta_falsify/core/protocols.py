@@ -24,6 +24,7 @@ from mrta_falsify.core.fleet import (
     Sensed,
     StackEvent,
 )
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
@@ -167,6 +168,9 @@ class ControlView:
     cruise: Array | None = (
         None  #: (N,) speed driven at if nothing is in the way [m/s]; None: CRUISE
     )
+    #: A outlines of places that robots must ask for [m]; None: not told
+    shared_places: Polylines | None = None
+    closed: BoolArray | None = None  #: (N, A) others hold the place, and it has room for no more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

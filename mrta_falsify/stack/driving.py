@@ -13,6 +13,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
+from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import (
     Controller,
     ControlResult,
@@ -68,6 +69,7 @@ class Driving:
         self._max_speed = np.array([robot.max_speed for robot in robots])
         self._max_acceleration = np.array([robot.max_acceleration for robot in robots])
         self._max_turn_rate = np.array([robot.max_turn_rate for robot in robots])
+        self._places = Polylines.of([np.asarray(r.release_area) for r in world.resources])
         self._table = MissionTable(DRIVE_RECORD, _drive_of)
         self._outlook = Outlook(
             [
@@ -98,6 +100,7 @@ class Driving:
         links: Links,
         *,
         first: Sequence[int] = (),
+        closed: BoolArray | None = None,
     ) -> ControlResult:
         """Ask for one tick's commands.
 
@@ -107,6 +110,7 @@ class Driving:
             fleet: what their sensors say.
             links: between them.
             first: robots that go before all others in this order, whatever the priority rule says.
+            closed: ``(N, A)`` resources of the world that others hold, up to their capacity.
         """
         rows, n = self._table.rows(state.missions), len(state.missions)
         target, since = views.target.copy(), np.empty(n)
@@ -146,6 +150,8 @@ class Driving:
                 max_acceleration=self._max_acceleration,
                 max_turn_rate=self._max_turn_rate,
                 cruise=views.pace,
+                shared_places=self._places,
+                closed=closed,
             )
         )
 

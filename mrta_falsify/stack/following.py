@@ -24,6 +24,7 @@ from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.mission import Mission
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.replanning import Replanning
+from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.route import Way
 
 
@@ -43,6 +44,7 @@ class FollowState:
     headway: Headway
     controller: Controller
     service: ServiceState = field(default_factory=ServiceState)
+    queues: list[QueueState] = field(default_factory=list)  #: none: it asks for no room
     next_planner: int = 0  #: robot whose plan is computed first
     map_epoch: int = 0  #: changes of blockages seen so far
 

@@ -236,7 +236,8 @@ class Stack:
         self, state: StackState, views: Views, fleet: FleetState, links: Links
     ) -> tuple[Command, Intent]:
         first = coming_out(self._rooms.queues, state.queues, fleet.pose)
-        result = self._driving.control(state, views, fleet, links, first=first)
+        closed = self._rooms.closed(state.queues, len(fleet.pose))
+        result = self._driving.control(state, views, fleet, links, first=first, closed=closed)
         return result.command, self._declaration.intent(state.missions, state.queues, result)
 
 

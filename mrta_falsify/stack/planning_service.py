@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from mrta_falsify.core.fleet import PARKED_AFTER
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.polyline import project_on_path
 from mrta_falsify.core.protocols import CostmapSource, Planner
+from mrta_falsify.stack.rooms_on_the_way import RoomsOnTheWay
 from mrta_falsify.stack.route import RETRY, Way
 
 PARKED_MOVED = 0.3  # m, more than six times a localisation error of 0.05 m
@@ -55,15 +57,46 @@ def _has_moved(known: Array, position: Array) -> bool:
 class PlanningService:
     """One planner for all robots; has no memory that decides anything."""
 
-    def __init__(self, planner: Planner, source: CostmapSource, *, failure_blocks: bool) -> None:
+    def __init__(
+        self,
+        planner: Planner,
+        source: CostmapSource,
+        *,
+        rooms: Sequence[Array] = (),
+        failure_blocks: bool,
+    ) -> None:
+        """Plan for a fleet.
+
+        Args:
+            planner: of all robots.
+            source: of maps.
+            rooms: outlines ``(V, 2)`` [m] of rooms that robots must ask for; empty: not a room.
+            failure_blocks: planted defect, a failure holds up all robots.
+        """
         self._planner = planner
         self._source = source
+        self._rooms = RoomsOnTheWay(rooms)
         self._failure_blocks = failure_blocks
 
-    def plan(self, state: ServiceState, way: Way, position: Array, time: float) -> Way:
+    def plan(
+        self,
+        state: ServiceState,
+        way: Way,
+        position: Array,
+        time: float,
+        closed: Sequence[int] = (),
+    ) -> Way:
         """Plan from ``position`` through the next two waypoints of ``way``.
 
-        A way around robots at rest is preferred to one through them.
+        A way around robots at rest is preferred to one through them, and a way around rooms
+        that are closed to the robot to one through them.
+
+        Args:
+            state: memory of the service.
+            way: to plan for.
+            position: ``(2,)`` of the robot [m].
+            time: now [s].
+            closed: numbers of rooms that the robot does not hold.
 
         Returns:
             The way with a path, or with the reason why there is none; the same way if the
@@ -74,9 +107,8 @@ class PlanningService:
         route = way.halt if len(way.halt) else way.route
         reason = ""
         for with_parked in (True, False) if state.parked else (False,):
-            path, skipped, reason = self._path(
-                self._map(state, time, with_parked=with_parked), position, route
-            )
+            costmap = self._map(state, time, with_parked=with_parked)
+            path, skipped, reason = self._path_around(costmap, position, route, closed)
             if not reason:
                 return replace(
                     way,
@@ -104,6 +136,20 @@ class PlanningService:
         if with_parked and state.parked:
             places = np.array([state.parked[robot] for robot in sorted(state.parked)])
         return self._source.costmap(time, places)
+
+    def _path_around(
+        self, costmap: Costmap, position: Array, route: Array, closed: Sequence[int]
+    ) -> tuple[Array, int, str]:
+        """Do as :meth:`_path`, around closed rooms that neither the robot nor the route is in."""
+        direct = found = self._path(costmap, position, route)
+        ends, avoided = np.vstack([position, route]), frozenset[int]()
+        while not found[2]:
+            entered = self._rooms.entered(found[0], ends, closed)
+            if entered <= avoided:  # it may touch the outline of a room that it leads around
+                return found
+            avoided |= entered
+            found = self._path(self._rooms.closed(costmap, avoided), position, route)
+        return direct
 
     def _path(self, costmap: Costmap, position: Array, route: Array) -> tuple[Array, int, str]:
         """Plan a path; also say how many covered waypoints it leaves out, and why it failed."""

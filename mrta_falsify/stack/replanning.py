@@ -13,7 +13,7 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
-from mrta_falsify.core.plane import is_near
+from mrta_falsify.core.plane import NO_POINTS, is_near
 from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import Blockage, World
@@ -22,6 +22,7 @@ from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.mission import Mission
 from mrta_falsify.stack.mission_table import MissionTable, Rows, record_of
 from mrta_falsify.stack.planning_service import PlanningService, ServiceState
+from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED, WAYPOINT_REACHED, Way
 
 PLANS_PER_TICK = 6  # so many a tick of 50 ms has time for
@@ -43,6 +44,7 @@ class PlanningMemory(Protocol):
 
     headway: Headway
     service: ServiceState
+    queues: list[QueueState]  #: of all resources; empty: no robot asks for any
     next_planner: int  #: robot whose plan is computed first
     map_epoch: int  #: changes of blockages seen so far
 
@@ -54,7 +56,13 @@ class Replanning:
         defects = config.defects
         planner = registry.build("planner", config.planner, defects=defects)
         self._service = PlanningService(
-            planner, costmaps, failure_blocks="planner_failure_blocks_all" in defects
+            planner,
+            costmaps,
+            rooms=[
+                np.asarray(r.release_area if r.room is not None else NO_POINTS)
+                for r in world.resources
+            ],
+            failure_blocks="planner_failure_blocks_all" in defects,
         )
         blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})
@@ -94,7 +102,10 @@ class Replanning:
                     break
                 plans += 1
                 position, before = fleet.pose[robot, :2], way
-                way = self._service.plan(state.service, way, position, fleet.time)
+                closed = [
+                    room for room, queue in enumerate(state.queues) if robot not in queue.holders
+                ]
+                way = self._service.plan(state.service, way, position, fleet.time, closed)
                 events += _news(robot, before, way, fleet.time)
             planned[robot] = _with_way(mission, way)
         return planned, events

@@ -16,7 +16,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.world import CRUISE
-from mrta_falsify.stack.control.conflicts import Traffic, fill_box
+from mrta_falsify.stack.control.conflicts import SharedPlaces, Traffic, fill_box
 from mrta_falsify.stack.control.manoeuvres import (
     CHOICE,
     GO,
@@ -31,7 +31,7 @@ from mrta_falsify.stack.control.manoeuvres import (
 )
 from mrta_falsify.stack.control.obstacles import HUMAN_RADIUS, Clearances, People
 from mrta_falsify.stack.control.predicted_motions import SAMPLES, fill_drift, fill_stop
-from mrta_falsify.stack.control.state import Crew
+from mrta_falsify.stack.control.state import Crew, CrewView, people_in
 
 COMPANY = 6.0  # m, robots that drive at CRUISE and are farther apart cannot meet in time
 NEAR = 3.5  # m, people farther from a robot than this do not matter to its choice
@@ -112,6 +112,7 @@ def _fill_choice(
     ways: Ways,
     points: Array,
     clearances: Clearances,
+    places: SharedPlaces,
     traffic: Traffic,
 ) -> None:
     """Choose for robot ``i``, which has company or people beside it."""
@@ -121,11 +122,13 @@ def _fill_choice(
         path = _path_of(i, robot, ways)
         stands = try_going_on(choice, i, robot, path, traffic)
         if stands and choice.conflict_at < np.inf:
-            try_passing(choice, i, robot, path, points, clearances.obstacle, traffic)
+            try_passing(choice, i, robot, path, points, clearances.obstacle, places, traffic)
     if choice.conflict_at < np.inf:
         try_waiting(choice, i, robot, traffic)
     if choice.conflict_at < np.inf:
-        try_moving_aside(choice, i, crew, clearances.robot, points, clearances.obstacle, traffic)
+        try_moving_aside(
+            choice, i, crew, clearances.robot, points, clearances.obstacle, places, traffic
+        )
 
 
 @njit(cache=True)
@@ -134,21 +137,22 @@ def choose_manoeuvres(
     order: IntArray,
     ways: Ways,
     points: Array,
-    people: People,
+    told: CrewView,
     clearances: Clearances,
     yield_margin: float,
 ) -> Choices:
     """Choose a manoeuvre for each robot, better-placed robots first.
 
     Robots that neither want to move nor have a task may be asked to move aside. The others
-    outside the joint decision are only kept clear of.
+    outside the joint decision are only kept clear of. Nobody moves aside into a place that is
+    closed to it.
 
     Args:
         crew: robots, surveyed.
         order: ``(N,)`` robot numbers, the one that goes first in front.
         ways: paths; a robot that wants to move and has none goes straight to its target.
         points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        people: who is about.
+        told: people, and places that robots must ask for.
         clearances: distances that the barrier rows keep.
         yield_margin: robots nearer than this beyond their barrier distance conflict [m].
 
@@ -160,7 +164,7 @@ def choose_manoeuvres(
     motion, box = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
     stuck, decides = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     settled = np.empty(n, dtype=np.bool_)
-    gap = clearances.robot + yield_margin
+    gap, people = clearances.robot + yield_margin, people_in(told)
     for _ in range(2):
         for i in range(n):
             robot = crew[i]
@@ -181,7 +185,8 @@ def choose_manoeuvres(
                 fill_stop(crew[i], motion[i])
             else:
                 traffic = Traffic(motion, box, settled, gap, place, people_gap)
-                _fill_choice(choices[i], i, crew, ways, points[i], clearances, traffic)
+                places = SharedPlaces(told.shared_corner, told.shared_first, told.closed[i])
+                _fill_choice(choices[i], i, crew, ways, points[i], clearances, places, traffic)
                 # Nowhere to go: in a second round the others have to find a way round it.
                 stuck[i] = choices[i].conflict_at < np.inf and choices[i].kind == STAY
             fill_box(motion[i], box[i])

@@ -198,9 +198,7 @@ def _decide_crew(
     if rules.followers_brake:
         choices = let_leaders_go(crew)
     else:
-        choices = choose_manoeuvres(
-            crew, order, ways, points, people, clearances, rules.yield_margin
-        )
+        choices = choose_manoeuvres(crew, order, ways, points, told, clearances, rules.yield_margin)
     if rules.backs_up:
         back_up_where_stuck(choices, crew, points, people, clearances.obstacle, told.time)
     fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, StraightLeg
 from mrta_falsify.stack.control.state import Crew
 
@@ -29,6 +30,14 @@ class Traffic(NamedTuple):
     gap: float  #: distance between robots that counts as a conflict [m]
     people: Array  #: (P, 2) who stands near [m]
     people_gap: Array  #: (P,) distance to keep from them [m]
+
+
+class SharedPlaces(NamedTuple):
+    """Outlines of places that robots must ask for, and which of them one robot does not hold."""
+
+    corner: Array  #: (sum V, 2) of all outlines, one after the other [m]
+    first: IntArray  #: (A + 1,) where each begins
+    closed: BoolArray  #: (A,) to the robot
 
 
 @njit(cache=True)
@@ -144,6 +153,21 @@ def is_clear_of_points(leg: StraightLeg, points: Array, gap: float) -> bool:
         if np.isfinite(dx) and _comes_near(leg, dx, dy, gap):
             return False
     return True
+
+
+@njit(cache=True)
+def enters_closed_place(leg: StraightLeg, places: SharedPlaces) -> bool:
+    """Whether a leg ends in a place that is closed to the robot, deeper than it begins."""
+    ends = np.array([[leg.x, leg.y], [leg.x, leg.y]])
+    ends[1, 0] += leg.length * leg.ux
+    ends[1, 1] += leg.length * leg.uy
+    for k in range(places.closed.shape[0]):
+        if places.closed[k]:
+            outline = places.corner[places.first[k] : places.first[k + 1]]
+            start, end = signed_distances(outline, ends)
+            if end < 0.0 and end < start:
+                return True
+    return False
 
 
 @njit(cache=True)

@@ -13,7 +13,9 @@ from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.polyline import project_on_path
 from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import (
+    SharedPlaces,
     Traffic,
+    enters_closed_place,
     first_conflict,
     is_clear_of_points,
     is_clear_of_undecided,
@@ -119,6 +121,7 @@ def try_passing(
     path: Array,
     points: Array,
     obstacle_gap: float,
+    places: SharedPlaces,
     traffic: Traffic,
 ) -> None:
     """Pass beside something that stands, on the side that is the smaller detour.
@@ -142,6 +145,8 @@ def try_passing(
             continue
         leg = StraightLeg(x, y, np.cos(angle), np.sin(angle), PASS_LENGTHS[short])
         if not is_clear_of_points(leg, points, obstacle_gap + PASS_MARGIN):
+            continue
+        if enters_closed_place(leg, places):
             continue
         fill_leg(leg, turn, PASS_SPEED * cruise, trial)
         t, _ = first_conflict(i, trial, traffic)
@@ -174,6 +179,7 @@ def try_moving_aside(
     min_gap_robot: float,
     points: Array,
     obstacle_gap: float,
+    places: SharedPlaces,
     traffic: Traffic,
 ) -> None:
     """Move aside: backwards, or in one of twelve directions, by little turning if possible."""
@@ -192,6 +198,8 @@ def try_moving_aside(
         if not is_clear_of_points(leg, points, obstacle_gap + ASIDE_MARGIN):
             continue
         if not is_clear_of_undecided(i, leg, crew, traffic.settled, min_gap_robot):
+            continue
+        if enters_closed_place(leg, places):
             continue
         fill_leg(leg, turn, ASIDE_SPEED, trial)
         t, _ = first_conflict(i, trial, traffic)

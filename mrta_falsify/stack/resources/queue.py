@@ -35,6 +35,7 @@ class QueueState:
     """The memory of one resource's queue."""
 
     holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
+    unasked: list[int] = field(default_factory=list)  #: holders that stood there at time 0
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
     entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]
     left: dict[int, Departure] = field(default_factory=dict)  #: who let go and is still near
@@ -143,6 +144,7 @@ class Queue:
         if robot not in state.holders:
             return False
         state.holders.remove(robot)
+        state.unasked = [one for one in state.unasked if one != robot]
         state.entered.pop(robot, None)
         return True
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState, StackEvent
@@ -55,6 +55,7 @@ class RoomTraffic:
             Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
             for resource in world.resources
         ]
+        self._capacity = [queue.resource.capacity for queue in self.queues]
         areas = Polylines.of([np.asarray(queue.resource.request_area) for queue in self.queues])
         spots = Polylines.of([queue.spots.reshape(-1, 2) for queue in self.queues])
         self.grounds = Grounds(areas.points, areas.first, spots.points, spots.first)
@@ -86,6 +87,7 @@ class RoomTraffic:
             for queue, memory in zip(self.queues, memories, strict=True):
                 if not queue.is_left_at(position):
                     memory.holders.append(robot)
+                    memory.unasked.append(robot)
                     if queue.resource.room is not None:
                         room = queue.resource.room
             if room < 0 and self._points:
@@ -98,7 +100,11 @@ class RoomTraffic:
     def head_for_stop(
         self, robot: int, mission: Mission, memories: Sequence[QueueState], fleet: FleetState
     ) -> tuple[Mission, list[StackEvent]]:
-        """Go to the room of a robot's next stop, or ask for it and go where to wait for it."""
+        """Go to the room of a robot's next stop, or ask for it and go where to wait for it.
+
+        Of more holders than the room has place for, those nearest to its point go there. The
+        others leave, and ask as all do.
+        """
         room = mission.itinerary[0].room
         position = fleet.pose[robot, :2]
         index = self.queue_of_room.get(room)
@@ -106,6 +112,8 @@ class RoomTraffic:
             return self._head_for_room(mission, position, from_spot=False), []
         queue, memory = self.queues[index], memories[index]
         if robot in memory.holders:
+            if self._is_one_too_many(index, memory, robot, fleet.pose):
+                return self._wait(mission, index, None, position), []
             activity = mission.activity
             from_spot = isinstance(activity, Waiting) and activity.place is not None
             return self._head_for_room(mission, position, from_spot=from_spot), []
@@ -122,6 +130,20 @@ class RoomTraffic:
         place = queue.place_of(memory, robot)
         return self._wait(mission, index, place, position), events
 
+    def _is_one_too_many(self, index: int, memory: QueueState, robot: int, pose: Array) -> bool:
+        """Whether a robot holds an overfull room unasked, and others are nearer to its point.
+
+        More robots than a room has place for may stand in it, or at its door, at time 0.
+        """
+        queue = self.queues[index]
+        if len(memory.holders) <= queue.resource.capacity or robot not in memory.unasked:
+            return False
+        room = queue.resource.room
+        assert room is not None
+        point = self._points[room]
+        nearest = sorted(memory.holders, key=lambda one: (distance_of(point, pose[one, :2]), one))
+        return robot not in nearest[: queue.resource.capacity]
+
     def may_serve(self, memories: Sequence[QueueState], robot: int, room: int) -> bool:
         """Whether a robot at a room's point holds the room, or need not hold it."""
         index = self.queue_of_room.get(room)
@@ -134,6 +156,15 @@ class RoomTraffic:
             return 0.0
         memories[index].entered[robot] = time
         return self.queues[index].resource.service_time
+
+    def closed(self, memories: Sequence[QueueState], robots: int) -> BoolArray:
+        """Say which resources others hold, up to their capacity: ``(N, A)``."""
+        closed = np.zeros((robots, len(self.queues)), dtype=np.bool_)
+        for index, memory in enumerate(memories):
+            if len(memory.holders) >= self._capacity[index]:
+                closed[:, index] = True
+                closed[memory.holders, index] = False
+        return closed
 
     # --- the ways there -----------------------------------------------------------------------
 

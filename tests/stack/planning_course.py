@@ -1,0 +1,50 @@
+"""A hall of 10 m by 6 m on which the planning service plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrta_falsify.core.costmap import LETHAL, Costmap
+from mrta_falsify.stack.planning.astar import AStar
+from mrta_falsify.stack.planning_service import PlanningService, ServiceState
+from mrta_falsify.stack.route import Way
+
+BEFORE, BEHIND = np.array([1.0, 0.0]), np.array([9.0, 0.0])  #: at the ends of its axis [m]
+
+
+def hall(width: float = 6.0, solids: Sequence[tuple[float, float, float, float]] = ()) -> Costmap:
+    """The hall, free up to ``width`` / 2 beside its axis, with boxes x1, y1, x2, y2 [m] in it."""
+    cost = np.zeros((60, 100), dtype=np.uint8)
+    y = -3.0 + 0.1 * (np.arange(60) + 0.5)
+    cost[np.abs(y) > 0.5 * width] = LETHAL
+    costmap = Costmap(cost, 0.1, np.array([0.0, -3.0]))
+    for x1, y1, x2, y2 in solids:
+        (row, col), (last_row, last_col) = costmap.cells(np.array([[x1, y1], [x2, y2]]))
+        cost[row:last_row, col:last_col] = LETHAL
+    return costmap
+
+
+class _Map:
+    def __init__(self, costmap: Costmap) -> None:
+        self._costmap = costmap
+
+    def costmap(self, time: float, parked: np.ndarray) -> Costmap:
+        return self._costmap
+
+
+def planned(
+    costmap: Costmap,
+    start: object,
+    route: object,
+    *,
+    rooms: Sequence[np.ndarray] = (),
+    closed: Sequence[int] = (),
+) -> Way:
+    """The way from ``start`` through ``route``, planned by A*."""
+    service = PlanningService(
+        AStar(AStar.Options()), _Map(costmap), rooms=rooms, failure_blocks=False
+    )
+    way = Way().head_for(np.array(route, dtype=float))
+    return service.plan(ServiceState(), way, np.array(start, dtype=float), 0.0, closed)
