@@ -38,7 +38,7 @@ def _cases():
 
 
 @pytest.mark.parametrize("case", _cases())
-def test_the_smallest_worlds_of_the_gallery_fail_as_it_says(case):
+def test_the_smallest_worlds_of_the_gallery_fail_as_it_says_or_are_mended(case):
     folder = draw_gallery.FOLDER / case.name
     program = folder / "world.min.scenic"
     wanted = program.read_text().splitlines()[0].rpartition(" fails with ")[2].strip('."')
@@ -48,4 +48,5 @@ def test_the_smallest_worlds_of_the_gallery_fail_as_it_says(case):
         specifications=campaign_specifications(),
         early_stop=True,
     )
-    assert signature(judge(job, keep_trace=False).verdicts) == wanted
+    found = signature(judge(job, keep_trace=False).verdicts)
+    assert found == ("" if case.mended else wanted)

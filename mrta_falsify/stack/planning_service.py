@@ -19,6 +19,8 @@ from mrta_falsify.stack.route import RETRY, Way
 
 PARKED_MOVED = 0.3  # m, more than six times a localisation error of 0.05 m
 BESIDE_SELF = 0.5  # m of the path's beginning that are not checked: the robot is there already
+COMES_BACK = 1.0  # m back along the same line; a robot nearer to a waypoint than that drops it
+SAME_LINE = 0.25  # m, half a robot beside a line is on it
 FAILURE_BLOCKS = 10.0  # s, MRTA-Sim: 100 retries, 0.1 s each; `planner_failure_blocks_all` only
 
 
@@ -152,7 +154,10 @@ class PlanningService:
         return direct
 
     def _path(self, costmap: Costmap, position: Array, route: Array) -> tuple[Array, int, str]:
-        """Plan a path; also say how many covered waypoints it leaves out, and why it failed."""
+        """Plan a path; also say how many waypoints it leaves out, and why it failed.
+
+        Waypoints that are covered are left out, and those from which the path comes back on itself.
+        """
         self._planner.use(costmap)
         skipped = 0
         first = self._planner.plan(position, route[0])
@@ -162,12 +167,15 @@ class PlanningService:
         if first.reason == "unreachable" and skipped + 1 < len(route):
             skipped = len(route) - 1
             first = self._planner.plan(position, route[-1])
-        if not first.found or skipped + 1 == len(route):
-            return first.path, skipped, first.reason
-        second = self._planner.plan(first.path[-1], route[skipped + 1])
-        if not second.found:
-            return first.path, skipped, ""
-        return np.vstack([first.path, second.path[1:]]), skipped, ""
+        while first.found and skipped + 1 < len(route):
+            second = self._planner.plan(first.path[-1], route[skipped + 1])
+            if not second.found:
+                break
+            if not _comes_back(first.path, second.path):
+                return np.vstack([first.path, second.path[1:]]), skipped, ""
+            skipped += 1
+            first = self._planner.plan(position, route[skipped])
+        return first.path, skipped, first.reason
 
     def is_obstructed(self, state: ServiceState, way: Way, position: Array, time: float) -> bool:
         """Whether the path ahead runs into something on the map of the moment.
@@ -185,6 +193,23 @@ class PlanningService:
             costmap.origin[0],
             costmap.origin[1],
         )
+
+
+@njit(cache=True)
+def _comes_back(path: Array, second: Array) -> bool:
+    """Whether ``second``, which begins where ``path`` ends, runs back along it for COMES_BACK."""
+    arc, last = 0.0, second.shape[0] if path.shape[0] > 1 else 0
+    for k in range(1, last):
+        x, y = second[k, 0], second[k, 1]
+        segment, share = project_on_path(path, x, y, 0)
+        px = path[segment, 0] + share * (path[segment + 1, 0] - path[segment, 0])
+        py = path[segment, 1] + share * (path[segment + 1, 1] - path[segment, 1])
+        if (px - x) ** 2 + (py - y) ** 2 > SAME_LINE * SAME_LINE:
+            return False
+        arc += np.hypot(x - second[k - 1, 0], y - second[k - 1, 1])
+        if arc >= COMES_BACK:
+            return True
+    return False
 
 
 @njit(cache=True)
