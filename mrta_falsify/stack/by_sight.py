@@ -106,7 +106,9 @@ class BySight:
     def velocities(self, view: CrowdView) -> Array:
         """See :class:`~mrta_falsify.core.protocols.HumanModel`."""
         self._grid = grid_of(view, self._grid)
-        return _velocities_by_sight(view.dt, *bodies_in(view), self._grid.walls, self._parameters)
+        result, walls = np.zeros(view.position.shape), self._grid.walls
+        _fill_velocities(view.dt, *bodies_in(view), walls, self._parameters, result)
+        return result
 
 
 @njit(cache=True)
@@ -278,13 +280,11 @@ def _pushes(others: Others) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _velocities_by_sight(
-    dt: float, people: Walkers, robots: Machines, walls: Walls, sight: Sight
-) -> Array:
-    """Compute the velocities ``(H, 2)`` of the next tick [m/s]."""
-    h = people.position.shape[0]
-    result = np.zeros((h, 2))
-    for i in range(h):
+def _fill_velocities(
+    dt: float, people: Walkers, robots: Machines, walls: Walls, sight: Sight, result: Array
+) -> None:
+    """Write the velocities ``(H, 2)`` of the next tick [m/s]; those of the absent stay."""
+    for i in range(len(result)):
         if not people.present[i]:
             continue
         x, y = people.position[i, 0], people.position[i, 1]
@@ -306,4 +306,3 @@ def _velocities_by_sight(
         nvy = vy + dt * ((wy - vy) / sight.tau + ay + fy)
         top = TOP_RATIO * desired if desired > 0.0 else TOP_SPEED_STANDING
         result[i] = velocity_beside_walls(x, y, nvx, nvy, top, people.radius[i], dt, walls)
-    return result

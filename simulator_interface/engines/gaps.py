@@ -312,6 +312,14 @@ def fill_gaps(
 
 
 @njit(cache=True)
+def forget(gap: Array, nearest: IntArray, contact: BoolArray) -> None:
+    """Begin a tick: nothing is near yet, and nothing touched."""
+    gap[:] = FAR
+    nearest[:] = -1
+    contact[:] = False
+
+
+@njit(cache=True)
 def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) -> float:
     """Measure the distance of a point from the nearest edge, at most ``radius``."""
     best = radius

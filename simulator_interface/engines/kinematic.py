@@ -130,7 +130,6 @@ class KinematicEngine:
         """See :class:`mrta_falsify.core.protocols.Engine`."""
         around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
-        observer.begin_tick()
         walked_from = self._human.copy()
         done = 0
         while done < self._substeps:
@@ -323,10 +322,12 @@ def _fill_substeps(
     around: Obstructions,
     measured: Measured,
 ) -> None:
-    """Take sub-steps: walk the people, drive the robots, lower the gaps of the tick."""
+    """Take sub-steps: walk the people, drive the robots, measure the gaps of the tick."""
     prints, solids, people = around.prints, around.solids, around.people
     pose, drives, motors = moving.pose, moving.drives, moving.motors
     touched = np.zeros(len(pose), dtype=np.bool_)
+    if clock.first == 0:
+        gaps.forget(measured.gap, measured.nearest, measured.contact)
     for k in range(clock.first, clock.end):
         time = (clock.tick + k / clock.substeps) * clock.dt
         move_set_points(command, time, motors, clock.before + k - clock.first)

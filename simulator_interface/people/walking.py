@@ -284,7 +284,8 @@ def all_walk_on(
     time: float,
     ground: Ground,
     target: Array,
-) -> BoolArray:
+    needs_way: BoolArray,
+) -> bool:
     """Bring all people on routes to a tick.
 
     Args:
@@ -295,17 +296,19 @@ def all_walk_on(
         time: [s].
         ground: where one may walk.
         target: ``(H, 2)`` [m] receives the points to walk towards.
+        needs_way: ``(H,)`` receives who needs another way first.
 
     Returns:
-        Who ``(H,)`` needs another way first.
+        Whether anybody does.
     """
-    needs_way = np.zeros(len(rows), dtype=np.bool_)
+    is_any = False
     for i in range(len(rows)):
         way = ways[first[i] : first[i + 1]]
         fate, point = walk_on(way, rows, i, position[i], time, ground)
         target[i] = way[point] if fate == GOES_ON else position[i]
         needs_way[i] = fate in (HAS_ARRIVED, IS_LOST)
-    return needs_way
+        is_any = is_any or needs_way[i]
+    return is_any
 
 
 def way_length(points: Array) -> float:
