@@ -105,7 +105,8 @@ def later(default: Any) -> Any:
 
 def encode(value: Any) -> Any:
     """Encode a value of this project as dicts, lists, str, numbers, bool and None."""
-    fields = _fields_of(type(value))
+    kind: Any = type(value)
+    fields = _fields_of(kind)
     if fields is not None:
         pairs = ((f, getattr(value, f.name)) for f in fields)
         return {f.name: encode(item) for f, item in pairs if not _is_left_out(f, item)}
