@@ -7,7 +7,7 @@ Footprints are convex polygons, people are discs, solids are edges with the soli
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -50,6 +50,23 @@ class Obstructions(NamedTuple):
     prints: Footprints
     solids: Solids
     people: Pedestrians
+
+
+#: the same as plain tuples, which compiled code takes in three times as fast
+PackedObstructions: TypeAlias = tuple[tuple[Any, ...], tuple[Any, ...], Array, tuple[Any, ...]]
+
+
+def packed(prints: Footprints, solids: Solids, people: Pedestrians) -> PackedObstructions:
+    """Pack obstructions for a call of compiled code, which begins with :func:`unpacked`."""
+    return tuple(prints), tuple(solids.grid), solids.extra, tuple(people)
+
+
+@njit(cache=True)
+def unpacked(fields: PackedObstructions) -> Obstructions:
+    """Undo :func:`packed`."""
+    prints, grid, extra, people = fields
+    solids = Solids(EdgeGrid(*grid), extra)
+    return Obstructions(Footprints(*prints), solids, Pedestrians(*people))
 
 
 @njit(cache=True)
