@@ -67,9 +67,9 @@ def _fill_window(
         for c in range(end_col - col):
             nearest[c] = beyond
         for offset in range(-reach, reach + 1):
-            extra = np.int32(offset * offset)
-            for c in range(end_col - col):
-                nearest[c] = min(nearest[c], squared[shift + c + offset] + extra)
+            beside = squared[shift + offset : shift + offset + len(nearest)]
+            for c in range(len(nearest)):
+                nearest[c] = min(nearest[c], beside[c] + offset * offset)
         for c in range(end_col - col):
             cost[row + r, col + c] = prices[nearest[c]]
 

@@ -9,6 +9,7 @@ carry out.
 from __future__ import annotations
 
 import itertools
+import math
 import operator
 import re
 from collections.abc import Callable
@@ -170,9 +171,11 @@ class StackDoor:
         twist = np.asarray(getattr(command, "twist", None))
         if twist.shape != self._shapes[-1] or twist.dtype.kind not in NUMBERS:
             self._check_shape("command", twist, (3,))
-        finite = np.isfinite(twist)
-        if not np.logical_and.reduce(finite, axis=None):
-            robot = self._names[int(np.flatnonzero(~finite.all(axis=1))[0])]
+        if math.isfinite(np.vdot(twist, twist)):
+            return
+        broken = np.flatnonzero(~np.isfinite(twist).all(axis=1))
+        if len(broken):
+            robot = self._names[int(broken[0])]
             raise self._refuse("command", f"the command of {robot} is not finite")
 
     def _check_intent(self, intent: Intent) -> None:

@@ -15,6 +15,7 @@ import functools
 import hashlib
 import json
 import math
+import re
 import types
 import typing
 from pathlib import Path
@@ -28,6 +29,7 @@ from mrta_falsify.core.errors import FormatError, InputError
 
 T = TypeVar("T")
 
+NEGATIVE_ZERO = re.compile(r"-0\.0(?![0-9e])")  # in JSON
 MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
 MAX_YAML_VALUES = 10_000_000  # aliases make many of few; a floor has some 10,000
 
@@ -103,8 +105,10 @@ def later(default: Any) -> Any:
 
 def encode(value: Any) -> Any:
     """Encode a value of this project as dicts, lists, str, numbers, bool and None."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        pairs = ((f, getattr(value, f.name)) for f in dataclasses.fields(value))
+    kind: Any = type(value)
+    fields = _fields_of(kind)
+    if fields is not None:
+        pairs = ((f, getattr(value, f.name)) for f in fields)
         return {f.name: encode(item) for f, item in pairs if not _is_left_out(f, item)}
     if isinstance(value, np.ndarray):
         return value.tolist()
@@ -121,6 +125,12 @@ def encode(value: Any) -> Any:
     return value
 
 
+@functools.cache
+def _fields_of(kind: type) -> tuple[dataclasses.Field[Any], ...] | None:
+    """List the fields of a dataclass; None: it is none."""
+    return dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else None
+
+
 def _is_left_out(field: dataclasses.Field[Any], item: Any) -> bool:
     if "later" not in field.metadata:
         return False
@@ -131,7 +141,13 @@ def _is_left_out(field: dataclasses.Field[Any], item: Any) -> bool:
 
 def canonical_json(value: Any) -> str:
     """Write one text per value: sorted keys, shortest round-trip floats, -0.0 as 0.0."""
-    return json.dumps(_without_negative_zero(encode(value)), sort_keys=True, separators=(",", ":"))
+    data = encode(value)
+    text = _compact(data)
+    return _compact(_without_negative_zero(data)) if NEGATIVE_ZERO.search(text) else text
+
+
+def _compact(data: Any) -> str:
+    return json.dumps(data, sort_keys=True, separators=(",", ":"))
 
 
 def _without_negative_zero(data: Any) -> Any:

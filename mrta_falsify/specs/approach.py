@@ -6,7 +6,7 @@ Robustness is a time [s]: patience minus the longest time without coming nearer.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,6 +26,23 @@ LIVENESS_EVERY = 0.5  # s between two looks
 _Way: TypeAlias = tuple[float, float, float, float]  # goal, then next waypoint [m]
 
 
+class _Rows(NamedTuple):
+    """What is known of each robot's approach."""
+
+    since: Array  #: (N,) of the last improvement [s]
+    travelled: Array  #: (N,) way driven since then [m]
+    last: Array  #: (N, 2) where it was [m]
+    served: IntArray  #: (N,) stops done
+    way: Array  #: (N, 4) that it was last seen on, nan: none
+    number: IntArray  #: (N,) of that way, among the ways of its stop
+    best: Array  #: (N,) least distance along that way [m]
+    left: Array  #: (N,) distance now [m]
+    news: IntArray  #: (N,) what is new: NOTHING, OTHER_STOP or OTHER_WAY
+
+
+NOTHING, OTHER_STOP, OTHER_WAY = range(3)
+
+
 @dataclass(slots=True)
 class Approach:
     """Best remaining distance of each robot to its goal, and when it last got better.
@@ -41,75 +58,115 @@ class Approach:
     robots: int
     since: Array = field(init=False)  #: (N,) of the last improvement [s]
     travelled: Array = field(init=False)  #: (N,) way driven since then [m]
-    _best: list[list[tuple[_Way, float]]] = field(init=False)  #: ways and distances
-    _served: IntArray = field(init=False)  #: (N,) stops done
-    _last: Array = field(init=False)
+    _rows: _Rows = field(init=False)
+    _ways: list[list[tuple[_Way, float]]] = field(init=False)  #: of a stop, and best distances
     _told: tuple[Array, ...] | None = field(init=False, default=None)  #: paths, as last told
     _paths: Polylines = field(init=False)  #: the same, for compiled code
 
     def __post_init__(self) -> None:
-        self.since = np.zeros(self.robots)
-        self.travelled = np.zeros(self.robots)
-        self._best = [[] for _ in range(self.robots)]
-        self._served = np.full(self.robots, -1)
-        self._last = np.full((self.robots, 2), np.nan)
+        robots = self.robots
+        self.since, self.travelled, best, left = np.zeros((4, robots))
+        self._rows = _Rows(
+            since=self.since,
+            travelled=self.travelled,
+            last=np.full((robots, 2), np.nan),
+            served=np.full(robots, -1, dtype=np.int64),
+            way=np.full((robots, 4), np.nan),
+            number=np.zeros(robots, dtype=np.int64),
+            best=best,
+            left=left,
+            news=np.zeros(robots, dtype=np.int64),
+        )
+        self._ways = [[] for _ in range(robots)]
 
     def update(self, frame: Frame) -> None:
         """Take in a tick."""
-        sensed, intent = frame.sensed, frame.intent
-        position = sensed.pose[:, :2]
-        driven = np.hypot(*(position - self._last).T)
-        self.travelled += np.where(np.isfinite(driven), driven, 0.0)
-        self._last = position.copy()
-        away = np.hypot(*(position - intent.goal).T)
-        anew = (frame.served != self._served) | np.isnan(away)
-        self._served = frame.served
-        is_over = anew | (away <= AT_GOAL)
-        self.since[is_over], self.travelled[is_over] = sensed.time, 0.0
-        goals, left = intent.goal.tolist(), self._left(intent.path, position)
-        for i in range(self.robots):
-            if anew[i]:
-                self._best[i] = []
-            if len(intent.path[i]) and not is_over[i]:
-                way = (*goals[i], *intent.path[i][-1].tolist())
-                if self._improves(i, way, left[i]):
-                    self.restart(i, sensed.time)
-
-    def _left(self, paths: tuple[Array, ...], position: Array) -> list[float]:
-        """Measure what is left of the paths from ``position`` ``(N, 2)`` on [m]; 0: no path."""
-        if paths is not self._told:
-            self._told, self._paths = paths, Polylines.of(paths)
-        lengths = np.empty(self.robots)
-        _fill_lengths(self._paths.points, self._paths.first, position, lengths)
-        measured: list[float] = lengths.tolist()
-        return measured
+        sensed, intent, rows = frame.sensed, frame.intent, self._rows
+        if intent.path is not self._told:
+            self._told, self._paths = intent.path, Polylines.of(intent.path)
+        paths = self._paths.points, self._paths.first
+        time, step = sensed.time, self.step
+        if not _take_in(tuple(rows), sensed.pose, intent.goal, paths, frame.served, time, step):
+            return
+        for i in rows.news.nonzero()[0].tolist():
+            if rows.news[i] == OTHER_STOP:
+                self._ways[i] = []
+            elif self._improves_on(i, float(rows.left[i])):
+                self.restart(i, time)
 
     def restart(self, i: int, time: float) -> None:
         """Count from ``time`` [s] on for robot ``i``."""
         self.since[i] = time
         self.travelled[i] = 0.0
 
-    def _improves(self, i: int, way: _Way, distance: float) -> bool:
-        known = self._best[i]
-        x, y, next_x, next_y = way
+    def _improves_on(self, i: int, distance: float) -> bool:
+        """Take up the way that robot ``i`` is on by now; whether it is nearer than ever on it."""
+        known, rows, last = self._ways[i], self._rows, int(self._rows.number[i])
+        if known:
+            known[last] = (known[last][0], float(rows.best[i]))
+        x, y, next_x, next_y = rows.way[i].tolist()
         for k, (seen, best) in enumerate(known):
             off = abs(seen[0] - x) + abs(seen[1] - y) + abs(seen[2] - next_x)
             if off + abs(seen[3] - next_y) <= GOAL_JITTER:
-                if distance > best - self.step:
-                    return False
-                known[k] = (seen, distance)
-                return True
-        known.append((way, distance))
+                rows.number[i], rows.best[i] = k, best
+                break
+        else:
+            rows.number[i], rows.best[i] = len(known), np.inf
+            known.append(((x, y, next_x, next_y), np.inf))
+        if distance > rows.best[i] - self.step:
+            return False
+        rows.best[i] = distance
         return True
 
 
 @njit(cache=True)
-def _fill_lengths(points: Array, first: IntArray, position: Array, lengths: Array) -> None:
-    for i in range(lengths.shape[0]):
-        path = points[first[i] : first[i + 1]]
-        lengths[i] = 0.0
-        if len(path):
-            lengths[i] = remaining_length(path, position[i, 0], position[i, 1])
+def _take_in(
+    fields: tuple[Any, ...],
+    pose: Array,
+    goal: Array,
+    paths: tuple[Array, IntArray],
+    served: IntArray,
+    time: float,
+    step: float,
+) -> bool:
+    """Bring the fields of :class:`_Rows` to ``time`` [s].
+
+    Args:
+        fields: of the rows.
+        pose: ``(N, 3)``.
+        goal: ``(N, 2)`` [m], nan: none.
+        paths: N of them, as in :class:`~mrta_falsify.core.polyline.Polylines`.
+        served: ``(N,)`` stops done.
+        time: [s].
+        step: improvement that counts [m].
+
+    Returns:
+        Whether there are news: a robot has another stop to reach, or is on another way.
+    """
+    rows, (points, first), is_any = _Rows(*fields), paths, False
+    for i in range(len(goal)):
+        x, y, way = pose[i, 0], pose[i, 1], rows.way[i]
+        driven = np.hypot(x - rows.last[i, 0], y - rows.last[i, 1])
+        rows.travelled[i] += driven if np.isfinite(driven) else 0.0
+        rows.last[i, 0], rows.last[i, 1] = x, y
+        away = np.hypot(x - goal[i, 0], y - goal[i, 1])
+        path, rows.news[i] = points[first[i] : first[i + 1]], NOTHING
+        if served[i] != rows.served[i] or np.isnan(away):
+            rows.news[i] = NOTHING if np.isnan(way[0]) else OTHER_STOP
+            rows.served[i], way[:] = served[i], np.nan
+            away = 0.0
+        if away <= AT_GOAL:
+            rows.since[i], rows.travelled[i] = time, 0.0
+        elif len(path):
+            rows.left[i] = remaining_length(path, x, y)
+            on_it = way[0] == goal[i, 0] and way[1] == goal[i, 1]
+            on_it = on_it and way[2] == path[-1, 0] and way[3] == path[-1, 1]
+            if not on_it:
+                rows.news[i], way[:2], way[2:] = OTHER_WAY, goal[i], path[-1]
+            elif rows.left[i] <= rows.best[i] - step:
+                rows.best[i], rows.since[i], rows.travelled[i] = rows.left[i], time, 0.0
+        is_any = is_any or rows.news[i] != NOTHING
+    return is_any
 
 
 class ApproachMargin:

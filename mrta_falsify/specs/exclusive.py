@@ -20,6 +20,8 @@ from mrta_falsify.core.world import Resource, World
 from mrta_falsify.specs.contacts import GAP_CAP
 from mrta_falsify.specs.running_min import RunningMin
 
+ROUNDING = 1e-9  # m
+
 
 class ExclusiveUse:
     """At most ``capacity`` robots are inside each resource at once.
@@ -57,6 +59,7 @@ class ExclusiveUse:
             corners=np.concatenate([np.zeros((0, 2)), *self._areas]),
             first=first.astype(np.int64),
             capacity=np.array([r.capacity for r in crowded], dtype=np.int64),
+            box=np.array([[a.min(axis=0), a.max(axis=0)] for a in self._areas]).reshape(-1, 2, 2),
         )
         self._judged = np.zeros(len(crowded), dtype=np.bool_)
         self._visits = _Visits(crowded, len(world.robots))
@@ -68,9 +71,8 @@ class ExclusiveUse:
         uses = self._visits.uses(frame)
         if not _is_news(tuple(self._spaces), pose, uses, self._judged, self._closest.margin):
             return
-        margins = _margins(self._spaces, pose, uses)
         for k, resource in enumerate(self._resources):
-            margin = float(margins[k])
+            margin = float(_margin(self._spaces, k, pose, uses[k]))
             if self._judged[k] and margin < self._closest.margin:
                 distance = np.where(uses[k], signed_distances(self._areas[k], pose), np.inf)
                 self._note(frame, resource, distance, margin)
@@ -140,6 +142,7 @@ class _Spaces(NamedTuple):
     corners: Array  #: (V, 2) [m] of all
     first: IntArray  #: (R + 1,) corner of each
     capacity: IntArray  #: (R,) robots
+    box: Array  #: (R, 2, 2) least, then largest x, y of each [m]
 
 
 @njit(cache=True)
@@ -148,22 +151,36 @@ def _is_news(
 ) -> bool:
     """Say whether a margin is below ``least`` [m]; bring ``judged`` ``(R,)`` up to date."""
     news = False
-    margins = _margins(_Spaces(*fields), pose, uses)
-    for k in range(len(margins)):
-        judged[k] = judged[k] or margins[k] >= 0.0
-        news = news or (judged[k] and margins[k] < least)
+    spaces = _Spaces(*fields)
+    for k in range(len(judged)):
+        if judged[k] and _count_around(spaces.box[k], pose, least) <= spaces.capacity[k]:
+            continue
+        margin = _margin(spaces, k, pose, uses[k])
+        judged[k] = judged[k] or margin >= 0.0
+        news = news or (judged[k] and margin < least)
     return news
 
 
 @njit(cache=True)
-def _margins(spaces: _Spaces, pose: Array, uses: BoolArray) -> Array:
-    """Measure how far the robot that is one too many is from each resource ``(R,)`` [m].
+def _count_around(box: Array, pose: Array, within: float) -> int:
+    """Count the robots that may be nearer than ``within`` [m] to what a box is around."""
+    count = 0
+    for i in range(len(pose)):
+        is_off = False
+        for axis in range(2):
+            low, high = box[0, axis] - within, box[1, axis] + within
+            is_off = is_off or pose[i, axis] < low - ROUNDING or pose[i, axis] > high + ROUNDING
+        count += not is_off
+    return count
 
-    ``uses`` ``(R, N)``: robots that count.
+
+@njit(cache=True)
+def _margin(spaces: _Spaces, k: int, pose: Array, uses: BoolArray) -> float:
+    """Measure how far the robot that is one too many is from resource ``k`` [m], inf: none is.
+
+    ``uses`` ``(N,)``: robots that count.
     """
-    margins = np.empty(len(spaces.capacity))
-    for k in range(len(margins)):
-        area = spaces.corners[spaces.first[k] : spaces.first[k + 1]]
-        distance = np.where(uses[k], signed_distances(area, pose), np.inf)
-        margins[k] = np.sort(distance)[spaces.capacity[k]]
-    return margins
+    area = spaces.corners[spaces.first[k] : spaces.first[k + 1]]
+    distance = np.where(uses, signed_distances(area, pose), np.inf)
+    margin: float = np.sort(distance)[spaces.capacity[k]]
+    return margin

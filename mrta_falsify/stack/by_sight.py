@@ -21,7 +21,7 @@ from mrta_falsify.stack.humans import (
     velocity_beside_walls,
     wall_force,
 )
-from mrta_falsify.stack.wall_grid import WallGrid, Walls, cell_of
+from mrta_falsify.stack.wall_grid import WallGrid, Walls, cell_of, edge_at
 
 AHEAD = 0.3  # m to either side: who walks there walks ahead
 GOING_ALONG = 0.1  # m/s, who comes towards a person is met, not followed
@@ -31,6 +31,7 @@ TOP_RATIO = 1.3  # of the desired speed, which pushes may add
 CONTACT_MARGIN = 0.1  # m, nearer to touching than that a stiff push is added
 CONTACT_STIFFNESS = 20.0  # 1/s^2
 TOP_SPEED_STANDING = 0.5  # m/s, of people who want to stand and are pushed
+ROUNDING = 1e-9  # m^2, of what directions cost
 GRAZING = 1e-3  # m; bodies as near as touching do not hold up who walks past
 
 
@@ -105,7 +106,9 @@ class BySight:
     def velocities(self, view: CrowdView) -> Array:
         """See :class:`~mrta_falsify.core.protocols.HumanModel`."""
         self._grid = grid_of(view, self._grid)
-        return _velocities_by_sight(view.dt, *bodies_in(view), self._grid.walls, self._parameters)
+        result, walls = np.zeros(view.position.shape), self._grid.walls
+        _fill_velocities(view.dt, *bodies_in(view), walls, self._parameters, result)
+        return result
 
 
 @njit(cache=True)
@@ -114,7 +117,7 @@ def _seen_by(i: int, people: Walkers, robots: Machines, sight: Sight) -> Others:
     most = len(people.position) + len(robots.position)
     place, velocity = np.empty((most, 2)), np.empty((most, 2))
     touch, room = np.empty(most), np.empty(most)
-    x, y = people.position[i]
+    x, y = people.position[i, 0], people.position[i, 1]
     count = 0
     for j in range(len(people.position)):
         dx, dy = people.position[j, 0] - x, people.position[j, 1] - y
@@ -164,7 +167,7 @@ def _free_way(
     if cell < 0:
         return limit
     for k in range(walls.first[cell], walls.first[cell + 1]):
-        x1, y1, x2, y2 = walls.edges[walls.members[k]]
+        x1, y1, x2, y2 = edge_at(k, walls)
         limit = min(limit, _until_met(x1 - x, y1 - y, ux, uy, radius))
         limit = min(limit, _until_met(x2 - x, y2 - y, ux, uy, radius))
         ex, ey = x2 - x1, y2 - y1
@@ -194,10 +197,24 @@ def _free_course(
     """
     for j in range(len(others.touch)):
         wx, wy = speed * ux - others.velocity[j, 0], speed * uy - others.velocity[j, 1]
-        dx, dy = others.place[j]
+        dx, dy = others.place[j, 0], others.place[j, 1]
         apart = others.touch[j] + wanted * others.room[j]
         limit = min(limit, speed * _until_met(dx, dy, wx, wy, apart))
     return limit
+
+
+@njit(cache=True)
+def _cost(free: float, turn: float, sight: Sight) -> float:
+    """Compare ways: squared distance of their ends from the point ahead at the horizon [m^2].
+
+    Args:
+        free: length of the way [m].
+        turn: of the way from straight on [rad].
+        sight: to the left, some is added.
+    """
+    far = sight.horizon
+    square = far * far + free * free - 2.0 * far * free * math.cos(turn)
+    return square + sight.right_hand * turn
 
 
 @njit(cache=True)
@@ -219,12 +236,15 @@ def _course(
         # Straight on comes first: where nothing is met there, no other direction is better.
         step = (n + 1) // 2 if n % 2 else -(n // 2)
         turn = step * sight.field / half
+        ideal = far * math.cos(turn)  # no end of a way in this direction costs less
+        if _cost(ideal, turn, sight) > least + ROUNDING:
+            continue
         ux, uy = math.cos(towards + turn), math.sin(towards + turn)
         free = _free_way(x, y, ux, uy, radius, walls, far)
+        if _cost(min(free, ideal), turn, sight) > least + ROUNDING:
+            continue
         free = _free_course(ux, uy, speed, others, 1.0, free)
-        # Squared distance from the end of the free way to the point ahead at the horizon.
-        cost = far * far + free * free - 2.0 * far * free * math.cos(turn)
-        cost += sight.right_hand * turn
+        cost = _cost(free, turn, sight)
         if cost < least:
             least, best = cost, Course(ux, uy, free)
         if n == 0 and free >= far:
@@ -237,7 +257,7 @@ def _speed_in_line(desired: float, course: Course, others: Others) -> float:
     """Read Weidmann's speed at the distance to whoever walks ahead of a person [m/s]."""
     headway = np.inf
     for j in range(len(others.touch)):
-        dx, dy = others.place[j]
+        dx, dy = others.place[j, 0], others.place[j, 1]
         along, beside = dx * course.x + dy * course.y, dy * course.x - dx * course.y
         pace = others.velocity[j, 0] * course.x + others.velocity[j, 1] * course.y
         if 0.0 < along < headway and abs(beside) < AHEAD and pace > GOING_ALONG:
@@ -251,7 +271,7 @@ def _pushes(others: Others) -> tuple[float, float]:
     """Add up the accelerations by bodies that touch, or nearly [m/s^2]."""
     ax = ay = 0.0
     for j in range(len(others.touch)):
-        dx, dy = others.place[j]
+        dx, dy = others.place[j, 0], others.place[j, 1]
         distance = max(math.sqrt(dx * dx + dy * dy), NEAREST)
         push = CONTACT_STIFFNESS * (others.touch[j] + CONTACT_MARGIN - distance)
         if push > 0.0:
@@ -260,17 +280,15 @@ def _pushes(others: Others) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _velocities_by_sight(
-    dt: float, people: Walkers, robots: Machines, walls: Walls, sight: Sight
-) -> Array:
-    """Compute the velocities ``(H, 2)`` of the next tick [m/s]."""
-    h = people.position.shape[0]
-    result = np.zeros((h, 2))
-    for i in range(h):
+def _fill_velocities(
+    dt: float, people: Walkers, robots: Machines, walls: Walls, sight: Sight, result: Array
+) -> None:
+    """Write the velocities ``(H, 2)`` of the next tick [m/s]; those of the absent stay."""
+    for i in range(len(result)):
         if not people.present[i]:
             continue
-        x, y = people.position[i]
-        vx, vy = people.velocity[i]
+        x, y = people.position[i, 0], people.position[i, 1]
+        vx, vy = people.velocity[i, 0], people.velocity[i, 1]
         others = _seen_by(i, people, robots, sight)
         desired, wx, wy = people.desired_speed[i], 0.0, 0.0
         tx, ty = people.target[i, 0] - x, people.target[i, 1] - y
@@ -288,4 +306,3 @@ def _velocities_by_sight(
         nvy = vy + dt * ((wy - vy) / sight.tau + ay + fy)
         top = TOP_RATIO * desired if desired > 0.0 else TOP_SPEED_STANDING
         result[i] = velocity_beside_walls(x, y, nvx, nvy, top, people.radius[i], dt, walls)
-    return result

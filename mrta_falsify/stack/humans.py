@@ -15,6 +15,7 @@ from mrta_falsify.stack.wall_grid import (
     WallGrid,
     Walls,
     cell_of,
+    edge_at,
     nearest_on_edge,
     step_beside_walls,
 )
@@ -72,7 +73,7 @@ def wall_force(
     best = np.full(4, SIGHT * SIGHT)
     push_x, push_y = np.zeros(4), np.zeros(4)
     for k in range(walls.first[cell], walls.first[cell + 1]):
-        x1, y1, x2, y2 = walls.edges[walls.members[k]]
+        x1, y1, x2, y2 = edge_at(k, walls)
         nx, ny = nearest_on_edge(x, y, x1, y1, x2, y2)
         dx, dy = x - nx, y - ny
         square = dx * dx + dy * dy

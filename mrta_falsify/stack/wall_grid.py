@@ -99,6 +99,13 @@ def cell_of(x: float, y: float, walls: Walls) -> int:
 
 
 @njit(cache=True)
+def edge_at(k: int, walls: Walls) -> tuple[float, float, float, float]:
+    """Give x1, y1, x2, y2 [m] of the edge at place ``k`` of ``members``."""
+    edges, e = walls.edges, walls.members[k]
+    return edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+
+
+@njit(cache=True)
 def nearest_on_edge(
     x: float, y: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float]:
@@ -129,7 +136,7 @@ def _slid(step: Stride, radius: float, walls: Walls, cell: int) -> Stride:
     px, py, mx, my = step
     for _sweep in range(SWEEPS):
         for k in range(walls.first[cell], walls.first[cell + 1]):
-            x1, y1, x2, y2 = walls.edges[walls.members[k]]
+            x1, y1, x2, y2 = edge_at(k, walls)
             ox, oy = nearest_on_edge(px, py, x1, y1, x2, y2)
             before = np.sqrt((ox - px) ** 2 + (oy - py) ** 2)
             nx, ny = nearest_on_edge(px + mx, py + my, x1, y1, x2, y2)
@@ -151,7 +158,7 @@ def _is_blocked(step: Stride, radius: float, walls: Walls, cell: int) -> bool:
     """Whether a short step would lead nearer to an edge than allowed, or through it."""
     px, py, mx, my = step
     for k in range(walls.first[cell], walls.first[cell + 1]):
-        x1, y1, x2, y2 = walls.edges[walls.members[k]]
+        x1, y1, x2, y2 = edge_at(k, walls)
         ox, oy = nearest_on_edge(px, py, x1, y1, x2, y2)
         nx, ny = nearest_on_edge(px + mx, py + my, x1, y1, x2, y2)
         before = (ox - px) ** 2 + (oy - py) ** 2

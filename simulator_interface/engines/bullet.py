@@ -111,7 +111,7 @@ class BulletEngine(PhysicsEngine):
     def _gather_things(self) -> None:
         """Gather what a robot may run into now."""
         around, prints = self._around, self._observer.prints
-        self._things = gaps.Obstructions(prints, around.solids, around.people(self._human))
+        self._things = gaps.packed(prints, around.solids, around.people(self._human))
 
     def _run_substep(
         self, command: Array, human_velocity: Array, time: float, touched: BoolArray

@@ -12,7 +12,7 @@ from mrta_falsify.core.compiled import njit
 from simulator_interface.engines import gaps
 from simulator_interface.engines.actuation import Motors, move_set_points
 from simulator_interface.engines.bullet_frames import Inertial, floor_poses, motor_targets
-from simulator_interface.engines.gaps import Obstructions
+from simulator_interface.engines.gaps import PackedObstructions
 from simulator_interface.engines.pedestrians import move_people
 
 NEAR_PERSON = 1.0  # m between surfaces, below which a person stands in Bullet's world
@@ -59,7 +59,7 @@ def fill_prepared(
     human_velocity: Array,
     pose: Array,
     bases: Bases,
-    around: Obstructions,
+    around: PackedObstructions,
     prepared: Prepared,
     touched: BoolArray,
 ) -> bool:
@@ -78,11 +78,10 @@ def fill_prepared(
     Returns:
         Whether the body of any person moves.
     """
-    motors, people = bases.motors, around.people
+    motors, (prints, solids, people) = bases.motors, gaps.unpacked(around)
     move_set_points(command, step.time, motors, step.before)
     set_point, loss = motors.set_point, bases.loss
     prepared.targets[:] = motor_targets(set_point, loss, pose, bases.wheels, bases.holonomic)
-    prints, solids = around.prints, around.solids
     move_people(people, human_velocity, step.length, pose, prints, solids, touched)
     return _fill_near(people, pose, prints.reach, prepared.was_in, prepared.near)
 
@@ -109,7 +108,7 @@ def fill_observed(
     raw: Array,
     inertial: Inertial,
     pose: Array,
-    around: Obstructions,
+    around: PackedObstructions,
     gap: Array,
     nearest: IntArray,
 ) -> float:
@@ -127,4 +126,5 @@ def fill_observed(
         The least entry of ``gap`` [m].
     """
     pose[:] = floor_poses(raw, inertial)
-    return gaps.fill_gaps(pose, around.prints, around.solids, around.people, gap, nearest)
+    prints, solids, people = gaps.unpacked(around)
+    return gaps.fill_gaps(pose, prints, solids, people, gap, nearest)

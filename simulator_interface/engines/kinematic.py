@@ -22,6 +22,7 @@ from simulator_interface.engines.actuation import Actuation, Motors, move_set_po
 from simulator_interface.engines.bodies import check_start_footprints, gather_fleet, outside
 from simulator_interface.engines.gaps import (
     Obstructions,
+    PackedObstructions,
     blocks_gap,
     place_outline,
     polygon_gap,
@@ -130,7 +131,6 @@ class KinematicEngine:
         """See :class:`mrta_falsify.core.protocols.Engine`."""
         around, observer = self._around, self._observer
         self._actuation.begin_tick(self._dt)
-        observer.begin_tick()
         walked_from = self._human.copy()
         done = 0
         while done < self._substeps:
@@ -144,7 +144,7 @@ class KinematicEngine:
                 end=self._substeps if is_settled else done + 1,
                 before=self._actuation.count,
             )
-            things = Obstructions(observer.prints, around.solids, around.people(self._human))
+            things = gaps.packed(observer.prints, around.solids, around.people(self._human))
             _fill_substeps(
                 clock, self._moving, command.twist, human_velocity, things, self._measured
             )
@@ -320,18 +320,21 @@ def _fill_substeps(
     moving: _Moving,
     command: Array,
     human_velocity: Array,
-    around: Obstructions,
+    around: PackedObstructions,
     measured: Measured,
 ) -> None:
-    """Take sub-steps: walk the people, drive the robots, lower the gaps of the tick."""
-    prints, solids, people = around.prints, around.solids, around.people
+    """Take sub-steps: walk the people, drive the robots, measure the gaps of the tick."""
+    things = gaps.unpacked(around)
+    prints, solids, people = things
     pose, drives, motors = moving.pose, moving.drives, moving.motors
     touched = np.zeros(len(pose), dtype=np.bool_)
+    if clock.first == 0:
+        gaps.forget(measured.gap, measured.nearest, measured.contact)
     for k in range(clock.first, clock.end):
         time = (clock.tick + k / clock.substeps) * clock.dt
         move_set_points(command, time, motors, clock.before + k - clock.first)
         move_people(people, human_velocity, drives.step, pose, prints, solids, touched)
         for i in range(len(pose)):
             measured.contact[i, gaps.HUMAN] = measured.contact[i, gaps.HUMAN] or touched[i]
-        _drive(pose, moving.velocity, motors.set_point, drives, around, measured.contact)
+        _drive(pose, moving.velocity, motors.set_point, drives, things, measured.contact)
         gaps.fill_gaps(pose, prints, solids, people, measured.gap, measured.nearest)

@@ -60,10 +60,10 @@ class Surroundings:
         self.furniture_pose = first_poses(self.pieces)  #: (F, 3) movable furniture
         self.inside = first_inside(world)  #: (H,) as far as the directives go
         self.human_radius = np.array([human.radius for human in world.humans])
-        self._plan_changes()
         self._begun = False
         self.standing: tuple[int, ...] = ()  #: numbers of the blockages that stand
         self._awaited: tuple[int, ...] = ()  #: of those to be put down once nobody is there
+        self._plan_changes()
         self.edges = np.zeros((0, 4))  #: (E, 4) theirs [m]
         self.present: BoolArray = np.zeros(len(world.humans), dtype=np.bool_)  #: (H,)
         self.solids = gaps.Solids(self.grid, self.edges)  #: walls and what stands now
@@ -78,22 +78,22 @@ class Surroundings:
 
     def is_settled(self, until: float) -> bool:
         """Whether nothing is due to change up to ``until`` [s], and nothing waits for anybody."""
-        has_more = self._next < len(self._changes)
-        is_due = has_more and self._changes[self._next] <= until + AT_ONCE
-        return self._begun and not is_due and not self._awaited
+        return until + AT_ONCE < self._due
 
     def update(self, time: float, is_taken: IsTaken) -> bool:
         """Bring everything to ``time`` [s], which never decreases; says whether it changed."""
         now = time + AT_ONCE
+        if now < self._due:
+            return False
         is_due = self._next < len(self._changes) and self._changes[self._next] <= now
-        if self._begun and not is_due:
-            polygons = [self.blockages[k].polygon for k in self._awaited]
-            if not polygons or all(is_taken(polygon) for polygon in polygons):
-                return False
+        waits = self._begun and not is_due
+        if waits and all(is_taken(self.blockages[k].polygon) for k in self._awaited):
+            return False
         self._begun = True
         while self._next < len(self._changes) and self._changes[self._next] <= now:
             self._next += 1
         self._bring_to(now, is_taken)
+        self._look_ahead()
         return True
 
     def arrange(self, stage: Stage, time: float, is_taken: IsTaken) -> None:
@@ -103,7 +103,7 @@ class Surroundings:
         if stage.added:
             self.blockages += stage.added
             self._plan_changes()
-        self._begun = False
+        self._begun, self._due = False, -np.inf
         self.update(time, is_taken)
 
     def forget_after(self, time: float) -> None:
@@ -117,6 +117,13 @@ class Surroundings:
         times |= {human.leaves_at for human in self.world.humans}
         self._changes = sorted(times)
         self._next = 0
+        self._look_ahead()
+
+    def _look_ahead(self) -> None:
+        """Note until when there is nothing to update [s]."""
+        is_open = not self._begun or self._awaited
+        following = self._changes[self._next : self._next + 1]
+        self._due = -np.inf if is_open else min(following, default=np.inf)
 
     def _bring_to(self, now: float, is_taken: IsTaken) -> None:
         humans = self.world.humans
@@ -146,6 +153,10 @@ class Observer:
         self._random = stream(surroundings.world.seed, "rays")
         self._rest = _Rest(np.full((n, 2), np.inf), np.zeros(n))
         self._sweep = 0  #: of SWEEP ray directions, the one of this tick
+        #: angle [rad] from the heading at which this tick's first ray leaves. The fan of rays turns
+        #: by a third of its spacing from tick to tick, as a scanner's does: a door jamb that slips
+        #: between 12 fixed rays is seen within three ticks
+        self._turned = 0.0
         #: footprints, placed as observed last
         self.prints = gaps.Footprints(
             fleet.outline, fleet.corners, fleet.reach, np.zeros_like(fleet.outline)
@@ -161,9 +172,7 @@ class Observer:
 
     def begin_tick(self) -> None:
         """Forget the last tick's gaps and contacts."""
-        self.gap[:] = gaps.FAR
-        self.nearest[:] = -1
-        self.contact[:] = False
+        gaps.forget(self.gap, self.nearest, self.contact)
 
     def observe(self, pose: Array, human_position: Array) -> float:
         """Take in the end of a sub-step: ``pose`` ``(N, 3)``, ``human_position`` ``(H, 2)``.
@@ -217,22 +226,14 @@ class Observer:
         """Distances ``(N, A)`` [m] to what the rays hit, inf: nothing; robots at rest count."""
         options, around = self._options, self._surroundings
         distances = np.empty((len(pose), options.count))
-        fan = options.max_range, self._turned()
+        fan = options.max_range, self._turned
         _fill_distances(distances, fan, pose, time, self._rest, around.solids, self.prints)
         return distances
-
-    def _turned(self) -> float:
-        """Angle [rad] from the heading at which this tick's first ray leaves.
-
-        The fan of rays turns by a third of its spacing from tick to tick, as a scanner's does:
-        a door jamb that slips between 12 fixed rays is seen within three ticks.
-        """
-        return self._sweep * (2.0 * np.pi / (SWEEP * self._options.count))
 
     def aimed(self, pose: Array) -> Array:
         """``pose`` ``(N, 3)`` with the yaw that this tick's first ray leaves at."""
         turned = pose.copy()
-        turned[:, 2] += self._turned()
+        turned[:, 2] += self._turned
         return turned
 
     def sensed(
@@ -252,9 +253,10 @@ class Observer:
             distances = np.maximum(distances + noise, 0.0)
         points = np.empty((*distances.shape, 2))
         gap_robot, gap_human, gap_static = reported = np.empty((3, len(pose)))
-        _fill_reported(self.gap, pose, distances, self._turned(), reported, points)
+        _fill_reported(self.gap, pose, distances, self._turned, reported, points)
         nearest_robot, nearest_human = self.nearest.T.copy()
         self._sweep = (self._sweep + 1) % SWEEP
+        self._turned = self._sweep * (2.0 * np.pi / (SWEEP * self._options.count))
         return Sensed(
             tick=tick,
             time=time,

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Sensed
 from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Planner
 from mrta_falsify.core.world import Blockage, HumanSpec, World
@@ -168,7 +169,7 @@ class Crowd:
             return np.zeros((0, 2))
         self._look(sensed.time)
         position, present = sensed.human_position, self.present(sensed.time)
-        target, desired = np.empty_like(position), np.empty(len(position))
+        target, desired = np.empty(position.shape), np.empty(len(position))
         led: dict[int, Array] = {}
         if self._at_work:
             position = position.copy()  # a script that lets a person appear writes here
@@ -200,12 +201,10 @@ class Crowd:
             self._routes = self._list_routes()
         ways, first, speed = self._routes
         desired[:] = speed
-        needs_way = all_walk_on(
-            ways, first, self._rows, position, time, self._walking.ground, target
-        )
-        for i, needs in enumerate(needs_way.tolist()):
-            if not needs:
-                continue
+        needs_way, ground = np.empty(len(position), dtype=np.bool_), self._walking.ground
+        if not all_walk_on(ways, first, self._rows, position, time, ground, target, needs_way):
+            return
+        for i in needs_way.nonzero()[0].tolist():
             walker, self._routes = self._walkers[i], None
             target[i] = self._walking.target(walker, position[i], time)
             desired[i] = walker.speed if len(walker.way) else 0.0
@@ -307,9 +306,16 @@ def _standing(world: World, time: float) -> list[Blockage]:
 
 def _map_velocity(sensed: Sensed) -> Array:
     """Velocities ``(N, 2)`` [m/s] of the robots, map frame."""
-    heading, forward, left = sensed.pose[:, 2], sensed.velocity[:, 0], sensed.velocity[:, 1]
-    cos, sin = np.cos(heading), np.sin(heading)
+    heading = sensed.pose[:, 2]
     velocity = np.empty((len(heading), 2))
-    velocity[:, 0] = cos * forward - sin * left
-    velocity[:, 1] = sin * forward + cos * left
+    _fill_turned(sensed.velocity, np.cos(heading), np.sin(heading), velocity)
     return velocity
+
+
+@njit(cache=True)
+def _fill_turned(velocity: Array, cos: Array, sin: Array, turned: Array) -> None:
+    """Write velocities ``(N, 3)`` of body frames, by their headings, to those of the map's."""
+    for i in range(len(turned)):
+        forward, left = velocity[i, 0], velocity[i, 1]
+        turned[i, 0] = cos[i] * forward - sin[i] * left
+        turned[i, 1] = sin[i] * forward + cos[i] * left

@@ -24,6 +24,7 @@ STUCK_AFTER = 8.0  # s without progress before a person turns to the next point 
 PROGRESS = 0.2  # m nearer to the end of the way is progress
 PEOPLES_RADIUS = 0.3  # m; people plan with more room than a robot's disc needs
 WINDOW = 40  # points of the way that are searched; they are about 0.1 m apart
+ROUNDED_UP = 1.0 + 1e-9  # squares that are larger by this belong to larger distances
 NO_ROBOTS = np.zeros((0, 2))
 NO_WAY = np.zeros((0, 2))
 
@@ -193,7 +194,10 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
     """
     closest, best, stop = passed, np.inf, min(passed + WINDOW, len(way))
     for i in range(passed, stop):
-        distance = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1])
+        dx, dy = way[i, 0] - position[0], way[i, 1] - position[1]
+        if dx * dx + dy * dy > ROUNDED_UP * best * best:
+            continue
+        distance = np.hypot(dx, dy)
         if distance < best:
             closest, best = i, distance
     for i in range(closest, stop):
@@ -203,10 +207,9 @@ def look_ahead(way: Array, passed: int, position: Array) -> Ahead:
 
 
 @njit(cache=True)
-def is_seen(position: Array, point: Array, ground: Ground) -> bool:
-    """Whether a straight line from a person to a point leads over free ground."""
+def _is_seen(position: Array, point: Array, length: float, ground: Ground) -> bool:
+    """Whether a straight line of ``length`` [m] from a person to a point leads over free ground."""
     dx, dy = point[0] - position[0], point[1] - position[1]
-    length = np.hypot(dx, dy)
     rows, cols = ground.cost.shape
     for k in range(int(SEEN_FROM / SEEN_STEP), int(length / SEEN_STEP) + 1):
         share = k * SEEN_STEP / length
@@ -234,8 +237,8 @@ def seen_point(way: Array, point: int, position: Array, ground: Ground) -> int:
     if ground.sight <= LOOK_AHEAD:
         return point
     for i in range(point + 1, min(point + WINDOW, len(way))):
-        far = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1]) > ground.sight
-        if far or not is_seen(position, way[i], ground):
+        away = np.hypot(way[i, 0] - position[0], way[i, 1] - position[1])
+        if away > ground.sight or not _is_seen(position, way[i], away, ground):
             return i - 1
     return max(point, min(point + WINDOW, len(way)) - 1)
 
@@ -281,7 +284,8 @@ def all_walk_on(
     time: float,
     ground: Ground,
     target: Array,
-) -> BoolArray:
+    needs_way: BoolArray,
+) -> bool:
     """Bring all people on routes to a tick.
 
     Args:
@@ -292,17 +296,19 @@ def all_walk_on(
         time: [s].
         ground: where one may walk.
         target: ``(H, 2)`` [m] receives the points to walk towards.
+        needs_way: ``(H,)`` receives who needs another way first.
 
     Returns:
-        Who ``(H,)`` needs another way first.
+        Whether anybody does.
     """
-    needs_way = np.zeros(len(rows), dtype=np.bool_)
+    is_any = False
     for i in range(len(rows)):
         way = ways[first[i] : first[i + 1]]
         fate, point = walk_on(way, rows, i, position[i], time, ground)
         target[i] = way[point] if fate == GOES_ON else position[i]
         needs_way[i] = fate in (HAS_ARRIVED, IS_LOST)
-    return needs_way
+        is_any = is_any or needs_way[i]
+    return is_any
 
 
 def way_length(points: Array) -> float:

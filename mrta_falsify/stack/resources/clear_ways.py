@@ -22,6 +22,7 @@ AT_ROOM = 1.0  # m from a room's point: a robot that comes so near can get there
 LATTICE = 0.5  # m between the places that are tried
 MOST_TRIED = 100  # places that are judged in one search; each takes 0.1 to 4 ms
 DETOUR = 0.6  # m around a robot in which a way past it is looked for before the whole map is
+BLOCK = 4  # cells along a side of the blocks that wide ways are looked for in
 SAME_PLACE = 0.1  # m; stands are rounded to this before they are judged
 
 
@@ -40,6 +41,10 @@ class ClearWays:
         self._areas = [resource.release_area for resource in world.resources]
         self._points = np.array([room.point for room in world.rooms]).reshape(-1, 2)
         self._near_rooms = [self._disc(point, AT_ROOM) for point in self._points]
+        self._is_near_room = np.zeros(self._free.shape, dtype=np.bool_)
+        for near in self._near_rooms:
+            self._is_near_room[near] = True
+        self._blocks = _free_blocks(self._free)
         self._parts = _numbered_parts(self._free)
         self._at_rooms = self._parts_at_rooms(self._parts, self._free)
         self._joined = self._joined_pairs(self._at_rooms)
@@ -54,10 +59,11 @@ class ClearWays:
         return self._known[key]
 
     def _stay_joined(self, places: Array) -> bool:
-        free, can_be_passed = self._free.copy(), True
+        free, blocks, can_be_passed = self._free.copy(), self._blocks.copy(), True
         for place in places:
             rows, cols = self._disc(place, APART)
-            can_be_passed &= self._can_be_passed(free, place, rows, cols)
+            blocks[rows // BLOCK, cols // BLOCK] = False
+            can_be_passed = can_be_passed and self._can_be_passed(free, blocks, place, rows, cols)
             free[rows, cols] = False
         if can_be_passed and all(
             self._parts_near(room, self._parts, free) == self._at_rooms[room]
@@ -109,8 +115,14 @@ class ClearWays:
         rows, cols = np.nonzero(np.hypot(x - point[0], (y - point[1])[:, None]) <= radius)
         return rows + low[0], cols + low[1]
 
-    def _can_be_passed(self, free: BoolArray, place: Array, rows: IntArray, cols: IntArray) -> bool:
-        """Whether each way over ``free`` past a place leads past cells (rows, cols) around it."""
+    def _can_be_passed(
+        self, free: BoolArray, blocks: BoolArray, place: Array, rows: IntArray, cols: IntArray
+    ) -> bool:
+        """Whether what is joined over ``free`` stays so without cells (rows, cols) of a place.
+
+        Ways past the place are looked for around it, then over ``blocks`` that are wholly free
+        without those cells. True is certain, False is not.
+        """
         reach = APART + DETOUR
         low = np.maximum(self._map.cells(place - reach), 0)
         high = np.minimum(self._map.cells(place + reach) + 1, free.shape)
@@ -119,7 +131,13 @@ class ClearWays:
         before = free[low[0] : high[0], low[1] : high[1]]
         after = before.copy()
         after[rows - low[0], cols - low[1]] = False
-        return bool(_stays_whole(before, after))
+        matter = self._is_near_room[low[0] : high[0], low[1] : high[1]]
+        if _stays_whole(before, after, np.zeros_like(before, dtype=np.int64), matter):
+            return True
+        rows, cols = np.arange(low[0], high[0]) // BLOCK, np.arange(low[1], high[1]) // BLOCK
+        return bool(
+            _stays_whole(before, after, _numbered_parts(blocks)[np.ix_(rows, cols)], matter)
+        )
 
     def _parts_near(self, room: int, parts: IntArray, free: BoolArray) -> set[int]:
         """Find the parts of the map that are free near a room."""
@@ -174,19 +192,48 @@ def _gaps(points: Array, others: Array) -> Array:
 
 
 @njit(cache=True)
-def _stays_whole(free: BoolArray, left: BoolArray) -> bool:
-    """Whether cells of one part of a map of which some are ``left`` are still of one part."""
+def _stays_whole(free: BoolArray, left: BoolArray, wide: IntArray, matter: BoolArray) -> bool:
+    """Whether cells of one part of a window of which some are ``left`` are still joined.
+
+    Args:
+        free: ``(rows, cols)`` before.
+        left: the same, after.
+        wide: part of the whole map that a cell is joined to, 0: none.
+        matter: cells that must stay joined. So must those at the rim, where ways lead on.
+    """
     before, after = _numbered_parts(free), _numbered_parts(left)
+    rows, cols = before.shape
+    most = after.max() + 1
+    counts, joined = np.zeros(most, dtype=np.bool_), -np.arange(most)
+    for row in range(rows):
+        for col in range(cols):
+            now = after[row, col]
+            is_rim = row == 0 or row == rows - 1 or col == 0 or col == cols - 1
+            counts[now] = counts[now] or is_rim or matter[row, col]
+            if wide[row, col] > 0:
+                joined[now] = wide[row, col]
     part = np.zeros(before.max() + 1, dtype=np.int64)
-    for row in range(before.shape[0]):
-        for col in range(before.shape[1]):
+    for row in range(rows):
+        for col in range(cols):
             own, now = before[row, col], after[row, col]
-            if now == 0 or part[own] == now:
+            if now == 0 or not counts[now] or part[own] == joined[now]:
                 continue
             if part[own] != 0:
                 return False
-            part[own] = now
+            part[own] = joined[now]
     return True
+
+
+@njit(cache=True)
+def _free_blocks(free: BoolArray) -> BoolArray:
+    """Say which blocks of cells are wholly free; those that reach beyond the map are not."""
+    rows, cols = free.shape
+    blocks = np.ones(((rows - 1) // BLOCK + 1, (cols - 1) // BLOCK + 1), dtype=np.bool_)
+    for row in range(blocks.shape[0] * BLOCK):
+        for col in range(blocks.shape[1] * BLOCK):
+            if row >= rows or col >= cols or not free[row, col]:
+                blocks[row // BLOCK, col // BLOCK] = False
+    return blocks
 
 
 @njit(cache=True)
