@@ -43,7 +43,7 @@ def test_a_path_leads_around_a_room_that_others_may_use():
 
 @pytest.mark.parametrize("shift", [0.01, 0.03, 0.05, 0.07, 0.09])
 def test_a_way_along_the_outline_of_a_room_is_a_way_around_it(shift):
-    room = ROOM + (0.0, shift)
+    room = ROOM + np.array([0.0, shift])
     way = planned(hall(), BEFORE, [BEHIND], rooms=[room], closed=(0,))
     deepest = -signed_distances(room, way.path).min()
     assert deepest < 0.1 * np.sqrt(0.5)  # half a cell's diagonal
