@@ -38,7 +38,7 @@ def _cases():
 
 
 @pytest.mark.parametrize("case", _cases())
-def test_the_smallest_worlds_of_the_gallery_fail_as_it_says_or_are_mended(case):
+def test_the_smallest_worlds_of_the_gallery_fail_as_it_says_or_pass_since(case):
     folder = draw_gallery.FOLDER / case.name
     program = folder / "world.min.scenic"
     wanted = program.read_text().splitlines()[0].rpartition(" fails with ")[2].strip('."')
@@ -49,4 +49,4 @@ def test_the_smallest_worlds_of_the_gallery_fail_as_it_says_or_are_mended(case):
         early_stop=True,
     )
     found = signature(judge(job, keep_trace=False).verdicts)
-    assert found == ("" if case.mended else wanted)
+    assert found == ("" if case.since else wanted)

@@ -77,7 +77,7 @@ class GalleryCase:
     seed: int
     trial: int
     why: str  #: a person's explanation
-    mended: str = ""  #: what the default stack does about it since; the smallest world passes
+    since: str = ""  #: why the smallest world passes by now
     params: dict[str, Any] = dataclasses.field(default_factory=dict)
     settings: tuple[str, ...] = ()  #: of the stack, as of ``--set``
     specifications: tuple[str, ...] = ()  #: those of campaigns if empty
@@ -230,7 +230,7 @@ def section(found: Told) -> str:
         f"![{case.title}: as found, at its smallest, and who waits for whom]({case.name}.png)",
         f"**What happened.** {' '.join(what_happened(found.original))}",
         f"**Why.** {' '.join(case.why.split())}",
-        *([f"**Mended since.** {' '.join(case.mended.split())}"] if case.mended else []),
+        *([f"**Since then.** {' '.join(case.since.split())}"] if case.since else []),
         _counts(found),
         _layer(found),
         "**Again.**\n\n```\n" + "\n".join(commands(case, found.explanation)) + "\n```",
