@@ -54,12 +54,15 @@ def signed_distances(polygon: Array, points: Array) -> Array:
     Args:
         polygon: corners.
         points: ``(N, 2)`` [m], or poses ``(N, 3)``.
+
+    Returns:
+        ``(N,)`` to the outline [m].
     """
     count = len(polygon)
     result = np.empty(len(points))
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]
-        square, inside = np.inf, False
+        square = np.inf
         for k in range(count):
             ax, ay = polygon[k - 1, 0], polygon[k - 1, 1]
             bx, by = polygon[k, 0], polygon[k, 1]
@@ -69,9 +72,7 @@ def signed_distances(polygon: Array, points: Array) -> Array:
             if length > 0.0:
                 share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length))
             square = min(square, (ax + share * dx - x) ** 2 + (ay + share * dy - y) ** 2)
-            if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
-                inside = not inside
-        result[i] = -np.sqrt(square) if inside else np.sqrt(square)
+        result[i] = -np.sqrt(square) if inside(polygon, points[i]) else np.sqrt(square)
     return result
 
 

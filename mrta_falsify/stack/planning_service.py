@@ -86,19 +86,19 @@ class PlanningService:
         way: Way,
         position: Array,
         time: float,
-        closed: Sequence[int] = (),
+        not_held: Sequence[int] = (),
     ) -> Way:
         """Plan from ``position`` through the next two waypoints of ``way``.
 
         A way around robots at rest is preferred to one through them, and a way around rooms
-        that are closed to the robot to one through them.
+        that the robot does not hold to one through them.
 
         Args:
             state: memory of the service.
             way: to plan for.
             position: ``(2,)`` of the robot [m].
             time: now [s].
-            closed: numbers of rooms that the robot does not hold.
+            not_held: numbers of rooms that the robot does not hold.
 
         Returns:
             The way with a path, or with the reason why there is none; the same way if the
@@ -110,7 +110,7 @@ class PlanningService:
         reason = ""
         for with_parked in (True, False) if state.parked else (False,):
             costmap = self._map(state, time, with_parked=with_parked)
-            path, skipped, reason = self._path_around(costmap, position, route, closed)
+            path, skipped, reason = self._path_around(costmap, position, route, not_held)
             if not reason:
                 return replace(
                     way,
@@ -140,17 +140,17 @@ class PlanningService:
         return self._source.costmap(time, places)
 
     def _path_around(
-        self, costmap: Costmap, position: Array, route: Array, closed: Sequence[int]
+        self, costmap: Costmap, position: Array, route: Array, not_held: Sequence[int]
     ) -> tuple[Array, int, str]:
-        """Do as :meth:`_path`, around closed rooms that neither the robot nor the route is in."""
+        """Do as :meth:`_path`, around such rooms that neither the robot nor the route is in."""
         direct = found = self._path(costmap, position, route)
         ends, avoided = np.vstack([position, route]), frozenset[int]()
         while not found[2]:
-            entered = self._rooms.entered(found[0], ends, closed)
+            entered = self._rooms.entered(found[0], ends, not_held)
             if entered <= avoided:  # it may touch the outline of a room that it leads around
                 return found
             avoided |= entered
-            found = self._path(self._rooms.closed(costmap, avoided), position, route)
+            found = self._path(self._rooms.map_without(costmap, avoided), position, route)
         return direct
 
     def _path(self, costmap: Costmap, position: Array, route: Array) -> tuple[Array, int, str]:

@@ -102,10 +102,10 @@ class Replanning:
                     break
                 plans += 1
                 position, before = fleet.pose[robot, :2], way
-                closed = [
+                not_held = [
                     room for room, queue in enumerate(state.queues) if robot not in queue.holders
                 ]
-                way = self._service.plan(state.service, way, position, fleet.time, closed)
+                way = self._service.plan(state.service, way, position, fleet.time, not_held)
                 events += _news(robot, before, way, fleet.time)
             planned[robot] = _with_way(mission, way)
         return planned, events

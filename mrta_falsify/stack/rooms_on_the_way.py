@@ -5,7 +5,7 @@ Whoever does not hold a room takes another way, if there is one.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import functools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -27,7 +27,8 @@ class RoomsOnTheWay:
 
     def __init__(self, outlines: Sequence[Array]) -> None:
         self._outlines = outlines
-        self._maps: OrderedDict[tuple[Costmap, frozenset[int]], Costmap] = OrderedDict()
+        #: the map on which no path enters the rooms
+        self.map_without = functools.lru_cache(maxsize=KEPT_MAPS)(self._map_without)
 
     def entered(self, path: Array, ends: Array, rooms: Iterable[int]) -> frozenset[int]:
         """List the rooms that ``path`` ``(L, 2)`` enters and that none of the ``ends`` is in."""
@@ -38,20 +39,12 @@ class RoomsOnTheWay:
             and not _any_inside(self._outlines[room], ends)
         )
 
-    def closed(self, costmap: Costmap, rooms: frozenset[int]) -> Costmap:
-        """Give the map on which no path enters the ``rooms``."""
-        key = (costmap, rooms)
-        if key not in self._maps:
-            cost = costmap.cost.copy()
-            for room in sorted(rooms):
-                outline = (self._outlines[room] - costmap.origin) / costmap.resolution
-                _close(cost, outline)
-            cost.setflags(write=False)
-            self._maps[key] = Costmap(cost, costmap.resolution, costmap.origin)
-            if len(self._maps) > KEPT_MAPS:
-                self._maps.popitem(last=False)
-        self._maps.move_to_end(key)
-        return self._maps[key]
+    def _map_without(self, costmap: Costmap, rooms: frozenset[int]) -> Costmap:
+        cost = costmap.cost.copy()
+        for room in sorted(rooms):
+            _close(cost, (self._outlines[room] - costmap.origin) / costmap.resolution)
+        cost.setflags(write=False)
+        return Costmap(cost, costmap.resolution, costmap.origin)
 
 
 @njit(cache=True)

@@ -40,11 +40,11 @@ def planned(
     route: object,
     *,
     rooms: Sequence[np.ndarray] = (),
-    closed: Sequence[int] = (),
+    not_held: Sequence[int] = (),
 ) -> Way:
     """The way from ``start`` through ``route``, planned by A*."""
     service = PlanningService(
         AStar(AStar.Options()), _Map(costmap), rooms=rooms, failure_blocks=False
     )
     way = Way().head_for(np.array(route, dtype=float))
-    return service.plan(ServiceState(), way, np.array(start, dtype=float), 0.0, closed)
+    return service.plan(ServiceState(), way, np.array(start, dtype=float), 0.0, not_held)

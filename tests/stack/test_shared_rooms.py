@@ -28,8 +28,8 @@ def is_inside(outline, point):
 # --- planning ----------------------------------------------------------------------------
 
 
-def way_from(start, goal, *, closed=(0,), width=6.0):
-    return planned(hall(width), start, [goal], rooms=[ROOM], closed=closed)
+def way_from(start, goal, *, not_held=(0,), width=6.0):
+    return planned(hall(width), start, [goal], rooms=[ROOM], not_held=not_held)
 
 
 def enters_room(way):
@@ -38,13 +38,13 @@ def enters_room(way):
 
 def test_a_path_leads_around_a_room_that_others_may_use():
     assert not enters_room(way_from(BEFORE, BEHIND))
-    assert enters_room(way_from(BEFORE, BEHIND, closed=()))
+    assert enters_room(way_from(BEFORE, BEHIND, not_held=()))
 
 
 @pytest.mark.parametrize("shift", [0.01, 0.03, 0.05, 0.07, 0.09])
 def test_a_way_along_the_outline_of_a_room_is_a_way_around_it(shift):
     room = ROOM + np.array([0.0, shift])
-    way = planned(hall(), BEFORE, [BEHIND], rooms=[room], closed=(0,))
+    way = planned(hall(), BEFORE, [BEHIND], rooms=[room], not_held=(0,))
     deepest = -signed_distances(room, way.path).min()
     assert deepest < 0.1 * np.sqrt(0.5)  # half a cell's diagonal
 
@@ -62,7 +62,7 @@ def test_who_begins_or_ends_in_a_room_may_be_there(start, goal):
 
 def test_a_closed_room_stays_what_it_was_where_it_was_worse():
     costmap = hall(1.0)
-    closed = RoomsOnTheWay([ROOM]).closed(costmap, frozenset({0}))
+    closed = RoomsOnTheWay([ROOM]).map_without(costmap, frozenset({0}))
     (row, col), (wall_row, wall_col) = costmap.cells(np.array([[5.0, 0.0], [5.0, 0.8]]))
     assert closed.cost[row, col] == INSCRIBED
     assert closed.cost[wall_row, wall_col] == LETHAL

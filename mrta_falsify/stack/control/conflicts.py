@@ -33,7 +33,7 @@ class Traffic(NamedTuple):
 
 
 class SharedPlaces(NamedTuple):
-    """Outlines of places that robots must ask for, and which of them one robot does not hold."""
+    """Outlines of places that robots must ask for, and which of them others hold."""
 
     corner: Array  #: (sum V, 2) of all outlines, one after the other [m]
     first: IntArray  #: (A + 1,) where each begins

@@ -34,7 +34,9 @@ class Departure(NamedTuple):
 class QueueState:
     """The memory of one resource's queue."""
 
-    holders: list[int] = field(default_factory=list)  #: robot numbers, at most the capacity
+    holders: list[int] = field(
+        default_factory=list
+    )  #: robot numbers; too many if robots stood inside
     unasked: list[int] = field(default_factory=list)  #: holders that stood there at time 0
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
     entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]

@@ -55,7 +55,6 @@ class RoomTraffic:
             Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
             for resource in world.resources
         ]
-        self._capacity = [queue.resource.capacity for queue in self.queues]
         areas = Polylines.of([np.asarray(queue.resource.request_area) for queue in self.queues])
         spots = Polylines.of([queue.spots.reshape(-1, 2) for queue in self.queues])
         self.grounds = Grounds(areas.points, areas.first, spots.points, spots.first)
@@ -160,8 +159,8 @@ class RoomTraffic:
     def closed(self, memories: Sequence[QueueState], robots: int) -> BoolArray:
         """Say which resources others hold, up to their capacity: ``(N, A)``."""
         closed = np.zeros((robots, len(self.queues)), dtype=np.bool_)
-        for index, memory in enumerate(memories):
-            if len(memory.holders) >= self._capacity[index]:
+        for index, (queue, memory) in enumerate(zip(self.queues, memories, strict=True)):
+            if not queue.has_place(memory):
                 closed[:, index] = True
                 closed[memory.holders, index] = False
         return closed
