@@ -14,10 +14,11 @@ from mrta_falsify.core.fleet import PARKED_AFTER
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.polyline import project_on_path
 from mrta_falsify.core.protocols import CostmapSource, Planner
-from mrta_falsify.stack.rooms_on_the_way import RoomsOnTheWay
+from mrta_falsify.stack.detours import Closed, Detours
 from mrta_falsify.stack.route import RETRY, Way
 
 PARKED_MOVED = 0.3  # m, more than six times a localisation error of 0.05 m
+DETOURS = 10  # ways around what is on the way, before one through it is taken
 BESIDE_SELF = 0.5  # m of the path's beginning that are not checked: the robot is there already
 COMES_BACK = 1.0  # m back along the same line; a robot nearer to a waypoint than that drops it
 SAME_LINE = 0.25  # m, half a robot beside a line is on it
@@ -77,7 +78,7 @@ class PlanningService:
         """
         self._planner = planner
         self._source = source
-        self._rooms = RoomsOnTheWay(rooms)
+        self._detours = Detours(rooms)
         self._failure_blocks = failure_blocks
 
     def plan(
@@ -90,8 +91,8 @@ class PlanningService:
     ) -> Way:
         """Plan from ``position`` through the next two waypoints of ``way``.
 
-        A way around robots at rest is preferred to one through them, and a way around rooms
-        that the robot does not hold to one through them.
+        A way around robots at rest is preferred to one through them, and so is a way around rooms
+        that the robot does not hold and around gaps that a barrier shuns.
 
         Args:
             state: memory of the service.
@@ -142,16 +143,24 @@ class PlanningService:
     def _path_around(
         self, costmap: Costmap, position: Array, route: Array, not_held: Sequence[int]
     ) -> tuple[Array, int, str]:
-        """Do as :meth:`_path`, around such rooms that neither the robot nor the route is in."""
-        direct = found = self._path(costmap, position, route)
-        ends, avoided = np.vstack([position, route]), frozenset[int]()
-        while not found[2]:
-            entered = self._rooms.entered(found[0], ends, not_held)
-            if entered <= avoided:  # it may touch the outline of a room that it leads around
-                return found
-            avoided |= entered
-            found = self._path(self._rooms.map_without(costmap, avoided), position, route)
-        return direct
+        """Do as :meth:`_path`, around rooms and gaps that neither the robot nor the route is in.
+
+        Rooms come first: who cannot avoid both takes the gap.
+        """
+        direct = best = found = self._path(costmap, position, route)
+        ends, closed = np.vstack([position, route]), Closed()
+        for _ in range(DETOURS):
+            if found[2]:
+                break
+            shunned = self._detours.rooms(found[0], ends, not_held)
+            if shunned <= closed:  # it may touch the outline of a room that it leads around
+                shunned = self._detours.gaps(costmap, found[0], ends)
+                best = found if best is direct else best
+                if shunned <= closed:
+                    return found
+            closed |= shunned
+            found = self._path(self._detours.map_without(costmap, closed), position, route)
+        return best
 
     def _path(self, costmap: Costmap, position: Array, route: Array) -> tuple[Array, int, str]:
         """Plan a path; also say how many waypoints it leaves out, and why it failed.

@@ -16,7 +16,7 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.stack.control.cluster import ClusterCbf
-from mrta_falsify.stack.rooms_on_the_way import RoomsOnTheWay
+from mrta_falsify.stack.detours import Closed, Detours
 
 ROOM = rectangle(2.0, 2.0, (5.0, 0.0))
 
@@ -62,7 +62,7 @@ def test_who_begins_or_ends_in_a_room_may_be_there(start, goal):
 
 def test_a_closed_room_stays_what_it_was_where_it_was_worse():
     costmap = hall(1.0)
-    closed = RoomsOnTheWay([ROOM]).map_without(costmap, frozenset({0}))
+    closed = Detours([ROOM]).map_without(costmap, Closed(rooms=frozenset({0})))
     (row, col), (wall_row, wall_col) = costmap.cells(np.array([[5.0, 0.0], [5.0, 0.8]]))
     assert closed.cost[row, col] == INSCRIBED
     assert closed.cost[wall_row, wall_col] == LETHAL
