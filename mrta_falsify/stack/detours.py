@@ -142,9 +142,10 @@ def _is_narrow(cost: ByteArray, row: int, col: int, dx: float, dy: float, width:
     reach = int(width)
     left, right = np.inf, np.inf
     left_row, left_col, right_row, right_col = 0, 0, 0, 0
-    for i in range(max(0, row - reach), min(cost.shape[0], row + reach + 1)):
-        for k in range(max(0, col - reach), min(cost.shape[1], col + reach + 1)):
-            if cost[i, k] != LETHAL:
+    for i in range(row - reach, row + reach + 1):
+        for k in range(col - reach, col + reach + 1):
+            is_on_map = 0 <= i < cost.shape[0] and 0 <= k < cost.shape[1]
+            if is_on_map and cost[i, k] != LETHAL:
                 continue
             distance = np.hypot(i - row, k - col)
             side = dx * (i - row) - dy * (k - col)

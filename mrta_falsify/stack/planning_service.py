@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +25,24 @@ BESIDE_SELF = 0.5  # m of the path's beginning that are not checked: the robot i
 COMES_BACK = 1.0  # m back along the same line; a robot nearer to a waypoint than that drops it
 SAME_LINE = 0.25  # m, half a robot beside a line is on it
 FAILURE_BLOCKS = 10.0  # s, MRTA-Sim: 100 retries, 0.1 s each; `planner_failure_blocks_all` only
+
+
+class Flaw(IntEnum):
+    """What is wrong with a path, the worst last."""
+
+    NOTHING = 0
+    GAP = 1  #: leads through a gap that the barrier shuns
+    ROOM = 2  #: leads through a room that the robot does not hold
+    NO_PATH = 3
+
+
+class _Found(NamedTuple):
+    """What came of planning once."""
+
+    path: Array  #: (L, 2) [m]
+    skipped: int  #: waypoints of the route that are left out
+    reason: str  #: why there is no path
+    flaw: Flaw
 
 
 @dataclass(slots=True)
@@ -108,21 +128,26 @@ class PlanningService:
         if state.blocked_until > time:
             return way
         route = way.halt if len(way.halt) else way.route
-        reason = ""
-        for with_parked in (True, False) if state.parked else (False,):
-            costmap = self._map(state, time, with_parked=with_parked)
-            path, skipped, reason = self._path_around(costmap, position, route, not_held)
-            if not reason:
-                return replace(
-                    way,
-                    route=way.route if len(way.halt) else route[skipped:],
-                    path=path,
-                    must_plan=False,
-                    plan_at=time + RETRY,
-                    failed="",
-                    through_parked=bool(state.parked) and not with_parked,
-                    parked_number=state.parked_number,
-                )
+        found, with_parked = None, False
+        for tries_with_parked in (True, False) if state.parked else (False,):
+            costmap = self._map(state, time, with_parked=tries_with_parked)
+            other = self._path_around(costmap, position, route, not_held)
+            if found is None or other.flaw < found.flaw:
+                found, with_parked = other, tries_with_parked
+            if not found.flaw:
+                break
+        assert found is not None
+        if found.flaw < Flaw.NO_PATH:
+            return replace(
+                way,
+                route=way.route if len(way.halt) else route[found.skipped :],
+                path=found.path,
+                must_plan=False,
+                plan_at=time + RETRY,
+                failed="",
+                through_parked=bool(state.parked) and not with_parked,
+                parked_number=state.parked_number,
+            )
         if self._failure_blocks:
             state.blocked_until = time + FAILURE_BLOCKS
         return replace(
@@ -130,7 +155,7 @@ class PlanningService:
             path=NO_POINTS,
             must_plan=True,
             plan_at=time + RETRY,
-            failed=reason,
+            failed=found.reason,
             parked_number=state.parked_number,
         )
 
@@ -142,28 +167,29 @@ class PlanningService:
 
     def _path_around(
         self, costmap: Costmap, position: Array, route: Array, not_held: Sequence[int]
-    ) -> tuple[Array, int, str]:
+    ) -> _Found:
         """Do as :meth:`_path`, around rooms and gaps that neither the robot nor the route is in.
 
-        Rooms come first: who cannot avoid both takes the gap.
+        Of ways with a flaw it takes the first with the least.
         """
-        direct = best = found = self._path(costmap, position, route)
+        best = found = self._path(costmap, position, route)
         ends, closed = np.vstack([position, route]), Closed()
         for _ in range(DETOURS):
-            if found[2]:
+            if found.reason:
                 break
-            shunned = self._detours.rooms(found[0], ends, not_held)
+            flaw, shunned = Flaw.ROOM, self._detours.rooms(found.path, ends, not_held)
             if shunned <= closed:  # it may touch the outline of a room that it leads around
-                shunned = self._detours.gaps(costmap, found[0], ends)
-                best = found if best is direct else best
-                if shunned <= closed:
-                    return found
+                flaw, shunned = Flaw.GAP, self._detours.gaps(costmap, found.path, ends)
+            if shunned <= closed:
+                return found
+            if best is found or flaw < best.flaw:
+                best = found._replace(flaw=flaw)
             closed |= shunned
             found = self._path(self._detours.map_without(costmap, closed), position, route)
         return best
 
-    def _path(self, costmap: Costmap, position: Array, route: Array) -> tuple[Array, int, str]:
-        """Plan a path; also say how many waypoints it leaves out, and why it failed.
+    def _path(self, costmap: Costmap, position: Array, route: Array) -> _Found:
+        """Plan a path.
 
         Waypoints that are covered are left out, and those from which the path comes back on itself.
         """
@@ -181,10 +207,12 @@ class PlanningService:
             if not second.found:
                 break
             if not _comes_back(first.path, second.path):
-                return np.vstack([first.path, second.path[1:]]), skipped, ""
+                path = np.vstack([first.path, second.path[1:]])
+                return _Found(path, skipped, "", Flaw.NOTHING)
             skipped += 1
             first = self._planner.plan(position, route[skipped])
-        return first.path, skipped, first.reason
+        flaw = Flaw.NO_PATH if first.reason else Flaw.NOTHING
+        return _Found(first.path, skipped, first.reason, flaw)
 
     def is_obstructed(self, state: ServiceState, way: Way, position: Array, time: float) -> bool:
         """Whether the path ahead runs into something on the map of the moment.

@@ -11,6 +11,7 @@ from mrta_falsify.stack.planning.astar import AStar
 from mrta_falsify.stack.planning_service import PlanningService, ServiceState
 from mrta_falsify.stack.route import Way
 
+PARKED_RADIUS = 0.22  # m, of a robot at rest on the map
 BEFORE, BEHIND = np.array([1.0, 0.0]), np.array([9.0, 0.0])  #: at the ends of its axis [m]
 
 
@@ -31,7 +32,12 @@ class _Map:
         self._costmap = costmap
 
     def costmap(self, time: float, parked: np.ndarray) -> Costmap:
-        return self._costmap
+        known = self._costmap
+        cells = np.argwhere(np.ones(known.cost.shape, dtype=bool))
+        apart = np.linalg.norm(known.centers(cells)[:, None] - parked[None], axis=2)
+        cost = known.cost.copy()
+        cost[tuple(cells[(apart < PARKED_RADIUS).any(axis=1)].T)] = LETHAL
+        return Costmap(cost, known.resolution, known.origin)
 
 
 def planned(
@@ -41,10 +47,14 @@ def planned(
     *,
     rooms: Sequence[np.ndarray] = (),
     not_held: Sequence[int] = (),
+    parked: Sequence[tuple[float, float]] = (),
 ) -> Way:
-    """The way from ``start`` through ``route``, planned by A*."""
+    """The way from ``start`` through ``route``, planned by A*; robots are at rest at ``parked``."""
     service = PlanningService(
         AStar(AStar.Options()), _Map(costmap), rooms=rooms, failure_blocks=False
     )
     way = Way().head_for(np.array(route, dtype=float))
-    return service.plan(ServiceState(), way, np.array(start, dtype=float), 0.0, not_held)
+    state = ServiceState()
+    if parked:
+        state.note_parked(np.array(parked), np.full(len(parked), np.inf))
+    return service.plan(state, way, np.array(start, dtype=float), 0.0, not_held)

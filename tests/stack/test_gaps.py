@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planning_course import BEFORE, BEHIND, hall, planned
+from planning_course import BEFORE, BEHIND, PARKED_RADIUS, hall, planned
 
 from mrta_falsify.core.geometry import rectangle
 
@@ -66,3 +66,16 @@ def test_who_cannot_avoid_both_takes_the_gap_and_not_the_room_of_others():
     room = rectangle(2.0, 2.0, (5.0, 2.0))
     way = planned(hall(solids=crates(0.35)), BEFORE, [BEHIND], rooms=[room], not_held=(0,))
     assert abs(crosses_at(way)) < 0.2
+
+
+def test_robots_at_rest_in_the_wide_way_are_no_reason_to_take_the_gap():
+    parked = [(5.0, 1.3), (5.0, 2.0), (5.0, 2.7)]
+    way = planned(hall(solids=crates(0.35)), BEFORE, [BEHIND], parked=parked)
+    assert way.through_parked
+    assert crosses_at(way) > 1.0
+
+
+def test_a_robot_at_rest_is_driven_around_where_there_is_room():
+    way = planned(hall(), BEFORE, [BEHIND], parked=[(5.0, 0.0)])
+    assert not way.through_parked
+    assert abs(crosses_at(way)) > 0.5 * PARKED_RADIUS
