@@ -20,6 +20,9 @@ RIM = 34.0  # px between the middle of a node and the end of an arrow
 APART = 14.0  # px that an arrow lies beside the line between its nodes
 FITS = 8  # letters of a name inside its node
 NO_ROBOT = "#6b6b80"  # nodes of people, rooms and solids; white text reads on it
+SHARES = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8)  # of its arrow, where a label may be, the best first
+BESIDE = (2.2, 1.0)  # times APART: beside its arrow, or on it
+LETTER, LINE = 6.0, 13.0  # px, width of a label's letter and height of its line
 ROOT_RIM = 3.0  # px, width of the line around the root of a deadlock
 
 
@@ -44,8 +47,11 @@ def draw_wait_graph(account: WaitAccount, world: World) -> Markup:
         below = 4 if fits else NODE + 12
         kind = "node" if fits else "label"
         drawing.add("text", name, x=x, y=y + below, text_anchor="middle", class_=kind)
+    written: list[tuple[float, float, str]] = []
     for arrow in account.arrows:
-        _write_label(drawing, arrow, places[arrow.start], places[arrow.end])
+        x, y = _label_place(arrow, places, written)
+        written.append((x, y, arrow.text))
+        drawing.add("text", arrow.text, x=x, y=y + 4, class_="label", text_anchor="middle")
     return drawing.markup()
 
 
@@ -71,9 +77,31 @@ def _directions(start: Array, end: Array) -> tuple[Array, Array]:
     return unit, APART * np.array([-unit[1], unit[0]])  # two arrows between two nodes lie apart
 
 
-def _write_label(drawing: Drawing, arrow: Arrow, start: Array, end: Array) -> None:
-    x, y = (start + end) / 2.0 + 2.2 * _directions(start, end)[1]
-    drawing.add("text", arrow.text, x=x, y=y + 4, class_="label", text_anchor="middle")
+def _label_place(
+    arrow: Arrow, places: dict[str, Array], written: Sequence[tuple[float, float, str]]
+) -> Array:
+    """Find the middle ``(2,)`` [px] of an arrow's label, off nodes and labels."""
+    start, end = places[arrow.start], places[arrow.end]
+    side = _directions(start, end)[1]
+    choices = [
+        start + share * (end - start) + beside * side for beside in BESIDE for share in SHARES
+    ]
+    free = (place for place in choices if _is_free(place, arrow.text, places, written))
+    return next(free, choices[0])
+
+
+def _is_free(
+    place: Array,
+    text: str,
+    places: dict[str, Array],
+    written: Sequence[tuple[float, float, str]],
+) -> bool:
+    """Whether a label hides no other one and is on no node."""
+    x, y = place
+    half = 0.5 * LETTER * len(text)
+    others = [(u, v, 0.5 * LETTER * len(name), LINE) for u, v, name in written]
+    others += [(u, v, NODE, 0.5 * LINE + NODE) for u, v in places.values()]
+    return all(abs(x - u) >= half + wide or abs(y - v) >= high for u, v, wide, high in others)
 
 
 def _arrow_text(arrow: Arrow) -> str:

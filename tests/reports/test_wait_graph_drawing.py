@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 
@@ -49,3 +52,15 @@ def test_things_and_those_who_push_them_are_nodes(world):
     assert "bed2 is pushed by porter1" in drawn
     assert drawn.count("<circle") == 3
     assert ">porter1</text>" in drawn
+
+
+def test_labels_of_crossing_arrows_do_not_hide_each_other(world):
+    names = [f"robot{i}" for i in range(1, 6)]
+    pairs = [(i, (i + step) % 5) for step in (1, 3) for i in range(5)]
+    waits = tuple(WaitsFor(names[a], "cluster", names[b]) for a, b in pairs)
+    drawn = draw_wait_graph(WaitAccount(waits=waits, members=tuple(names)), world)
+    texts = re.findall(r'<text x="([\d.-]+)" y="([\d.-]+)"[^>]*>cluster</text>', drawn)
+    assert len(texts) == len(pairs)
+    places = [(float(x), float(y)) for x, y in texts]
+    for (x, y), (u, v) in itertools.combinations(places, 2):
+        assert abs(x - u) > 40.0 or abs(y - v) > 11.0  # the label has seven letters of 11 px
