@@ -31,8 +31,8 @@ class Flaw(IntEnum):
     """What is wrong with a path, the worst last."""
 
     NOTHING = 0
-    GAP = 1  #: leads through a gap that the barrier shuns
-    ROOM = 2  #: leads through a room that the robot does not hold
+    ROOM = 1  #: leads through a room that the robot does not hold
+    GAP = 2  #: leads through a gap that the barrier shuns
     NO_PATH = 3
 
 
@@ -177,10 +177,10 @@ class PlanningService:
         for _ in range(DETOURS):
             if found.reason:
                 break
-            flaw, shunned = Flaw.ROOM, self._detours.rooms(found.path, ends, not_held)
-            if shunned <= closed:  # it may touch the outline of a room that it leads around
-                flaw, shunned = Flaw.GAP, self._detours.gaps(costmap, found.path, ends)
+            flaw, shunned = Flaw.GAP, self._detours.gaps(costmap, found.path, ends)
             if shunned <= closed:
+                flaw, shunned = Flaw.ROOM, self._detours.rooms(found.path, ends, not_held)
+            if shunned <= closed:  # it may touch the outline of a room that it leads around
                 return found
             if best is found or flaw < best.flaw:
                 best = found._replace(flaw=flaw)
