@@ -24,9 +24,9 @@ from typing import Any
 
 import yaml
 
-from mrta_falsify.campaigns.finding_files import FILE_NAMES, read_finding
+from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.settings import Limits
-from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError, trial_folder
+from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import InputError
@@ -154,13 +154,6 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
         return run_store(store, Limits(budget=case.trial + 1), executor).campaign
 
 
-def is_made(case: GalleryCase, directory: Path) -> bool:
-    """Whether all that the page says of a case is there already."""
-    folder = trial_folder(directory, case.trial)
-    kinds = (ReplayCheck, Minimisation, Explanation)
-    return all((folder / FILE_NAMES[kind]).is_file() for kind in kinds)
-
-
 def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     """Gather everything about a case; what is kept beside the trial is not computed again."""
     folder = campaign.folder(record)
@@ -233,7 +226,7 @@ def section(found: Told) -> str:
         *([f"**Since then.** {' '.join(case.since.split())}"] if case.since else []),
         _counts(found),
         _layer(found),
-        "**Again.**\n\n```\n" + "\n".join(commands(case, found.explanation)) + "\n```",
+        "**Again.**\n\n```\n" + "\n".join(commands(case)) + "\n```",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -326,13 +319,17 @@ def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("work", type=Path, help="for the campaigns")
-    parser.add_argument("--only", nargs="*", help="make these; the page has all that are made")
+    parser.add_argument("--only", nargs="*", help="make these; the others stay as they are")
     parser.add_argument("--workers", type=int, default=1)
     arguments = parser.parse_args()
+    before = PAGE.read_text(encoding="utf-8")
     page, sections = HEAD, []
     for case in read_cases():
         directory = arguments.work / case.name
-        if arguments.only and case.name not in arguments.only and not is_made(case, directory):
+        if arguments.only and case.name not in arguments.only:
+            row, part = kept(before, case)
+            page += row
+            sections.append(part)
             continue
         campaign = found_again(case, directory, arguments.workers)
         record = campaign.record(str(case.trial))
@@ -344,6 +341,16 @@ def main() -> None:
         summary = {"case": case.name, "signature": record.signature}
         print(json.dumps(summary), file=sys.stdout, flush=True)
     PAGE.write_text(in_columns(page + "\n" + "\n".join(sections)), encoding="utf-8")
+
+
+def kept(page: str, case: GalleryCase) -> tuple[str, str]:
+    """Find a case's line in the table, and its part, in the page as it is."""
+    rows = [line for line in page.splitlines(keepends=True) if line.startswith(f"| [{case.title}]")]
+    parts = re.findall(
+        rf"^## {re.escape(case.title)}\n.*?(?=^## |\Z)", page, re.DOTALL | re.MULTILINE
+    )
+    (row,), (part,) = rows, parts
+    return row, part.rstrip("\n") + "\n"
 
 
 def in_columns(page: str) -> str:
