@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import io
 import json
 import shutil
 import sys
@@ -215,11 +216,11 @@ def _refused_with_moved_trace(folder: Path, data: Data, random: np.random.Genera
         files = {name: archive.read(name) for name in archive.namelist()}
     table = json.loads(files["table.json"])
     row = any_of(data["members"], random)
-    pose = checker.np.load(checker.io.BytesIO(files["pose.npy"]))
+    pose = np.load(io.BytesIO(files["pose.npy"]))
     last = round(1.0 / table["dt"])
     pose[-last:, table["robots"].index(row["name"]), 0] += SHIFT
     row["pose"][0] += SHIFT
-    buffer = checker.io.BytesIO()
+    buffer = io.BytesIO()
     np.lib.format.write_array(buffer, pose)
     files["pose.npy"] = buffer.getvalue()
     data["read"] = sha256(b"".join(files[f"{name}.npy"] for name in COLUMNS)).hexdigest()

@@ -81,22 +81,27 @@ def judged_by_copies(
         }
         for mine, its in zip((judged, *runs), theirs_of, strict=False)
     ]
-    return Comparison(_counted(runs, told), other, theirs)
+    return Comparison(counted([one.is_sought for one in runs], told), other, theirs)
 
 
 def _of_one_stack(judged: Judged, copies: Sequence[World], run: Run) -> Jittered | None:
     runs = run_copies(copies, run, lambda one: one.is_sought)
-    return _counted(runs, [one.margins for one in (judged, *runs)])
+    return counted([one.is_sought for one in runs], [one.margins for one in (judged, *runs)])
 
 
-def _counted(runs: Sequence[Judged], told: Sequence[dict[str, float]]) -> Jittered | None:
-    """Count copies; ``told`` are the margins of the world and of its copies for the search."""
-    if not runs:
+def counted(fails: Sequence[bool], told: Sequence[dict[str, float]]) -> Jittered | None:
+    """Count copies, each of which ``fails`` or not; None without copies.
+
+    Args:
+        fails: of each copy.
+        told: margins of the world, then of its copies, for the search.
+    """
+    if not fails:
         return None
     expected = {name: expected_margin([of[name] for of in told if name in of]) for name in told[0]}
     return Jittered(
-        runs=len(runs),
-        failed=sum(one.is_sought for one in runs),
+        runs=len(fails),
+        failed=sum(fails),
         objectives={name: margin.mean for name, margin in expected.items()},
         noise={name: margin.variance for name, margin in expected.items() if margin.variance},
     )

@@ -975,7 +975,8 @@ def main(data: Path) -> None:
     occupied = read_occupied(source_dir / "my_map.pgm")
     walls = build_walls(source_dir, models)
     furniture = build_furniture(models, bounds) + _fronts()
-    furniture += trace_residues(occupied, [item.polygon for item in (*walls, *furniture)])
+    solids: list[Wall | Furniture] = [*walls, *furniture]
+    furniture += trace_residues(occupied, [item.polygon for item in solids])
     rooms = build_rooms(source["locations"])
     layout = World(
         name="aws_hospital",

@@ -66,7 +66,8 @@ def main() -> None:
     small = read_finding(folder, Minimisation)
     if small is None:
         parser.error(f"trial {record.id} is not minimised: mrta-falsify minimize DIR {record.id}")
-    write_picture(*seen_in(folder, record.verdicts, small.verdicts), arguments.picture)
+    original, smallest = seen_in(folder, record.verdicts, small.verdicts)
+    write_picture(original, smallest, arguments.picture)
 
 
 if __name__ == "__main__":

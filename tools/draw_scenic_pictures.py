@@ -135,7 +135,7 @@ def draw_furniture(path: Path) -> None:
         at = np.array([3.0 * (i % 5), -3.35 * (i // 5)])
         draw_mesh(axes, mesh, at)
         text = f"{kind}\n{width:.2f} x {length:.2f} x {item.height:.2f} m"
-        axes.text(*(at - [0.0, 0.85]), text, ha="center", va="top", size=8.5)
+        axes.text(at[0], at[1] - 0.85, text, ha="center", va="top", size=8.5)
     figure.savefig(path)
 
 

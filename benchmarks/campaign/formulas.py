@@ -81,17 +81,21 @@ def random_formula(random: np.random.Generator, depth: int) -> Node:
         return Predicate(str(signal), cast(Any, str(relation)), int(random.integers(-20, 21)) / 8)
     inner = random_formula(random, depth - 1)
     low = int(random.integers(0, 5))
-    window = (0, None) if random.random() < 0.3 else (low, low + int(random.integers(0, 9)))
+    high: int | None = None
+    if random.random() < 0.3:
+        low = 0
+    else:
+        high = low + int(random.integers(0, 9))
     kind = int(random.integers(4))
     if kind == 0:
         return Not(inner)
     if kind == 1:
         operator = str(random.choice(["always", "eventually", "historically", "once"]))
-        return Temporal(cast(Any, operator), *window, inner)
+        return Temporal(cast(Any, operator), low, high, inner)
     other = random_formula(random, depth - 1)
     if kind == 2:
         return Junction(cast(Any, str(random.choice(["and", "or", "->"]))), inner, other)
-    return Until(*window, inner, other)
+    return Until(low, high, inner, other)
 
 
 def agreement(pairs: int) -> dict[str, Any]:

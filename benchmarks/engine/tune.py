@@ -17,13 +17,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.fleet import Command
-from mrta_falsify.core.world import RobotSpec, World
+from mrta_falsify.core.world import Furniture, RobotSpec, Wall, World
 from scenic_worlds.layouts import load_world
 from simulator_interface.engines import gaps
 from simulator_interface.engines.bullet import BulletEngine
@@ -57,7 +58,8 @@ class ManyBodies(BulletEngine):
     """Each wall and piece of furniture is a body of its own."""
 
     def _build_solids(self, world: World) -> None:
-        for solid in (*world.walls, *world.furniture):
+        solids: list[Wall | Furniture] = [*world.walls, *world.furniture]
+        for solid in solids:
             body = self._add_solid([solid.polygon], [solid.height])
             self.client.column[body] = gaps.STATIC
 
@@ -82,7 +84,7 @@ class Setting:
     """One row of the table."""
 
     label: str
-    engine: type = BulletEngine
+    engine: Any = BulletEngine
     options: dict[str, object] = field(default_factory=dict)
     wheel: str = SPHERE
     inertia: str = GEARED

@@ -18,11 +18,11 @@ from benchmarks.mutation.runs import Run, kind_of, reasons
 from benchmarks.mutation.worlds import OPENING, Source, known_sources, realised, stack_of
 from mrta_falsify.campaigns.runner import build_sampler
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.copies import counted
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Sampler
-from mrta_falsify.core.record import Jittered
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import COSTLY
 from scenic_worlds.variation import jittered_worlds
@@ -227,17 +227,13 @@ class _Search:
 def _with_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
     """Give what a sampler is told of a failure whose copies were run."""
     judged = [run, *(copy for copy in copies if copy.fate == "judged")]
-    means = {
-        name: float(np.mean([one.objectives.get(name, value) for one in judged]))
-        for name, value in run.objectives.items()
-    }
-    failed = sum(bool(reasons(copy)) for copy in copies)
-    jittered = Jittered(runs=len(copies), failed=failed, objectives=means)
-    edge = f"{failed} of {len(copies)} copies: {run.signature}"
+    jittered = counted([bool(reasons(copy)) for copy in copies], [one.objectives for one in judged])
+    assert jittered is not None
     return {
-        "objectives": means,
-        "score": -jittered.share,
-        "signature": run.signature if jittered.robust else edge,
+        "objectives": jittered.objectives,
+        "noise": jittered.noise,
+        "score": -jittered.chance.mean,
+        "signature": run.signature if jittered.robust else f"{jittered}: {run.signature}",
     }
 
 

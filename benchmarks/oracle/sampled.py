@@ -106,7 +106,8 @@ def sampled_events(random: np.random.Generator) -> Scene:
         stays = float(random.choice([random.uniform(20.0, 50.0), FOR_GOOD]))
         pick = random.random()
         if pick < 0.6:
-            cart = rectangle(*(float(s) for s in random.uniform(0.4, 1.2, 2)), tuple(place))
+            length, width = (float(s) for s in random.uniform(0.4, 1.2, 2))
+            cart = rectangle(length, width, tuple(place))
             events.append(
                 Blockage(name=f"cart{k}", polygon=cart, start=start + 2.0, end=start + stays)
             )

@@ -11,7 +11,8 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.world import World
-from simulator_interface.engines.kinematic import KinematicEngine, Obstructions, _fill_hindrance
+from simulator_interface.engines.gaps import Obstructions
+from simulator_interface.engines.kinematic import KinematicEngine, _fill_hindrance
 from simulator_interface.episode import Episode
 
 SHIFT = 0.003  # m per axis, at most: a few millimetres, less than robots can be put down to
@@ -22,7 +23,7 @@ ATTEMPTS = 20  # shifts tried for a robot that stands close to something
 class ShiftingKinematic(KinematicEngine):
     """The kinematic engine, with robots that can be moved by hand."""
 
-    def shift(self, random: np.random.Generator) -> None:
+    def nudge(self, random: np.random.Generator) -> None:
         """Move each robot by up to 3 mm and 3 mrad, never deeper into anything."""
         around = Obstructions(
             self._observer.prints, self._around.solids, self._around.people(self._human)
@@ -68,4 +69,4 @@ class ShiftingEpisode(Episode):
         """
         assert isinstance(self._engine, ShiftingKinematic)
         if seed:
-            self._engine.shift(seeding.stream(seed, "oracle/shift"))
+            self._engine.nudge(seeding.stream(seed, "oracle/shift"))

@@ -12,6 +12,7 @@ import dataclasses
 import json
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,7 @@ def bench_costmap(world: World, count: int) -> dict[str, Summary]:
     return {"build": summary(build), "update_3_parked": summary(update), "same": summary(unchanged)}
 
 
-def bench_planner(world: World, planner: type, count: int) -> dict[str, Summary]:
+def bench_planner(world: World, planner: Any, count: int) -> dict[str, Summary]:
     costmap = BoundCostmap(world, CostmapOptions()).costmap(0.0, np.zeros((0, 2)))
     random, places = stream(0, "queries"), places_of(world)
     queries = [random.permutation(places)[:2] for _ in range(count)]

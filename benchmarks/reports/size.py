@@ -50,8 +50,8 @@ def real_campaign(directory: Path) -> Campaign:
     """Run a campaign with a few failures, one of them with every finding."""
     settings = new_settings(
         SCENARIO,
-        directory=directory,
-        config=StackConfig(engine=Choice("kinematic")),
+        output=directory,
+        stack=StackConfig(engine=Choice("kinematic")),
         sampler=Choice("random"),
     )
     with open_store(directory, settings) as store:
