@@ -211,7 +211,7 @@ class _Search:
         }
         if run.violated:
             worlds = jittered_worlds(world, JITTERED)
-            known |= _with_copies(run, [self._trial.run(copy, lane.stack) for copy in worlds])
+            known |= told_of_copies(run, [self._trial.run(copy, lane.stack) for copy in worlds])
         return Feedback(
             number=number,
             u=u,
@@ -224,7 +224,7 @@ class _Search:
         )
 
 
-def _with_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
+def told_of_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
     """Give what a sampler is told of a failure whose copies were run."""
     judged = [run, *(copy for copy in copies if copy.fate == "judged")]
     jittered = counted([bool(reasons(copy)) for copy in copies], [one.objectives for one in judged])

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from benchmarks.copies import told_apart
 from benchmarks.defects.worlds import PLANTS
 from benchmarks.falsification import planted as campaigns
+from benchmarks.mutation.runs import Run
+from benchmarks.mutation.searching import told_of_copies
 from mrta_falsify.core.config import StackConfig
 from scenic_worlds.variation import jittered_worlds
 
@@ -87,3 +91,16 @@ def test_a_failure_on_a_knife_edge_is_not_counted_for_a_planted_defect(told_of):
     assert not told_of(planted=Stack(0, 1), sound=Stack()).apart
     assert not told_of(planted=Stack(0, 1, 2, 3), sound=Stack(1, 2)).apart
     assert told_of(planted=Stack(0, 1, 3), sound=Stack(2)).apart
+
+
+def test_a_search_for_mutants_is_told_of_copies_as_a_campaign_is():
+    run = Run(fate="judged", violated=("progress",), signature="x", objectives={"progress": -0.4})
+    passes = dataclasses.replace(run, violated=(), signature="", objectives={"progress": 0.6})
+    crashes = Run(fate="crash", error="ZeroDivisionError")
+    edge = told_of_copies(run, [passes, passes, run, passes])
+    assert edge["signature"] != run.signature
+    robust = told_of_copies(run, [run, crashes, run, passes])
+    assert robust["signature"] == run.signature
+    assert robust["score"] < edge["score"] < 0.0
+    assert robust["objectives"]["progress"] < edge["objectives"]["progress"] < 0.6
+    assert edge["noise"]["progress"] > 0.0
