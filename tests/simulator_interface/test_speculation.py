@@ -10,11 +10,16 @@ import pytest
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Task
-from simulator_interface import checkpoint, speculation
+from simulator_interface import checkpoint, forecast, speculation
 from simulator_interface.guard import Guard
 from simulator_interface.heartbeat import post
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+from simulator_interface.watched_copy import (
+    CopyFailed,
+    Request,
+    WatchedCopy,
+    run_in_watched_copy,
+)
 from tests.simulator_interface.test_forecast import DRIVE, rooms, stack
 
 LIMITS = StackLimits(tick=5.0, memory=2.0)
@@ -143,6 +148,27 @@ def test_a_run_may_be_taken_back_farther_than_to_the_question(guard, checkpoints
     _, told = both(guard, rooms(), (1.0, 9.0, 4.0), (1.5, 9.0, 2.0))
     assert told == [(1.0, False, 30), (1.5, False, 5)]
     assert checkpoints.read_text() == "mw"
+
+
+def test_a_checkpoint_serves_later_questions_once_the_first_is_answered(guard, checkpoints):
+    at_once = (-100.0, 30.0)
+    _, told = both(guard, rooms(), (1.0, *at_once), (1.5, *at_once))
+    assert told == [(1.0, True, None), (1.5, True, None)]
+    assert checkpoints.read_text() == "m"
+
+
+def test_a_run_that_was_taken_back_knows_what_was_answered_as_expected(
+    guard, checkpoints, monkeypatch
+):
+    def noted(call):
+        with checkpoints.open("a") as out:
+            out.write("c")
+        return run_in_watched_copy(call)
+
+    monkeypatch.setattr(forecast, "run_in_watched_copy", noted)
+    _, told = both(guard, rooms(), (1.0, -100.0, 30.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, True, None), (1.5, False, 5)]
+    assert checkpoints.read_text() == "ccmw"  # the copies are those of the run that waits
 
 
 def test_an_earlier_question_that_is_open_is_answered_before_a_run_is_taken_back(
