@@ -88,7 +88,7 @@ def main() -> None:
     config = StackConfig(engine=Choice(arguments.engine))
     first, *rest = measure(arguments.scenario, config, arguments.trials, arguments.seconds)
     total, ticks, run = (
-        statistics.mean(getattr(spent, name) for spent in rest)
+        statistics.median(getattr(spent, name) for spent in rest)
         for name in ("total", "ticks", "run")
     )
     start = max(0.0, first.total - total)
