@@ -98,19 +98,27 @@ class Speculation:
         return watch.expected
 
     def note(self, frame: Frame) -> None:
-        """Take in a frame of the run, once it has been judged.
+        """Take in a frame of the run, before any question is asked at it.
 
         Raises:
             RolledBack: a question proves to have another answer than expected.
         """
-        if not self._open:
-            return
         for question in tuple(self._open):
-            if question.tick < frame.sensed.tick and question.watch.update(frame):
+            if question.watch.update(frame):
                 if not question.watch.is_as_expected():
                     self._roll_back(question, question.watch.answer())
                 self._close(question, question.watch.expected)
-        if self._is_overtaken_after(frame.sensed.time):
+
+    def look_out(self, time: float) -> None:
+        """Answer what something from outside would overtake; call it once a frame is judged.
+
+        Args:
+            time: of the frame [s].
+
+        Raises:
+            RolledBack: as :meth:`note`.
+        """
+        if self._open and self._is_overtaken_after(time):
             self.settle()
 
     def settle(self) -> None:
