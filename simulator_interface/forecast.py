@@ -109,10 +109,12 @@ class EpisodeForecast:
             return None
         answer: dict[str, Any] | None
         ahead = self.speculation
-        if ahead is not None and isinstance(watch, SpeculativeWatch) and ahead.takes(watch):
-            known: Any = ahead.ask(watch)
-            if known is not UNKNOWN:
-                return known  # type: ignore[no-any-return]
+        if ahead is not None:
+            if isinstance(watch, SpeculativeWatch) and ahead.takes(watch):
+                known: Any = ahead.ask(watch)
+                if known is not UNKNOWN:
+                    return known  # type: ignore[no-any-return]
+            ahead.settle()  # of a run that is to be taken back nothing need be asked
         try:
             if isinstance(watch, ResumedWatch) and watch.series is not None:
                 answer = self._ask_standing(watch)

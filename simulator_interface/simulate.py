@@ -243,12 +243,14 @@ class EpisodeRun:
     def take_in(self, frame: Frame) -> None:
         """Record and judge the tick that was looked at last."""
         try:
+            if self._speculation is not None:
+                self._speculation.note(frame)
             self._recorder.add(frame)
             self._contacts.update(frame)
             for specification in self._specifications:
                 specification.update(frame)
             if self._speculation is not None:
-                self._speculation.note(frame)
+                self._speculation.look_out(frame.sensed.time)
         except SystemError as error:
             pass_on(error)
             raise

@@ -9,7 +9,7 @@ answer is known, a copy that goes on without it finds the answer.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from simulator_interface.episode import Episode
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
-REUSED_FOR = 15.0  # s for which a checkpoint serves later questions, too
+REUSED_FOR = 30.0  # s for which a checkpoint serves later questions, too
 MOST_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
 SAME_TIME = 1e-9  # s
 UNKNOWN = object()  #: a copy has to be asked
@@ -65,7 +65,9 @@ class Speculation:
         self._episode = episode
         self._go_on = go_on
         self._begins = begin_times(episode.world)  # of what comes from outside, sorted [s]
+        self._points: list[_Point] = []  # as they were made
         self._open: list[_Open] = []  # as they were asked
+        self._answered: dict[tuple[int, Any], dict[str, Any]] = {}  # since the first of the points
         self._known: dict[tuple[int, Any], dict[str, Any]] = {}  # answers that a run before found
         self._came_to = -1  # tick that the run before came to
 
@@ -96,19 +98,27 @@ class Speculation:
         return watch.expected
 
     def note(self, frame: Frame) -> None:
-        """Take in a frame of the run, once it has been judged.
+        """Take in a frame of the run, before any question is asked at it.
 
         Raises:
             RolledBack: a question proves to have another answer than expected.
         """
-        if not self._open:
-            return
         for question in tuple(self._open):
-            if question.tick < frame.sensed.tick and question.watch.update(frame):
+            if question.watch.update(frame):
                 if not question.watch.is_as_expected():
                     self._roll_back(question, question.watch.answer())
-                self._close(question)
-        if self._is_overtaken_after(frame.sensed.time):
+                self._close(question, question.watch.expected)
+
+    def look_out(self, time: float) -> None:
+        """Answer what something from outside would overtake; call it once a frame is judged.
+
+        Args:
+            time: of the frame [s].
+
+        Raises:
+            RolledBack: as :meth:`note`.
+        """
+        if self._open and self._is_overtaken_after(time):
             self.settle()
 
     def settle(self) -> None:
@@ -121,24 +131,36 @@ class Speculation:
 
     def drop(self) -> None:
         """Forget all open questions: the run has become meaningless, or has ended."""
-        for question in tuple(self._open):
-            self._close(question)
+        self._open.clear()
+        self._keep_points(())
 
     def _point(self) -> _Point | None:
         """Find a checkpoint of late, or make one; None: the run has been taken back to it."""
-        tick, points = self._episode.tick, {question.point for question in self._open}
-        last = max(points, key=lambda point: point.tick, default=None)
-        if last is not None:
-            is_late = (tick - last.tick) * self._episode.dt <= REUSED_FOR
-            if is_late or len(points) >= MOST_POINTS:
-                return last
+        tick = self._episode.tick
+        if self._points and (tick - self._points[-1].tick) * self._episode.dt <= REUSED_FOR:
+            return self._points[-1]
+        self._keep_points([question.point for question in self._open])
+        if len(self._points) >= MOST_POINTS:
+            return self._points[-1]
         made = set_checkpoint()
         if isinstance(made, Checkpoint):
-            return _Point(made, tick)
+            self._points.append(_Point(made, tick))
+            return self._points[-1]
         self._open.clear()  # those from before have been answered as expected
+        self._points.clear()
+        self._answered.clear()
         answers, self._came_to = made.answer
         self._known |= answers
         return None
+
+    def _keep_points(self, kept: Collection[_Point]) -> None:
+        """Drop all other checkpoints."""
+        for point in self._points:
+            if point not in kept:
+                point.checkpoint.drop()
+        self._points = [point for point in self._points if point in kept]
+        if not self._points:
+            self._answered.clear()
 
     def _is_overtaken_after(self, time: float) -> bool:
         """Whether something comes from outside before the next frame is over."""
@@ -151,7 +173,7 @@ class Speculation:
         for question, answer in zip(questions, self._foretold(questions), strict=True):
             if answer is not None and answer != question.watch.expected:
                 self._roll_back(question, answer)
-            self._close(question)
+            self._close(question, answer)
 
     def _foretold(self, questions: Sequence[_Open]) -> list[dict[str, Any] | None]:
         """Find the answers to open questions in a copy; None: the stack fails there."""
@@ -171,16 +193,17 @@ class Speculation:
         Raises:
             RolledBack: always.
         """
+        point = question.point
         # Only this process can go back to what was asked before the checkpoint.
-        self._settle([other for other in self._open if other.point.tick < question.point.tick])
-        for other in tuple(self._open):
-            if other.point != question.point:
-                self._close(other)
+        self._settle([other for other in self._open if other.point.tick < point.tick])
+        told = self._answered | {question.key: answer}, self._episode.tick
         self._open.clear()
-        told = {question.key: answer}, self._episode.tick
-        raise question.point.checkpoint.roll_back(told)
+        self._keep_points([point])
+        self._points.clear()  # the last one becomes the run
+        raise point.checkpoint.roll_back(told)
 
-    def _close(self, question: _Open) -> None:
+    def _close(self, question: _Open, answer: dict[str, Any] | None) -> None:
+        """Take in the answer to a question; None: there is none to be had."""
         self._open.remove(question)
-        if all(other.point != question.point for other in self._open):
-            question.point.checkpoint.drop()
+        if answer is not None:
+            self._answered[question.key] = answer

@@ -5,6 +5,8 @@
 Judges worlds of a scenario one after the other, as a worker does: in one guarded copy of this
 process. CPU time is that of all processes. A worker's start is imports, the program, and what its
 first trial takes longer than the others; it is spread over the trials of a campaign.
+
+Figures are medians of the trials: a run that is taken back goes on in another process.
 """
 
 from __future__ import annotations
@@ -88,7 +90,7 @@ def main() -> None:
     config = StackConfig(engine=Choice(arguments.engine))
     first, *rest = measure(arguments.scenario, config, arguments.trials, arguments.seconds)
     total, ticks, run = (
-        statistics.mean(getattr(spent, name) for spent in rest)
+        statistics.median(getattr(spent, name) for spent in rest)
         for name in ("total", "ticks", "run")
     )
     start = max(0.0, first.total - total)

@@ -11,6 +11,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import connection
 from typing import Any
 
+from mrta_falsify.core.garbage import collect_seldom
 from mrta_falsify.core.interruption import signals_held
 
 
@@ -44,6 +45,7 @@ def spawned(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin() -> None:
+    collect_seldom()
     parent = multiprocessing.parent_process()
 
     def wait() -> None:

@@ -10,7 +10,6 @@ than there are.
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.arrays import Array
@@ -115,6 +114,8 @@ def blaker_interval(successes: int, trials: int, level: float = 0.95) -> tuple[f
 def _lower_end(successes: int, trials: int, alpha: float) -> float:
     if successes == 0:
         return 0.0
+    from scipy import stats  # noqa: PLC0415 - takes 0.4 s, and most trials do without
+
     left = float(stats.beta.ppf(alpha / 2.0, successes, trials - successes + 1))
     right = successes / trials
     for _ in range(3):  # each refinement narrows the bracket a thousandfold
@@ -128,6 +129,8 @@ def _lower_end(successes: int, trials: int, alpha: float) -> float:
 
 def _acceptability(successes: int, trials: int, p: Array) -> Array:
     """Evaluate Blaker's acceptability function at ``p`` ``(n,)``."""
+    from scipy import stats  # noqa: PLC0415 - as above
+
     upper = stats.binom.sf(successes - 1, trials, p)
     lower = stats.binom.cdf(successes, trials, p)
     # The opposite tail of at most the same probability joins the smaller one.

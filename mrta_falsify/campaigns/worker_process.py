@@ -19,6 +19,7 @@ from mrta_falsify.campaigns.executors import open_target
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.garbage import collect_seldom
 
 ORPHAN_CHECK = 0.5  # s between two looks at who the parent is
 
@@ -63,4 +64,5 @@ def serve(results: int) -> None:
 
 if __name__ == "__main__":
     _end_with(int(sys.argv[2]))
+    collect_seldom()
     serve(int(sys.argv[1]))

@@ -6,8 +6,10 @@ they are; a test compares the two.
 """
 
 from mrta_falsify.cli import stopping
+from mrta_falsify.core.garbage import collect_seldom
 
 stopping.listen_while_loading()
+collect_seldom()
 
 from mrta_falsify.cli.group import main  # noqa: E402 - it takes a while, and may be interrupted
 

@@ -113,8 +113,8 @@ class MiddleWays:
     def to(self, goal: Array, starts: list[Array]) -> list[Array]:
         """Find ways ``(K, 2)`` [m] from every start to one goal, empty where there is none."""
         size = self._prices.size
-        cost = np.full(size, kernels.FAR, dtype=np.int32)
-        closed = np.zeros(size, dtype=np.uint8)
+        cost = np.empty(size, dtype=np.int32)
+        marks = np.zeros(size, dtype=np.uint8)
         last = self._flat(goal)
         cost[last] = 0
         frontier = np.array([last], dtype=np.int32)
@@ -122,11 +122,11 @@ class MiddleWays:
         for start in starts:
             first = self._flat(start)
             if len(frontier):
-                frontier = kernels.expand(self._prices, cost, closed, frontier, first)
-            if not closed[first]:
+                frontier = kernels.expand(self._prices, cost, marks, frontier, first)
+            if marks[first] != kernels.CLOSED:
                 ways.append(np.zeros((0, 2)))
                 continue
-            cells = kernels.descend(self._prices, cost, closed, first)
+            cells = kernels.descend(self._prices, cost, marks, first)
             row, col = np.divmod(cells, self._width)
             inner = self._routes.costmap.centers(np.stack([row - 1, col - 1], axis=-1))
             ways.append(np.vstack([start, inner[1:-1], goal]))

@@ -10,11 +10,16 @@ import pytest
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Task
-from simulator_interface import checkpoint, speculation
+from simulator_interface import checkpoint, forecast, speculation
 from simulator_interface.guard import Guard
 from simulator_interface.heartbeat import post
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+from simulator_interface.watched_copy import (
+    CopyFailed,
+    Request,
+    WatchedCopy,
+    run_in_watched_copy,
+)
 from tests.simulator_interface.test_forecast import DRIVE, rooms, stack
 
 LIMITS = StackLimits(tick=5.0, memory=2.0)
@@ -43,11 +48,13 @@ class Arrival:
         return self.passed
 
     def answer(self) -> dict:
-        return self.expected if self.passed else {"passes": False, "frames": self.frames}
+        return {"passes": True} if self.passed else {"passes": False, "frames": self.frames}
 
 
 class Asking:
     """Asks at given times for arrivals, and says what it was told in which process."""
+
+    waits_later = False  #: for the answers to all questions but the first
 
     def __init__(self, *questions: tuple[float, float, float]) -> None:
         self.questions = questions
@@ -61,7 +68,10 @@ class Asking:
     def update(self, frame) -> None:
         for at, place, until in self.questions:
             if abs(frame.sensed.time - at) < 1e-9:
-                answer = self.forecast(Arrival(place, until))
+                watch = Arrival(place, until)
+                if self.waits_later and self.answers:
+                    watch.expected = None
+                answer = self.forecast(watch)
                 self.answers.append((at, answer["passes"], answer.get("frames")))
 
     def verdict(self) -> Verdict:
@@ -92,12 +102,16 @@ def checkpoints(monkeypatch, tmp_path) -> Path:
     return file
 
 
-def both(guard, world, *questions, limits=LIMITS):
+class WaitingLater(Asking):
+    waits_later = True
+
+
+def both(guard, world, *questions, limits=LIMITS, asking=Asking):
     """Outcomes of a run that waits for each answer, and of one that does not."""
     config = stack()
-    waiting = simulate(world, config, specifications=[Asking(*questions)])
+    waiting = simulate(world, config, specifications=[asking(*questions)])
     ahead = guard.run(
-        lambda: simulate(world, config, specifications=[Asking(*questions)]),
+        lambda: simulate(world, config, specifications=[asking(*questions)]),
         config=config,
         limits=limits,
         portable=False,
@@ -145,6 +159,39 @@ def test_a_run_may_be_taken_back_farther_than_to_the_question(guard, checkpoints
     assert checkpoints.read_text() == "mw"
 
 
+def test_a_checkpoint_serves_later_questions_once_the_first_is_answered(guard, checkpoints):
+    at_once = (-100.0, 30.0)
+    _, told = both(guard, rooms(), (1.0, *at_once), (1.5, *at_once))
+    assert told == [(1.0, True, None), (1.5, True, None)]
+    assert checkpoints.read_text() == "m"
+
+
+@pytest.fixture
+def copies(checkpoints, monkeypatch) -> Path:
+    """The file of checkpoints, with a letter for each copy that answers one question as well."""
+
+    def noted(call):
+        with checkpoints.open("a") as out:
+            out.write("c")
+        return run_in_watched_copy(call)
+
+    monkeypatch.setattr(forecast, "run_in_watched_copy", noted)
+    return checkpoints
+
+
+def test_a_run_that_was_taken_back_knows_what_was_answered_as_expected(guard, copies):
+    _, told = both(guard, rooms(), (1.0, -100.0, 30.0), (1.5, 9.0, 2.0))
+    assert told == [(1.0, True, None), (1.5, False, 5)]
+    assert copies.read_text() == "ccmw"  # the copies are those of the run that waits
+
+
+def test_a_run_that_is_to_be_taken_back_waits_for_no_answer_before(guard, copies):
+    questions = (1.0, 9.0, 3.0), (1.5, 0.0, 30.0)
+    _, told = both(guard, rooms(), *questions, asking=WaitingLater)
+    assert [passes for _, passes, _ in told] == [False, True]
+    assert copies.read_text() == "ccmwc"
+
+
 def test_an_earlier_question_that_is_open_is_answered_before_a_run_is_taken_back(
     guard, checkpoints, own_checkpoints
 ):
@@ -161,6 +208,8 @@ def test_what_comes_from_outside_does_not_answer(guard, checkpoints):
     late = Task(arrival=3.0, start=1, end=0, deadline=900.0)
     _, told = both(guard, rooms(tasks=(late,)), (1.0, 0.0, 20.0))
     assert told == [(1.0, False, 190)]  # without the task the robot has nowhere to go
+    _, told = both(guard, rooms(tasks=(late,)), (2.9, 0.0, 20.0))  # the frame before
+    assert told == [(2.9, False, 171)]
     _, told = both(guard, rooms(tasks=(late,)), (3.0, 0.0, 20.0))
     assert told == [(3.0, True, None)]
 

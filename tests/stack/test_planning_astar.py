@@ -63,7 +63,7 @@ def graph_of(prices: np.ndarray) -> nx.Graph:
 
 
 def new_field(prices: np.ndarray, goal: int):
-    cost = np.full(prices.size, kernels.FAR, dtype=np.int32)
+    cost = np.full(prices.size, -1, dtype=np.int32)  # a cost that is not there yet is not read
     cost[goal] = 0
     return cost, np.zeros(prices.size, dtype=np.uint8), np.array([goal], dtype=np.int32)
 
@@ -83,15 +83,15 @@ def test_costs_equal_those_of_dijkstra_whatever_was_asked_before(cost, random):
     cells = sorted(graph)
     goal = random.choice(cells)
     expected = nx.single_source_dijkstra_path_length(graph, goal)
-    found, closed, frontier = new_field(prices, goal)
+    found, marks, frontier = new_field(prices, goal)
     for start in random.choices(cells, k=5):
-        frontier = kernels.expand(prices, found, closed, frontier, start)
-        assert bool(closed[start]) == (start in expected)
-        for cell in np.flatnonzero(closed):
+        frontier = kernels.expand(prices, found, marks, frontier, start)
+        assert (marks[start] == kernels.CLOSED) == (start in expected)
+        for cell in np.flatnonzero(marks == kernels.CLOSED):
             assert found[cell] == expected[cell]
         if start not in expected:
             continue
-        path = kernels.descend(prices, found, closed, start)
+        path = kernels.descend(prices, found, marks, start)
         assert (path[0], path[-1]) == (start, goal)
         assert nx.path_weight(graph, path.tolist(), "weight") == expected[start]
 
@@ -104,11 +104,13 @@ def test_costs_stay_exact_on_a_long_detour_and_in_a_wide_hall():
     for cost in (maze, hall):
         prices = grid_of(cost).prices
         goal, start = np.flatnonzero(prices)[[0, -1]]
-        found, closed, frontier = new_field(prices, goal)
-        kernels.expand(prices, found, closed, frontier, start)
+        found, marks, frontier = new_field(prices, goal)
+        kernels.expand(prices, found, marks, frontier, start)
         expected = nx.single_source_dijkstra_path_length(graph_of(prices), goal)
-        assert closed[start]
-        assert all(found[cell] == expected[cell] for cell in np.flatnonzero(closed))
+        assert marks[start] == kernels.CLOSED
+        assert all(
+            found[cell] == expected[cell] for cell in np.flatnonzero(marks == kernels.CLOSED)
+        )
 
 
 @pytest.mark.parametrize("name", ["a", "b", "c"])
@@ -123,8 +125,9 @@ def test_a_path_is_the_same_from_a_fresh_field_and_from_one_grown_for_other_star
         frontier = kernels.expand(prices, grown[0], grown[1], frontier, start)
         fresh = new_field(prices, goal)
         kernels.expand(prices, *fresh, start)
-        assert grown[1][start] == fresh[1][start]
-        if grown[1][start]:
+        is_closed = grown[1][start] == kernels.CLOSED
+        assert is_closed == (fresh[1][start] == kernels.CLOSED)
+        if is_closed:
             np.testing.assert_array_equal(
                 kernels.descend(prices, *grown[:2], start),
                 kernels.descend(prices, *fresh[:2], start),
@@ -139,11 +142,11 @@ def test_pulling_a_path_taut_never_makes_it_dearer(name):
     random = stream(3, name)
     for _ in range(20):
         start, goal = random.choice(free, size=2)
-        cost, closed, frontier = new_field(prices, goal)
-        kernels.expand(prices, cost, closed, frontier, start)
-        if not closed[start]:
+        cost, marks, frontier = new_field(prices, goal)
+        kernels.expand(prices, cost, marks, frontier, start)
+        if marks[start] != kernels.CLOSED:
             continue
-        cells = kernels.descend(prices, cost, closed, start)
+        cells = kernels.descend(prices, cost, marks, start)
         corners = kernels.pull_taut(prices, cost, cells)
         xy = np.stack([corners % width, corners // width], axis=1) + 0.5
         paid = sum(kernels.line_cost(prices, *a, *b) for a, b in itertools.pairwise(xy))

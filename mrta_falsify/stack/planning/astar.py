@@ -51,8 +51,12 @@ class _GoalField:
     """Exact cost to one goal, as far as it was asked for."""
 
     cost: kernels.Costs
-    closed: kernels.Marks
+    marks: kernels.Marks
     frontier: kernels.Cells = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+
+    def is_closed(self, cell: int) -> bool:
+        """Whether the cost from a cell is known."""
+        return bool(self.marks[cell] == kernels.CLOSED)
 
 
 @dataclass(slots=True, eq=False)
@@ -114,13 +118,14 @@ class AStar:
             return no_plan(ends.blocked)
         first = ends.first
         to_goal = self._extended_field(memory, ends.last, first)
-        if ends.way_out and not to_goal.closed[first]:
+        if ends.way_out and not to_goal.is_closed(first):
             # The nearest exit leads into a pocket: take the nearest that leads to the goal.
-            reachable = grid.prices * to_goal.closed.reshape(grid.prices.shape)
+            is_closed = to_goal.marks == kernels.CLOSED
+            reachable = grid.prices * is_closed.reshape(grid.prices.shape)
             first = exit_cell(memory.costmap, grid, reachable, ends.start)
-        if first < 0 or not to_goal.closed[first]:
+        if first < 0 or not to_goal.is_closed(first):
             return no_plan("unreachable")
-        cells = kernels.descend(grid.prices, to_goal.cost, to_goal.closed, first)
+        cells = kernels.descend(grid.prices, to_goal.cost, to_goal.marks, first)
         corners = grid.points(kernels.pull_taut(grid.prices, to_goal.cost, cells))
         return finished_plan(joined(grid, ends, corners))
 
@@ -131,7 +136,7 @@ class AStar:
             found = self._new_field(memory.grid.prices.size, last)
         if len(found.frontier):
             found.frontier = kernels.expand(
-                memory.grid.prices, found.cost, found.closed, found.frontier, first
+                memory.grid.prices, found.cost, found.marks, found.frontier, first
             )
         memory.fields[last] = found
         self._forget_fields()
@@ -143,10 +148,9 @@ class AStar:
             self._spare.pop()
         if self._spare:
             new = self._spare.pop()
-            new.closed.fill(0)
+            new.marks.fill(0)
         else:
             new = _GoalField(np.empty(size, dtype=np.int32), np.zeros(size, dtype=np.uint8))
-        new.cost.fill(kernels.FAR)
         new.cost[last] = 0
         new.frontier = np.array([last], dtype=np.int32)
         return new

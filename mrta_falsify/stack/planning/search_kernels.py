@@ -19,12 +19,13 @@ from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.compiled import njit
 
 Prices = NDArray[np.uint16]  #: (rows, width) price grid
-Costs = NDArray[np.int32]  #: (rows * width,) cost to come, FAR: not reached
-Marks = NDArray[np.uint8]  #: (rows * width,) 1: the cost to come is final
+Costs = NDArray[np.int32]  #: (rows * width,) cost to come, of cells that are reached
+Marks = NDArray[np.uint8]  #: (rows * width,) 0: not reached, REACHED, or CLOSED
 Cells = NDArray[np.int32]  #: (n,) flat indices
 
 PRICE = 50  #: price of a free cell; a straight step between free cells costs twice as much
-FAR = np.int32(2**31 - 1)
+REACHED = 1  # a way to the cell is known
+CLOSED = 2  # its cost to come is final
 DEARER = 1.005  # a true diagonal costs up to 0.4 % more than its rounded steps
 _STRAIGHT = 2 * PRICE  # least cost of a straight step
 _DIAGONAL = (2 * PRICE * 181) >> 7  # least cost of a diagonal step
@@ -32,7 +33,7 @@ _DIAGONAL = (2 * PRICE * 181) >> 7  # least cost of a diagonal step
 
 @njit(cache=True)
 def expand(  # noqa: PLR0915 - one loop
-    prices: Prices, cost: Costs, closed: Marks, frontier: Cells, target: int
+    prices: Prices, cost: Costs, marks: Marks, frontier: Cells, target: int
 ) -> Cells:  # pragma: no cover - compiled
     """Continue a search until the cost of ``target`` and of all its best paths is final.
 
@@ -44,8 +45,9 @@ def expand(  # noqa: PLR0915 - one loop
 
     Args:
         prices: price grid.
-        cost: cost to come; updated.
-        closed: which costs are final; updated.
+        cost: cost to come; updated. Only the frontier's need be there at first, so that a new
+            search touches no more memory than it needs.
+        marks: which costs are there, and which are final; updated.
         frontier: reached cells that are not closed, in any order, repeats allowed.
         target: cell to reach, not blocked.
 
@@ -60,17 +62,17 @@ def expand(  # noqa: PLR0915 - one loop
     target_row, target_col = target // width, target % width
     keys = _keys(cost, frontier, width, target)
     # Bucket queue: heads[key - base] starts a linked list of pool entries.
-    base = keys.min() if len(keys) else np.int64(FAR)
+    base = keys.min() if len(keys) else np.int64(0)
     heads = np.full((keys.max() - base if len(keys) else 0) + 65536, -1, np.int32)
     pool_cell = np.empty(max(4096, 2 * len(frontier)), np.int32)
     pool_next = np.empty(len(pool_cell), np.int32)
-    used = waiting = _fill_queue(heads, pool_cell, pool_next, frontier, keys - base, closed)
+    used = waiting = _fill_queue(heads, pool_cell, pool_next, frontier, keys - base, marks)
     spare, key = -1, 0
     steps, step_row, step_col = _steps(width)
     while waiting > 0:
         while heads[key] < 0:
             key += 1
-        if cost[target] != FAR and closed[target] and key + base > cost[target]:
+        if marks[target] == CLOSED and key + base > cost[target]:
             break
         entry = heads[key]
         heads[key] = pool_next[entry]
@@ -78,21 +80,22 @@ def expand(  # noqa: PLR0915 - one loop
         spare = entry
         waiting -= 1
         cell = pool_cell[entry]
-        if closed[cell]:
+        if marks[cell] == CLOSED:
             continue
-        closed[cell] = 1
+        marks[cell] = CLOSED
         here, price_here = cost[cell], price[cell]
         row, col = cell // width - target_row, cell % width - target_col
         for k in range(8):
             other = cell + steps[k]
-            if price[other] == 0 or closed[other]:
+            if price[other] == 0 or marks[other] == CLOSED:
                 continue
             if k >= 4 and _cuts_corner(price, cell, other, step_col[k]):
                 continue
             pay = _pay(price_here, price[other], k)
-            if here + pay >= cost[other]:
+            if marks[other] == REACHED and here + pay >= cost[other]:
                 continue
             cost[other] = here + pay
+            marks[other] = REACHED
             slot = here + pay + _octile(row + step_row[k], col + step_col[k]) - base
             if slot >= len(heads):
                 heads = _doubled(heads)
@@ -108,7 +111,7 @@ def expand(  # noqa: PLR0915 - one loop
             pool_next[entry] = heads[slot]
             heads[slot] = entry
             waiting += 1
-    return _open_cells(heads, key, waiting, pool_cell, pool_next, closed)
+    return _open_cells(heads, key, waiting, pool_cell, pool_next, marks)
 
 
 @njit(cache=True)
@@ -158,12 +161,12 @@ def _keys(
 
 @njit(cache=True)
 def _fill_queue(
-    heads: Cells, pool_cell: Cells, pool_next: Cells, cells: Cells, slots: IntArray, closed: Marks
+    heads: Cells, pool_cell: Cells, pool_next: Cells, cells: Cells, slots: IntArray, marks: Marks
 ) -> int:  # pragma: no cover - compiled
     """Put the cells that are not closed into the slots of an empty bucket queue; how many."""
     used = 0
     for i in range(len(cells)):
-        if not closed[cells[i]]:
+        if marks[cells[i]] != CLOSED:
             pool_cell[used] = cells[i]
             pool_next[used] = heads[slots[i]]
             heads[slots[i]] = used
@@ -181,7 +184,7 @@ def _doubled(entries: Cells) -> Cells:  # pragma: no cover - compiled
 
 @njit(cache=True)
 def _open_cells(
-    heads: Cells, key: int, waiting: int, pool_cell: Cells, pool_next: Cells, closed: Marks
+    heads: Cells, key: int, waiting: int, pool_cell: Cells, pool_next: Cells, marks: Marks
 ) -> Cells:  # pragma: no cover - compiled
     """Cells that still wait in the bucket queue from ``key`` on and are not closed."""
     left = np.empty(waiting, np.int32)
@@ -190,7 +193,7 @@ def _open_cells(
         entry = heads[key]
         while entry >= 0:
             waiting -= 1
-            if not closed[pool_cell[entry]]:
+            if marks[pool_cell[entry]] != CLOSED:
                 left[count] = pool_cell[entry]
                 count += 1
             entry = pool_next[entry]
@@ -200,7 +203,7 @@ def _open_cells(
 
 @njit(cache=True)
 def descend(
-    prices: Prices, cost: Costs, closed: Marks, start: int
+    prices: Prices, cost: Costs, marks: Marks, start: int
 ) -> Cells:  # pragma: no cover - compiled
     """Cells from ``start`` down the exact costs to where they are 0; ties by fixed order."""
     width = prices.shape[1]
@@ -213,7 +216,7 @@ def descend(
     while cost[cell] > 0:
         for k in range(8):
             other = cell + steps[k]
-            if price[other] == 0 or not closed[other]:
+            if price[other] == 0 or marks[other] != CLOSED:
                 continue
             if k >= 4 and _cuts_corner(price, cell, other, step_col[k]):
                 continue

@@ -162,7 +162,8 @@ class RoomTraffic:
         for index, (queue, memory) in enumerate(zip(self.queues, memories, strict=True)):
             if not queue.has_place(memory):
                 closed[:, index] = True
-                closed[memory.holders, index] = False
+                for robot in memory.holders:
+                    closed[robot, index] = False
         return closed
 
     # --- the ways there -----------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import platform
@@ -11,6 +12,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.controller_speed import time_controller, time_controller_init
 from mrta_falsify.verbs.bench.fleet_speed import time_fleet
@@ -24,7 +26,7 @@ from mrta_falsify.verbs.bench.timing_values import FleetSpeed, Machine, Speeds
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
-from simulator_interface.episode import Episode
+from simulator_interface.simulate import EpisodeRun
 
 WORLD = "aws_hospital_day"
 ENGINES = ("bullet", "kinematic")  # on which fleets run
@@ -32,7 +34,7 @@ CLUSTERS = (1, 2, 3, 6)  # robots in one cluster, as in MRTA-Sim's table
 ENGINE_FLEET = 6  # robots that drive circles to time the engine alone
 ENGINE_SECONDS = 30.0  # s of it at most
 OTHER_STEPS = 4  # beside fleets and clusters: warm-up, planner, costmap, engine
-WARM_UP = 40  # ticks that load or compile all compiled code
+WARM_UP = 600  # ticks in which each engine's fleet comes to nearly all compiled code
 MOST_ROBOTS = 1000  # in a fleet
 
 
@@ -82,7 +84,8 @@ def bench(
     def step() -> None:
         on_progress(next(steps))
 
-    _warm_up(world, config)
+    for each in (config, *others.values()):
+        _warm_up(world, each)
     step()
 
     def fleets_of(config: StackConfig) -> dict[str, FleetSpeed]:
@@ -122,9 +125,16 @@ def bench(
 
 def _warm_up(world: World, config: StackConfig) -> None:
     """Compile or load compiled code, so that no figure contains it."""
-    for tick, _ in enumerate(Episode(dataclasses.replace(world, horizon=5.0), config).frames()):
-        if tick >= WARM_UP:
-            break
+    run = EpisodeRun(
+        fleet_world(world, config, ENGINE_FLEET),
+        config,
+        specifications=build_specifications(),
+        keep_trace=False,
+        copies=False,
+    )
+    with contextlib.closing(run):
+        for _ in range(WARM_UP):
+            run.advance()
 
 
 def this_machine() -> Machine:

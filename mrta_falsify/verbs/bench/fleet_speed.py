@@ -30,6 +30,7 @@ from mrta_falsify.stack.replanning import Replanning
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.bench.stopwatch import Stopwatch
 from mrta_falsify.verbs.bench.timing_values import Factor, FleetSpeed, milliseconds
+from simulator_interface.episode import Episode
 from simulator_interface.guard import Guard
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import EpisodeRun
@@ -53,6 +54,7 @@ STAGES: tuple[tuple[type, str, str], ...] = (
     (StopsServed, "update", "books"),
     (BlockedByTracker, "update", "blocked-by"),
     (TraceRecorder, "add", "trace"),
+    (Episode, "_ask_again", "asking again"),
 )
 
 
