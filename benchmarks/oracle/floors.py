@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from shapely import unary_union
@@ -18,10 +19,10 @@ RIM = 0.5  # m of wall around everything
 APPROACH_SPEED = 0.69  # m/s, of travel times
 
 
-def robot(number: int, *pose: float, max_speed: float = 1.5) -> RobotSpec:
+def robot(number: int, *pose: float, **more: Any) -> RobotSpec:
     """Robot ``robot{number + 1}`` at a pose x, y, and yaw if it is not 0 [m, rad]."""
     x, y, yaw = pose if len(pose) == 3 else (*pose, 0.0)
-    return RobotSpec(name=f"robot{number + 1}", pose=np.array([x, y, yaw]), max_speed=max_speed)
+    return RobotSpec(name=f"robot{number + 1}", pose=np.array([x, y, yaw]), **more)
 
 
 def two_rooms(passage: Polygon, *, side: float = 3.0, gap: float = 10.0) -> World:
