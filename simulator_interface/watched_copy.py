@@ -110,6 +110,11 @@ class WatchedCopy:
             return False
         return True
 
+    @property
+    def is_too_large(self) -> bool:
+        """Whether the stack has taken up more memory than it may, in calls that have ended."""
+        return self._heartbeat.read().taken / GIB > self._limits.memory
+
     def answer(self, on_time: Callable[[float], None] = lambda time: None) -> Any:
         """Wait for the answer.
 

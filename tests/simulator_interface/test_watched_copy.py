@@ -204,6 +204,27 @@ def test_a_hang_in_one_of_two_runs_is_no_verdict():
         run(episode(50, 0))
 
 
+@pytest.mark.parametrize("megabytes", [400, 1])
+def test_memory_may_be_found_within_a_call_and_after_it(megabytes):
+    """The first run is ended from outside, the second one by itself, if it is as large."""
+    reader, writer = os.pipe()
+    os.write(writer, bytes([1, 0, 0]))
+
+    def call():
+        is_first = os.read(reader, 1)[0]
+        post().enter(7, 0.35)
+        block = b"x" * ((400 if is_first else megabytes) * 2**20)
+        if is_first:
+            burn(30.0)
+        return len(block) > 0 and post().leave() > 0.0
+
+    if megabytes == 400:
+        assert run(call)
+    else:
+        with pytest.raises(HarnessError, match=r"took up more than 0.25 GiB .* it did not"):
+            run(call)
+
+
 def test_a_copy_needs_no_guard_of_its_own():
     with guarded():
         assert current_guard() is not None
