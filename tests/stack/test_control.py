@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from control_course import Course, line
+from control_course import Course, box, line
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
@@ -278,6 +278,23 @@ def test_joint_program_couples_robots_that_would_be_solved_apart():
     joint = controller.steering.solve(program.as_one(), always=True)
     assert (apart.solved, joint.solved) == (2, 1)
     np.testing.assert_allclose(apart.inputs, joint.inputs, atol=1e-3)
+
+
+@pytest.mark.parametrize("dynamics", ["unicycle", "holonomic"])
+@pytest.mark.parametrize("name", ["cluster_cbf", "decentralised_cbf"])
+@pytest.mark.parametrize("beside", [0.0, 0.3])
+def test_nobody_pushes_away_a_robot_that_loads(name, dynamics, beside):
+    course = Course(
+        pose=[[-2.0, 0.0, 0.0], [0.0, -beside, 0.4]],
+        paths=[line((-2.0, 0.0), (2.0, 0.0)), np.zeros((0, 2))],
+        active=[True, True],
+        walls=box(-4.0, -0.7, 4.0, 0.7),
+        holonomic=dynamics == "holonomic",
+    )
+    controller = registry.build("controller", Choice(name, {"dynamics": dynamics}))
+    course.run(controller, 10.0)
+    np.testing.assert_allclose(course.pose[1, :2], [0.0, -beside], atol=1e-3)
+    assert course.narrowest_robot > 0.5
 
 
 # --- programs ---------------------------------------------------------------------------

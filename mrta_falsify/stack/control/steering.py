@@ -217,7 +217,8 @@ def _fill_program(
         group,
     )
     people, dt, drives_along = people_in(told), told.dt, motion.drives_along
-    things = list_things(movers, points, people, share, clearances)
+    loads = told.active & np.isnan(told.target[:, 0])
+    things = list_things(movers, points, people, _whole_against(loads, share), clearances)
     if law[3]:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
         things.seen_from[:] = wrong
@@ -232,6 +233,19 @@ def _fill_program(
     fill_own_rows(movers, low, high, things, kinds, rows)
     fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
     _bring_within_reach(inputs, limits, motion.speed, dt, drives_along)
+    for robot in np.nonzero(loads)[0]:
+        limits.low[robot], limits.high[robot] = inputs[robot], inputs[robot]
+
+
+@njit(cache=True)
+def _whole_against(loads: BoolArray, share: Array) -> Array:
+    """Let a robot that loads ``(N,)`` stay where it is: others take the whole of a demand."""
+    if not loads.any():
+        return share
+    result = share.copy()
+    for i in np.nonzero(loads)[0]:
+        result[:, i] = 1.0
+    return result
 
 
 @njit(cache=True)
