@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, ByteArray, IntArray
+from mrta_falsify.core.compiled import njit
 
 FREE = 0
 INSCRIBED = 253  #: a disc robot centred here touches an obstacle
@@ -56,3 +57,23 @@ class Costmap:
         inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
         values = self.cost[np.clip(row, 0, rows - 1), np.clip(col, 0, cols - 1)].astype(np.int64)
         return np.where(inside, values, LETHAL)
+
+
+@njit(cache=True)
+def cell_at(
+    x: float, y: float, cost: ByteArray, resolution: float, west: float, south: float
+) -> tuple[int, int]:
+    """Find the cell (row, col) of a point [m] in compiled code; (-1, -1): outside the grid.
+
+    Args:
+        x: of the point [m].
+        y: of the point [m].
+        cost: ``(rows, cols)`` of a :class:`Costmap`.
+        resolution: cell size [m].
+        west: x of the grid's origin [m].
+        south: y of the grid's origin [m].
+    """
+    row, col = int(np.floor((y - south) / resolution)), int(np.floor((x - west) / resolution))
+    if row < 0 or col < 0 or row >= cost.shape[0] or col >= cost.shape[1]:
+        return -1, -1
+    return row, col

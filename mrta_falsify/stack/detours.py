@@ -13,7 +13,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, ByteArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.costmap import INSCRIBED, LETHAL, Costmap
+from mrta_falsify.core.costmap import INSCRIBED, LETHAL, Costmap, cell_at
 from mrta_falsify.core.plane import inside, is_within
 
 KEPT_MAPS = 4
@@ -48,7 +48,13 @@ class Detours:
         self.map_without = functools.lru_cache(maxsize=KEPT_MAPS)(self._map_without)
 
     def rooms(self, path: Array, ends: Array, rooms: Iterable[int]) -> Closed:
-        """List the rooms that ``path`` ``(L, 2)`` enters and that none of the ``ends`` is in."""
+        """List the rooms that a path enters and that none of its ends is in.
+
+        Args:
+            path: ``(L, 2)`` [m].
+            ends: ``(E, 2)`` the robot and the waypoints of its route [m].
+            rooms: numbers of those that count.
+        """
         return Closed(
             rooms=frozenset(
                 room
@@ -59,7 +65,13 @@ class Detours:
         )
 
     def gaps(self, costmap: Costmap, path: Array, ends: Array) -> Closed:
-        """List the gaps narrower than NARROW that ``path`` ``(L, 2)`` leads through."""
+        """List the gaps narrower than NARROW that a path leads through, not near its ends.
+
+        Args:
+            costmap: which cells are solid; so is all outside it.
+            path: ``(L, 2)`` [m].
+            ends: ``(E, 2)`` as in :meth:`rooms` [m].
+        """
         res, (west, south) = costmap.resolution, costmap.origin
         cells = _gaps(costmap.cost, res, west, south, path, ends)
         return Closed(gaps=frozenset(zip(cells[:, 0].tolist(), cells[:, 1].tolist(), strict=True)))
@@ -116,9 +128,8 @@ def _gaps(
         steps = max(1, int(np.ceil(np.hypot(dx, dy) / resolution)))
         for k in range(steps):
             point[0], point[1] = path[i, 0] + dx * k / steps, path[i, 1] + dy * k / steps
-            row = int(np.floor((point[1] - south) / resolution))
-            col = int(np.floor((point[0] - west) / resolution))
-            if row < 0 or col < 0 or row >= cost.shape[0] or col >= cost.shape[1]:
+            row, col = cell_at(point[0], point[1], cost, resolution, west, south)
+            if row < 0:
                 continue
             is_new = count == 0 or row != found[count - 1, 0] or col != found[count - 1, 1]
             if (

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, ByteArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.costmap import INSCRIBED, Costmap, cell_at
 from mrta_falsify.core.fleet import PARKED_AFTER
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.polyline import project_on_path
@@ -128,15 +128,13 @@ class PlanningService:
         if state.blocked_until > time:
             return way
         route = way.halt if len(way.halt) else way.route
-        found, with_parked = None, False
-        for tries_with_parked in (True, False) if state.parked else (False,):
-            costmap = self._map(state, time, with_parked=tries_with_parked)
-            other = self._path_around(costmap, position, route, not_held)
-            if found is None or other.flaw < found.flaw:
-                found, with_parked = other, tries_with_parked
-            if not found.flaw:
+        tries: list[tuple[_Found, bool]] = []
+        for with_parked in (True, False) if state.parked else (False,):
+            costmap = self._map(state, time, with_parked=with_parked)
+            tries.append((self._path_around(costmap, position, route, not_held), with_parked))
+            if not tries[-1][0].flaw:
                 break
-        assert found is not None
+        found, with_parked = min(tries, key=lambda tried: tried[0].flaw)
         if found.flaw < Flaw.NO_PATH:
             return replace(
                 way,
@@ -172,7 +170,7 @@ class PlanningService:
 
         Of ways with a flaw it takes the first with the least.
         """
-        best = found = self._path(costmap, position, route)
+        found, flawed = self._path(costmap, position, route), list[_Found]()
         ends, closed = np.vstack([position, route]), Closed()
         for _ in range(DETOURS):
             if found.reason:
@@ -182,11 +180,10 @@ class PlanningService:
                 flaw, shunned = Flaw.ROOM, self._detours.rooms(found.path, ends, not_held)
             if shunned <= closed:  # it may touch the outline of a room that it leads around
                 return found
-            if best is found or flaw < best.flaw:
-                best = found._replace(flaw=flaw)
+            flawed.append(found._replace(flaw=flaw))
             closed |= shunned
             found = self._path(self._detours.map_without(costmap, closed), position, route)
-        return best
+        return min(flawed, key=lambda one: one.flaw, default=found)
 
     def _path(self, costmap: Costmap, position: Array, route: Array) -> _Found:
         """Plan a path.
@@ -265,12 +262,8 @@ def _meets_obstacle(
             px, py = ax + (bx - ax) * k / steps, ay + (by - ay) * k / steps
             if (px - x) ** 2 + (py - y) ** 2 <= BESIDE_SELF * BESIDE_SELF:
                 continue
-            col, row = (
-                int(np.floor((px - west) / resolution)),
-                int(np.floor((py - south) / resolution)),
-            )
-            outside = row < 0 or col < 0 or row >= cost.shape[0] or col >= cost.shape[1]
-            if outside or cost[row, col] >= INSCRIBED:
+            row, col = cell_at(px, py, cost, resolution, west, south)
+            if row < 0 or cost[row, col] >= INSCRIBED:
                 return True
         ax, ay = bx, by
     return False
