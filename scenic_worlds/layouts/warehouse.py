@@ -22,11 +22,11 @@ from scenic_worlds.layouts.stops import BAY, StreetStop, cabin_frontage, cabin_s
 
 #: allowed values: lowest, highest
 RANGES: dict[str, tuple[float, float]] = {
-    "aisles": (1, 8),
-    "picks": (0, 24),
-    "stations": (0, 8),
+    "aisles": (1, 24),
+    "picks": (0, 72),
+    "stations": (0, 24),
     "chargers": (0, 6),
-    "parking": (0, 24),
+    "parking": (0, 72),
     "aisle_width": (1.8, 4.5),
     "cross_width": (1.8, 5.0),
     "aisle_length": (4.0, 40.0),
@@ -66,12 +66,12 @@ def warehouse(
     number of their place.
 
     Args:
-        aisles: 1 to 8.
-        picks: places at the racks, 0 to 24, spread over both sides of the aisles.
+        aisles: 1 to 24.
+        picks: places at the racks, 0 to 72, spread over both sides of the aisles.
         active: which picks exist; an inactive one is closed rack. Empty: all.
-        stations: packing stations in front, 0 to 8.
+        stations: packing stations in front, 0 to 24.
         chargers: charging bays at the back, 0 to 6.
-        parking: places for idle robots at the back, 0 to 24.
+        parking: places for idle robots at the back, 0 to 72.
         aisle_width: rack to rack [m], 1.8 to 4.5.
         cross_width: of the aisles in front and at the back [m], 1.8 to 5.
         aisle_length: [m], 4 to 40; never less than the picks along one side need.

@@ -15,20 +15,28 @@ from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.protocols import Planner
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.world import Furniture, RobotSpec, Task, World
+from scenic_worlds.layouts.warehouse import warehouse
 
+HOSPITAL_HOLDS = 400  # robots; the AWS hospital has no room for 100 more
 SPACING = 1.2  # m between added robots
 HOUR = 3600.0  # s; no run of a benchmark is as long
 
 
 def fleet_world(world: World, config: StackConfig, robots: int) -> World:
-    """Give ``world`` so many robots, and tasks enough to keep them all busy."""
+    """Give ``world`` so many robots, and tasks enough to keep them all busy.
+
+    More than ``HOSPITAL_HOLDS`` get a warehouse instead, without people.
+    """
+    radius = world.robots[0].radius
+    if robots > HOSPITAL_HOLDS:
+        world = warehouse(
+            aisles=24, aisle_length=40.0, cross_width=5.0, picks=48, stations=12, chargers=0
+        )
     fleet = list(world.robots[:robots])
     free = _free_places(world, config, robots - len(fleet))
     for i, place in enumerate(free):
         fleet.append(
-            RobotSpec(
-                name=f"extra{i + 1}", pose=frozen_array([*place, 0.0]), radius=fleet[0].radius
-            )
+            RobotSpec(name=f"extra{i + 1}", pose=frozen_array([*place, 0.0]), radius=radius)
         )
     rooms = len(world.rooms)
     tasks = [
@@ -53,15 +61,15 @@ def _free_places(world: World, config: StackConfig, count: int) -> list[Array]:
     planner = build_planner(config, costmap)
     cells = np.argwhere(costmap.cost == 0)
     order = stream(0, "bench/places").permutation(len(cells))
-    taken = [robot.pose[:2] for robot in world.robots]
+    taken = np.array([robot.pose[:2] for robot in world.robots]).reshape(-1, 2)
     found: list[Array] = []
     for point in costmap.centers(cells[order]):
         if len(found) == count:
             return found
-        if min(float(np.hypot(*(point - other))) for other in taken) < SPACING:
+        if (np.hypot(*(taken - point).T) < SPACING).any():
             continue
         if planner.plan(point, world.rooms[0].point).found:
-            taken.append(point)
+            taken = np.vstack([taken, point])
             found.append(point)
     raise ConfigError(f"{world.name}: has no room for {count} more robots")
 
