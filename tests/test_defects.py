@@ -102,7 +102,8 @@ def test_a_room_with_two_robots_in_it_is_reported_with_their_names():
 def test_robustness_is_the_distance_of_the_robot_that_would_be_one_too_many():
     world = _ward(2)
     room, wall = world.rooms[0].point, world.rooms[0].area[:, 1].min()
-    verdict = _exclusive(world, _At(0.0, room, (room[0], wall - 0.4)))
+    near, nearer = (_At(t, room, (room[0], wall - d)) for t, d in ((0.0, 0.5), (1.0, 0.4)))
+    verdict = _exclusive(world, near, nearer)
     assert not verdict.violated
     assert verdict.robustness == pytest.approx(0.4)
 
@@ -113,6 +114,22 @@ def test_a_room_that_begins_overfull_is_judged_from_when_it_is_not():
     both = _At(0.0, room, room + BESIDE)
     assert not _exclusive(world, both, both).violated
     assert _exclusive(world, both, _At(1.0, room, outside), both).violated
+
+
+@pytest.mark.parametrize("start", [-0.3, 0.002])
+def test_how_near_a_robot_starts_counts_once_it_comes_nearer(start):
+    world = _ward(2)
+    room, wall = world.rooms[0].point, world.rooms[0].area[:, 1].min()
+
+    def robustness(*distances: float) -> float:
+        places = ((room[0], wall - d) for d in (start, *distances))
+        frames = (_At(float(t), room, place) for t, place in enumerate(places))
+        return _exclusive(world, *frames).robustness
+
+    of_the_other_room = robustness()
+    assert robustness(0.1, 0.5, 1.5) == of_the_other_room > 1.5
+    assert robustness(0.1, 0.5, 1.5, 0.8) == pytest.approx(0.8)
+    assert robustness(0.1, -0.2) == pytest.approx(-0.2)
 
 
 def test_capacity_counts():

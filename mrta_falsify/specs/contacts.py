@@ -23,41 +23,29 @@ GAP_CAP = 10.0  # m; wider gaps count as this wide
 TOUCH_GAP = -1e-3  # m, robustness of a contact whose measured gap is not negative
 CONTACT_PAUSE = 0.5  # s without contact that end a contact episode
 DRIVING_SPEED = 0.05  # m/s; slower robots count as at rest
+SHRUNK = 0.01  # m by which a gap that was there at the start has to shrink to count
 
 
 class Closest(NamedTuple):
-    """What came nearest in a tick, over all robots."""
+    """What came nearest to people in a tick, over all robots."""
 
-    robot: float  #: least surface gap to another robot [m], >= 0
-    human: float  #: the same to a person
-    static: float  #: the same to a solid
-    touched: bool  #: whether any robot touched anything; then the gaps alone do not tell
+    human: float  #: least surface gap to a person [m], >= 0
+    touched: bool  #: whether any robot touched anything; then the gap alone does not tell
 
 
 @functools.lru_cache(maxsize=1)
 def closest(sensed: Sensed) -> Closest:
     """Find what came nearest in a tick; all who ask about it share the answer."""
-    gaps = sensed.gap_robot, sensed.gap_human, sensed.gap_static
-    return Closest(*_closest(*gaps, sensed.contact))
+    return Closest(*_closest(sensed.gap_human, sensed.contact))
 
 
 @njit(cache=True)
-def _closest(
-    robot: Array, human: Array, static: Array, contact: BoolArray
-) -> tuple[float, float, float, bool]:
-    touched = False
+def _closest(human: Array, contact: BoolArray) -> tuple[float, bool]:
+    least, touched = np.inf, False
     for i in range(len(contact)):
+        least = min(least, human[i])
         touched = touched or contact[i, 0] or contact[i, 1] or contact[i, 2]
-    return _least(robot), _least(human), _least(static), touched
-
-
-@njit(cache=True)
-def _least(gap: Array) -> float:
-    """Find the least gap [m]; below 0 without a contact is rounding."""
-    least = np.inf
-    for one in gap:
-        least = min(least, one)
-    return max(least, 0.0)
+    return max(least, 0.0), touched
 
 
 @dataclass(slots=True)
@@ -153,27 +141,12 @@ class _NarrowestGap:
 
     name = ""
     limit = 0.0  #: gap that must be kept [m]
-    _kind = 0  #: column of ``Sensed.contact``, and place in :class:`Closest`
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         del dt
         self._world = world
         self._narrowest = RunningMin(self.name, GAP_CAP, {"nearest": {}, "between": []})
-        self._news_below = GAP_CAP + self.limit  # m; without a contact, wider gaps change nothing
-        self._quiet: Frame | None = None  # the last tick, if nothing in it was new
-
-    def update(self, frame: Frame) -> None:
-        """Take in one tick."""
-        near = closest(frame.sensed)
-        if not near.touched and near[self._kind] >= self._news_below:
-            self._quiet = frame
-            return
-        gaps = self._gaps(frame)
-        self._quiet = None
-        if len(gaps):
-            self._note(frame, gaps)
-        self._news_below = self._least_news()
 
     def _note(self, frame: Frame, gaps: Array) -> None:
         """Keep the narrowest of ``gaps`` ``(N,)`` [m], if it is narrower than all before."""
@@ -198,12 +171,6 @@ class _NarrowestGap:
         """Give the verdict to date."""
         return self._narrowest.verdict(**self._more())
 
-    def _gaps(self, frame: Frame) -> Array:
-        raise NotImplementedError
-
-    def _least_news(self) -> float:
-        return self._narrowest.margin + self.limit
-
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         return (self._world.robots[i].name,)
 
@@ -219,20 +186,77 @@ def _with_contacts(gap: Array, contact: BoolArray) -> Array:
     return np.where(contact, np.minimum(gap, TOUCH_GAP), np.maximum(gap, 0.0))
 
 
-class NoRobotRobotContact(_NarrowestGap):
-    """No two robots touch. Robustness: narrowest surface gap [m], negative after a contact."""
+class _ShrunkGap(_NarrowestGap):
+    """Narrowest gap that was not there from the start.
 
-    name = "no_robot_robot_contact"
+    How near a robot stands to something at the start is the scene's doing. Its gap counts once it
+    has shrunk by ``SHRUNK``, or once there is a contact.
+    """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
         """None."""
 
+    _kind = 0  #: column of ``Sensed.contact``
+
     def __init__(self, options: Options) -> None:
         self._options = options
 
-    def _gaps(self, frame: Frame) -> Array:
-        return _with_contacts(frame.sensed.gap_robot, frame.sensed.contact[:, 0])
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        super().start(world, dt)
+        self._widest = np.full(len(world.robots), -np.inf)  # (N,) so far [m]
+        self._counts = np.zeros(len(world.robots), dtype=np.bool_)
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        gap, contact = self._gap(frame.sensed), frame.sensed.contact
+        margin = self._narrowest.margin
+        if _is_news(gap, contact, self._kind, self._widest, self._counts, margin):
+            gaps = _with_contacts(gap, contact[:, self._kind])
+            self._note(frame, np.where(self._counts, gaps, np.inf))
+
+    def _gap(self, sensed: Sensed) -> Array:
+        raise NotImplementedError
+
+
+@njit(cache=True)
+def _is_news(
+    gap: Array,
+    contact: BoolArray,
+    kind: int,
+    widest: Array,
+    counts: BoolArray,
+    margin: float,
+) -> bool:
+    """Say whether a gap that counts may be below ``margin`` [m]; bring the others up to date.
+
+    Args:
+        gap: ``(N,)`` [m].
+        contact: ``(N, 3)``.
+        kind: column of ``contact``.
+        widest: ``(N,)`` widest gap so far [m].
+        counts: ``(N,)`` whose gap counts.
+        margin: narrowest gap so far [m].
+    """
+    news = False
+    for i in range(len(gap)):
+        counts[i] = counts[i] or contact[i, kind] or gap[i] < widest[i] - SHRUNK
+        widest[i] = max(widest[i], gap[i])
+        news = news or (counts[i] and (contact[i, kind] or max(gap[i], 0.0) < margin))
+    return news
+
+
+class NoRobotRobotContact(_ShrunkGap):
+    """No two robots touch. Robustness: narrowest surface gap [m], negative after a contact.
+
+    A gap that was there at the start counts once it has shrunk.
+    """
+
+    name = "no_robot_robot_contact"
+
+    def _gap(self, sensed: Sensed) -> Array:
+        return sensed.gap_robot
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         robots = self._world.robots
@@ -240,27 +264,21 @@ class NoRobotRobotContact(_NarrowestGap):
         return tuple(sorted(robots[k].name for k in {i, other} if k >= 0))
 
 
-class NoRobotStaticContact(_NarrowestGap):
-    """No robot touches a solid. Robustness: narrowest surface gap [m], negative after a contact."""
+class NoRobotStaticContact(_ShrunkGap):
+    """No robot touches a solid. Robustness: narrowest surface gap [m], negative after a contact.
+
+    A gap that was there at the start counts once it has shrunk.
+    """
 
     name = "no_robot_static_contact"
     _kind = 2
 
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """None."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
-
-    def _gaps(self, frame: Frame) -> Array:
-        return _with_contacts(frame.sensed.gap_static, frame.sensed.contact[:, 2])
+    def _gap(self, sensed: Sensed) -> Array:
+        return sensed.gap_static
 
 
 class _HumanGap(_NarrowestGap):
     """Narrowest gap to people over moving robots; robots at rest are counted apart."""
-
-    _kind = 1
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
@@ -277,8 +295,21 @@ class _HumanGap(_NarrowestGap):
         self._moving = _MovingBeforeContact()
         self._at_rest = GAP_CAP
         self._news_below = self._least_news()
+        self._quiet: Frame | None = None  # the last tick, if nothing in it was new
         self._counter = ContactCounter()
         self._counter.start(world, dt)
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        near = closest(frame.sensed)
+        if not near.touched and near.human >= self._news_below:
+            self._quiet = frame
+            return
+        gaps = self._gaps(frame)
+        self._quiet = None
+        if len(gaps):
+            self._note(frame, gaps)
+        self._news_below = self._least_news()
 
     def _gaps(self, frame: Frame) -> Array:
         if not len(self._world.humans):
@@ -299,7 +330,8 @@ class _HumanGap(_NarrowestGap):
         return np.where(moving, gaps, np.inf)
 
     def _least_news(self) -> float:
-        return max(super()._least_news(), self._at_rest)
+        """Find the gap [m] that changes nothing, as all wider ones, without a contact."""
+        return max(self._narrowest.margin + self.limit, self._at_rest)
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         human = int(frame.sensed.nearest_human[i])

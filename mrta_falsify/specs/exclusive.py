@@ -21,6 +21,7 @@ from mrta_falsify.specs.contacts import GAP_CAP
 from mrta_falsify.specs.running_min import RunningMin
 
 ROUNDING = 1e-9  # m
+NEARER = 0.01  # m by which a robot has to come nearer than it started, to count
 
 
 class ExclusiveUse:
@@ -29,8 +30,9 @@ class ExclusiveUse:
     Inside means that the robot's centre lies in the resource's own space. That is a room's outline
     where the world has one, otherwise the release area without a rim: robots on the rim are
     coming or going. Robustness [m]: signed distance, positive outside, of the robot that
-    would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. A
-    resource that is overfull at the start is judged from when it first was not.
+    would be one too many (the ``capacity + 1``-th nearest) to that space, worst over time. How near
+    that robot starts is the scene's doing: it counts from when it comes nearer. A resource that is
+    overfull at the start is judged from when it first was not.
 
     A resource that is held ``until_served`` is free again before the robot has left. There a robot
     counts until it has been inside for the service time, in a room until a stop of it was done.
@@ -62,6 +64,7 @@ class ExclusiveUse:
             box=np.array([[a.min(axis=0), a.max(axis=0)] for a in self._areas]).reshape(-1, 2, 2),
         )
         self._judged = np.zeros(len(crowded), dtype=np.bool_)
+        self._widest = np.full(len(crowded), -np.inf)  # (R,) margin before that [m]
         self._visits = _Visits(crowded, len(world.robots))
         self._closest = RunningMin("exclusive_use", GAP_CAP)
 
@@ -69,7 +72,8 @@ class ExclusiveUse:
         """Take in one tick."""
         pose = frame.sensed.pose
         uses = self._visits.uses(frame)
-        if not _is_news(tuple(self._spaces), pose, uses, self._judged, self._closest.margin):
+        state, least = (self._judged, self._widest), self._closest.margin
+        if not _is_news(tuple(self._spaces), pose, uses, state, least):
             return
         for k, resource in enumerate(self._resources):
             margin = float(_margin(self._spaces, k, pose, uses[k]))
@@ -147,16 +151,32 @@ class _Spaces(NamedTuple):
 
 @njit(cache=True)
 def _is_news(
-    fields: tuple[Any, ...], pose: Array, uses: BoolArray, judged: BoolArray, least: float
+    fields: tuple[Any, ...],
+    pose: Array,
+    uses: BoolArray,
+    state: tuple[BoolArray, Array],
+    least: float,
 ) -> bool:
-    """Say whether a margin is below ``least`` [m]; bring ``judged`` ``(R,)`` up to date."""
+    """Say whether a margin is below ``least`` [m].
+
+    Args:
+        fields: of the spaces.
+        pose: ``(N, 3)``.
+        uses: ``(R, N)`` robots that count.
+        state: of which resources the margin counts ``(R,)``, and the widest margin ``(R,)`` [m]
+            of the others; both are brought up to date.
+        least: margin so far [m].
+    """
     news = False
     spaces = _Spaces(*fields)
+    judged, widest = state
     for k in range(len(judged)):
         if judged[k] and _count_around(spaces.box[k], pose, least) <= spaces.capacity[k]:
             continue
         margin = _margin(spaces, k, pose, uses[k])
-        judged[k] = judged[k] or margin >= 0.0
+        if not judged[k]:
+            judged[k] = widest[k] >= 0.0 and (margin < 0.0 or margin < widest[k] - NEARER)
+            widest[k] = max(widest[k], margin)
         news = news or (judged[k] and margin < least)
     return news
 

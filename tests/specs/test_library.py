@@ -101,6 +101,36 @@ def test_robots_that_touch_are_both_named():
     assert verdict.robustness < 0
 
 
+def near_robot1(*way: tuple[float, float], wait: float = 0.0) -> Script:
+    """Robot 2 starts 0.1 m from the body of robot 1, which stands, and drives along ``way``."""
+    start = (0.54, 0.0)
+
+    def pose(t: float):
+        if t < wait:
+            return (*start, 0.0)
+        legs = zip((start, *way), way, strict=False)
+        drives = [drive(*leg, 0.5, leave=wait + 10.0 * k) for k, leg in enumerate(legs)]
+        return drives[min(int((t - wait) / 10.0), len(drives) - 1)](t)
+
+    return Script([Robot((0.0, 0.0)), Robot(pose)], seconds=wait + 10.0 * len(way))
+
+
+def test_a_gap_that_was_there_at_the_start_counts_once_it_has_shrunk():
+    gap = spec("no_robot_robot_contact")
+    stays, leaves = near_robot1((0.54, 0.0)), near_robot1((3.0, 0.0), wait=2.0)
+    for script in (stays, leaves):
+        assert judge(gap, script).robustness == pytest.approx(10.0)
+    comes_back = near_robot1((3.0, 0.0), (0.8, 0.0))
+    assert judge(gap, comes_back).robustness == pytest.approx(0.36, abs=0.02)
+    comes_nearer = near_robot1((0.5, 0.0))
+    assert judge(gap, comes_nearer).robustness == pytest.approx(0.06, abs=0.02)
+
+
+def test_robots_that_touch_from_the_start_are_a_contact():
+    script = Script([Robot((0.0, 0.0)), Robot((0.4, 0.0))], seconds=1.0)
+    assert judge(spec("no_robot_robot_contact"), script).violated
+
+
 def test_contacts_are_counted_by_episode_and_pair():
     def bump(t):
         return (0.3 * np.sin(t), 0.0, 0.0)
