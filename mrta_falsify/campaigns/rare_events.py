@@ -88,7 +88,7 @@ def estimates_of(campaign: Campaign) -> Estimates:
         while asked < told + settings.window:
             sampler.ask()
             asked += 1
-        sampler.tell(feedback_of(campaign.records[told], settings.cube))
+        sampler.tell(feedback_of(campaign.records[told], settings.cube, settings.trials.then))
     return sampler.estimates()
 
 

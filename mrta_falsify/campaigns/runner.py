@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
@@ -144,13 +144,14 @@ def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
     return options
 
 
-def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
+def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> Feedback:
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
-    A failure only in what is looked for last is none to it, nor is one that the other stack shares
-    where two are compared. Of a failure with copies it is told the margins to expect: a knife edge
-    looks like the passing worlds around it. The signature of a knife edge differs from that of a
-    robust failure, so a sampler that looks for other kinds of failure leaves knife edges.
+    What is looked for last (``then``) is no objective to it; a failure only in that is none. Nor
+    is one that the other stack shares where two are compared. Of a failure with copies it is told
+    the margins to expect: a knife edge looks like the passing worlds around it. The signature of a
+    knife edge differs from that of a robust failure, so a sampler that looks for other kinds of
+    failure leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(
@@ -158,7 +159,7 @@ def feedback_of(record: TrialRecord, cube: Cube) -> Feedback:
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
         score=record.score,
-        objectives=_margins_told(record),
+        objectives={n: told for n, told in _margins_told(record).items() if n not in then},
         noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
         failed=record.is_sought,
@@ -349,7 +350,8 @@ class _Loop:
         )
 
     def _tell(self, record: TrialRecord) -> None:
-        self._sampler.tell(feedback_of(record, self._store.settings.cube))
+        settings = self._store.settings
+        self._sampler.tell(feedback_of(record, settings.cube, settings.trials.then))
         self._proposals.pop(record.number, None)
         self.progress.take(record)
         if record.number in self._new:
