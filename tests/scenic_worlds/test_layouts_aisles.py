@@ -79,7 +79,7 @@ def test_an_inactive_pick_is_closed_rack_and_moves_nothing():
 @pytest.mark.parametrize(
     ("make", "lengths", "words"),
     [
-        (warehouse, {"aisles": 0}, "warehouse: aisles is 0; it must be between 1 and 8"),
+        (warehouse, {"aisles": 0}, "warehouse: aisles is 0; it must be between 1 and 24"),
         (warehouse, {"aisles": 2.5}, "it must be a whole number"),
         (warehouse, {"active": [True]}, "active has 1 flags"),
         (hospital, {"door_width": [1.0, 9.0]}, "door_width is 9"),
