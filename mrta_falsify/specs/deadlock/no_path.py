@@ -72,17 +72,15 @@ class NoPathReasons:
     def _find(self, fleet: FleetSnapshot, i: int, resting: list[int]) -> tuple[BlockedBy, ...]:
         time, start, goal = fleet.sensed.time, fleet.position[i], fleet.intent.goal[i]
         gap = 2.0 * float(self._radius[i])
-
-        def is_reachable(others: list[int]) -> bool:
-            return self._space.reachable(start, goal, time, others=fleet.position[others], gap=gap)
-
         closing = self._space.closing(start, goal, time)
         if closing is not None:
             return _cut_off_by(i, closing or (UNREACHABLE,))
-        if is_reachable(resting):
+        bodies = self._space.bodies_closing(
+            start, goal, time, others=fleet.position[resting], gap=gap
+        )
+        if bodies is None:
             return _cut_off_by(i, self._closing_body(fleet, start, goal) or ("",))
-        alone = [j for j in resting if not is_reachable([j])]
-        return tuple(BlockedBy(i, "no-path", j) for j in alone or resting)
+        return tuple(BlockedBy(i, "no-path", resting[k]) for k in bodies)
 
     def _closing_body(self, fleet: FleetSnapshot, start: Array, goal: Array) -> tuple[str, ...]:
         """Name what leaves no gap for a robot; empty: nothing, or walls."""

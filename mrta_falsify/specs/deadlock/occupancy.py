@@ -7,6 +7,7 @@ of 0.1 m is fine enough for that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -21,11 +22,12 @@ from mrta_falsify.specs.deadlock.occupancy_kernels import (
     fill_discs,
     fill_interior,
     fill_rim,
+    find_way,
     first_owned,
-    flood,
 )
 
 GRID_CELL = 0.1  # m, of the grid
+ROUNDING = 1e-9  # m
 REDRAWN_BEYOND = 0.03  # m or rad; furniture that has moved less is not drawn anew
 #: m; a cell is solid if its centre is this near to a solid. This is less than any planner's
 #: clearance (0.22 m) minus half a cell's diagonal, so that no valid path ever looks blocked
@@ -50,6 +52,7 @@ class SolidGrid:
     _furniture_pose: Array | None = None  #: (F, 3) as last set
     _drawn_pose: Array | None = None  #: (F, 3) as it is on ``_current``
     _current: Owners | None = None
+    _numbered: tuple[Owners, IntArray] | None = None  #: connected places, and of which grid
     _origin: Array = field(default_factory=lambda: np.zeros(2))
     _shape: tuple[int, int] = (0, 0)  #: rows, columns
 
@@ -72,22 +75,41 @@ class SolidGrid:
         hit, owner = first_owned(self._grid(time), points, self._origin, self.cell)
         return hit, self.names[owner - 1] if hit >= 0 else ""
 
-    def reachable(
+    def bodies_closing(
         self, start: Array, goal: Array, time: float, *, others: Array, gap: float
-    ) -> bool:
-        """Whether some way leads from ``start`` to ``goal``, both ``(2,)`` [m].
+    ) -> list[int] | None:
+        """Find the bodies at rest that close a way which solids leave open.
 
         Args:
-            start: where the robot stands.
-            goal: where it wants to go; ending within 0.3 m counts.
+            start: where the robot stands ``(2,)`` [m].
+            goal: where it wants to go ``(2,)`` [m]; ending within 0.3 m counts.
             time: which blockages stand [s].
             others: ``(M, 2)`` bodies at rest that must be passed at distance ``gap``.
             gap: centre to centre [m].
+
+        Returns:
+            Numbers of those that close it alone, or of all if only together they do; None: it is
+            open.
         """
-        blocked = self._grid(time) != 0
-        flat = np.ascontiguousarray(others, dtype=np.float64).reshape(-1, 2) - self._origin
-        fill_discs(blocked, flat, gap, self.cell)
-        return self._is_open(blocked, start, goal)
+        solid = self._grid(time) != 0
+        bodies = np.ascontiguousarray(others, dtype=np.float64).reshape(-1, 2) - self._origin
+
+        def is_closed_by(some: Array) -> bool:
+            blocked = solid.copy()
+            fill_discs(blocked, some, gap, self.cell)
+            return not self._is_open(blocked, start, goal)
+
+        if not is_closed_by(bodies):
+            return None
+        # A body that is not on one of the ways leaves that way open.
+        centres = (self._way(solid, start, goal)[:, ::-1] + 0.5) * self.cell
+        alone = [
+            k
+            for k, body in enumerate(bodies)
+            if (np.hypot(*(centres - body).T) < gap + ROUNDING).any()
+            and is_closed_by(bodies[k : k + 1])
+        ]
+        return alone or list(range(len(bodies)))
 
     def closing(self, start: Array, goal: Array, time: float) -> tuple[str, ...] | None:
         """Name the furniture and blockages that close the way.
@@ -103,14 +125,14 @@ class SolidGrid:
         Returns:
             Names by their number, empty if walls alone close the way; ``None`` if it is open.
         """
-        owner = self._grid(time)
-        if self._is_open(owner != 0, start, goal):
+        owner, places = self._grid(time), self._places(time)
+        at_start = self._places_in(places, start, START_REACH)
+        if at_start & self._places_in(places, goal, GOAL_REACH):
             return None
         pieces = self._pieces_at(time)
         bare = self._fixed(len(self.world.walls))
         if not self._is_open(bare != 0, start, goal):
             return ()
-        places, _ = label(owner == 0, structure=np.ones((3, 3), dtype=np.int8))
         here = self._border_of(places, owner, start, START_REACH)
         there = self._border_of(places, owner, goal, GOAL_REACH)
         alone = [
@@ -139,8 +161,32 @@ class SolidGrid:
         return first + self._closing_together(grid, pieces, group[half:], start, goal)
 
     def _is_open(self, blocked: BoolArray, start: Array, goal: Array) -> bool:
+        return len(self._way(blocked, start, goal)) > 0
+
+    def _way(self, blocked: BoolArray, start: Array, goal: Array) -> IntArray:
+        """Find the cells ``(K, 2)`` of a way, row and column; K is 0 if there is none."""
         from_here, to_there = self._disc(start, START_REACH), self._disc(goal, GOAL_REACH)
-        return bool(flood(blocked, from_here, to_there, self.cell))
+        way: IntArray = find_way(blocked, from_here, to_there, self.cell)
+        return way
+
+    def _places(self, time: float) -> IntArray:
+        """Number the connected places ``(rows, cols)`` that solids leave free, from 1."""
+        owner = self._grid(time)
+        if self._numbered is None or self._numbered[0] is not owner:
+            places, _ = label(owner == 0, structure=np.ones((3, 3), dtype=np.int8))
+            self._numbered = owner, places
+        return self._numbered[1]
+
+    def _places_in(self, places: IntArray, point: Array, reach: float) -> set[int]:
+        """Find the numbers of the places within ``reach`` [m] of ``point``."""
+        x, y = point - self._origin
+        left, right = (math.floor((x + side) / self.cell) for side in (-reach, reach))
+        low, high = (math.floor((y + side) / self.cell) for side in (-reach, reach))
+        part = places[max(0, low) : max(0, high + 1), max(0, left) : max(0, right + 1)]
+        rows, cols = np.indices(part.shape)
+        dx = (cols + max(0, left) + 0.5) * self.cell - x
+        dy = (rows + max(0, low) + 0.5) * self.cell - y
+        return set(part[dx * dx + dy * dy <= reach * reach].tolist()) - {0}
 
     def _pieces_at(self, time: float) -> Pieces:
         """Find the outlines of all furniture and blockages that stand now, by number."""

@@ -1,4 +1,4 @@
-"""Compiled work on the oracle's occupancy grid: fill polygons and discs, flood free cells.
+"""Compiled work on the oracle's occupancy grid: fill polygons and discs, find ways.
 
 Cell (0, 0) is at the corner of the grid; its centre is half a cell from either side.
 """
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 
 Owners = NDArray[np.int16]  #: (rows, cols) 0 free, else 1 + number of a solid
@@ -107,40 +107,59 @@ class Disc(NamedTuple):
 
 
 @njit(cache=True)
-def flood(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> bool:
-    """Whether a chain of neighbouring free cells leads from ``start`` to ``goal``.
+def find_way(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> IntArray:
+    """Find a shortest chain of neighbouring free cells from ``goal`` back to ``start``.
 
     Args:
         blocked: ``(rows, cols)``.
         start: the chain begins at any free cell whose centre lies in it.
         goal: the chain ends at any free cell whose centre lies in it.
         cell: size of a cell [m].
+
+    Returns:
+        ``(K, 2)`` row and column of its cells; K is 0 if there is no such chain.
     """
     rows, cols = blocked.shape
     seen = blocked.copy()
-    stack = np.empty((rows * cols, 2), dtype=np.int32)
-    top = 0
+    reached = np.empty((rows * cols, 2), dtype=np.int32)
+    before = np.empty(rows * cols, dtype=np.int32)  # that each was reached from
+    first, count = 0, 0
     low, high = int((start.y - start.radius) / cell), int((start.y + start.radius) / cell)
     left, right = int((start.x - start.radius) / cell), int((start.x + start.radius) / cell)
     for row in range(max(0, low), min(rows - 1, high) + 1):
         for col in range(max(0, left), min(cols - 1, right) + 1):
             if not seen[row, col] and _is_inside(start, row, col, cell):
                 seen[row, col] = True
-                stack[top, 0], stack[top, 1] = row, col
-                top += 1
-    while top > 0:
-        top -= 1
-        row, col = stack[top, 0], stack[top, 1]
+                reached[count, 0], reached[count, 1] = row, col
+                before[count] = -1
+                count += 1
+    while first < count:
+        row, col = reached[first, 0], reached[first, 1]
         if _is_inside(goal, row, col, cell):
-            return True
+            return _chain(reached, before, first)
         for up in range(-1, 2):
             for side in range(-1, 2):
                 r, c = row + up, col + side
                 if 0 <= r < rows and 0 <= c < cols and not seen[r, c]:
                     seen[r, c] = True
-                    stack[top, 0], stack[top, 1] = r, c
-                    top += 1
-    return False
+                    reached[count, 0], reached[count, 1] = r, c
+                    before[count] = first
+                    count += 1
+        first += 1
+    return np.empty((0, 2), dtype=np.int64)
+
+
+@njit(cache=True)
+def _chain(reached: IntArray, before: IntArray, last: int) -> IntArray:
+    length, k = 0, last
+    while k >= 0:
+        length, k = length + 1, before[k]
+    chain = np.empty((length, 2), dtype=np.int64)
+    k = last
+    for place in range(length):
+        chain[place, 0], chain[place, 1] = reached[k, 0], reached[k, 1]
+        k = before[k]
+    return chain
 
 
 @njit(cache=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -57,18 +57,19 @@ def queue_edges_from_afar(fleet: FleetSnapshot, i: int, goal: Goal) -> list[Bloc
 
 def _occupants(fleet: FleetSnapshot, i: int, goal: Goal) -> list[int]:
     """Find who keeps robot ``i`` out: who is inside or enters, else who leaves, else who comes."""
-    resource = fleet.world.resources[goal.resource]
-    by_claim: dict[Claim, list[int]] = {
-        "inside": [],
-        "entering": [],
-        "coming": [],
-        "leaving": [],
-        "none": [],
-    }
+    if goal.resource not in fleet.users:
+        fleet.users[goal.resource] = _users(fleet, goal.resource)
+    users = {claim: [j for j in by if j != i] for claim, by in fleet.users[goal.resource].items()}
+    return users["inside"] + users["entering"] or users["leaving"] or users["coming"]
+
+
+def _users(fleet: FleetSnapshot, number: int) -> dict[str, list[int]]:
+    """Sort the robots by how they use the resource ``number``."""
+    resource = fleet.world.resources[number]
+    users: dict[str, list[int]] = {claim: [] for claim in get_args(Claim)}
     for j, position in enumerate(fleet.position):
-        if j != i:
-            by_claim[_claim(fleet, j, position, goal.resource, resource)].append(j)
-    return by_claim["inside"] + by_claim["entering"] or by_claim["leaving"] or by_claim["coming"]
+        users[_claim(fleet, j, position, number, resource)].append(j)
+    return users
 
 
 def _claim(fleet: FleetSnapshot, j: int, position: Array, number: int, resource: Resource) -> Claim:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class FleetSnapshot:
     path: tuple[Array, ...]  #: N polylines (L, 2) that the robots drive along [m], empty: none
     goal: tuple[Goal | None, ...]  #: N meanings of the goals, None: no goal
     at_goal: BoolArray  #: (N,)
+    #: by number of a resource: its users by their claim, as far as they were asked for
+    users: dict[int, dict[str, list[int]]] = field(default_factory=dict)
 
     def is_idle(self, i: int) -> bool:
         """Whether robot ``i`` waits for a task: without a goal, or parked."""
