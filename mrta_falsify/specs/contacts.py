@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from operator import attrgetter
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -197,7 +198,8 @@ class _ShrunkGap(_NarrowestGap):
     class Options:
         """None."""
 
-    _kind = 0  #: column of ``Sensed.contact``
+    _kind: ClassVar[int]  #: column of ``Sensed.contact``
+    _gap: ClassVar[attrgetter[Array]]  #: ``(N,)`` of a :class:`Sensed` [m]
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -215,9 +217,6 @@ class _ShrunkGap(_NarrowestGap):
         if _is_news(gap, contact, self._kind, self._widest, self._counts, margin):
             gaps = _with_contacts(gap, contact[:, self._kind])
             self._note(frame, np.where(self._counts, gaps, np.inf))
-
-    def _gap(self, sensed: Sensed) -> Array:
-        raise NotImplementedError
 
 
 @njit(cache=True)
@@ -254,9 +253,8 @@ class NoRobotRobotContact(_ShrunkGap):
     """
 
     name = "no_robot_robot_contact"
-
-    def _gap(self, sensed: Sensed) -> Array:
-        return sensed.gap_robot
+    _kind = 0
+    _gap = attrgetter("gap_robot")
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         robots = self._world.robots
@@ -272,9 +270,7 @@ class NoRobotStaticContact(_ShrunkGap):
 
     name = "no_robot_static_contact"
     _kind = 2
-
-    def _gap(self, sensed: Sensed) -> Array:
-        return sensed.gap_static
+    _gap = attrgetter("gap_static")
 
 
 class _HumanGap(_NarrowestGap):
