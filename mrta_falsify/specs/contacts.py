@@ -24,7 +24,7 @@ GAP_CAP = 10.0  # m; wider gaps count as this wide
 TOUCH_GAP = -1e-3  # m, robustness of a contact whose measured gap is not negative
 CONTACT_PAUSE = 0.5  # s without contact that end a contact episode
 DRIVING_SPEED = 0.05  # m/s; slower robots count as at rest
-SHRUNK = 0.01  # m by which a gap that was there at the start has to shrink to count
+SHRUNK = 0.01  # m by which a distance that was there at the start has to shrink to count
 
 
 class Closest(NamedTuple):

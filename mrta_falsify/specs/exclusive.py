@@ -17,11 +17,10 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
-from mrta_falsify.specs.contacts import GAP_CAP
+from mrta_falsify.specs.contacts import GAP_CAP, SHRUNK
 from mrta_falsify.specs.running_min import RunningMin
 
 ROUNDING = 1e-9  # m
-NEARER = 0.01  # m by which a robot has to come nearer than it started, to count
 
 
 class ExclusiveUse:
@@ -175,7 +174,7 @@ def _is_news(
             continue
         margin = _margin(spaces, k, pose, uses[k])
         if not judged[k]:
-            judged[k] = widest[k] >= 0.0 and (margin < 0.0 or margin < widest[k] - NEARER)
+            judged[k] = widest[k] >= 0.0 and (margin < 0.0 or margin < widest[k] - SHRUNK)
             widest[k] = max(widest[k], margin)
         news = news or (judged[k] and margin < least)
     return news

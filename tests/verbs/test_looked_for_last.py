@@ -75,8 +75,8 @@ def trial(tmp_path, then: tuple[str, ...], jittered: int = 0):
 
 
 def test_a_missed_deadline_ends_a_trial_only_if_it_is_looked_for_first(tmp_path):
-    last_of = ("deadlines",)
-    first, last = trial(tmp_path, ()), trial(tmp_path, last_of, jittered=2)
+    then = ("deadlines",)
+    first, last = trial(tmp_path, ()), trial(tmp_path, then, jittered=2)
     assert (first.ended, last.ended) == ("decided", "horizon")
     assert first.failed
     assert first.wanted
@@ -84,7 +84,7 @@ def test_a_missed_deadline_ends_a_trial_only_if_it_is_looked_for_first(tmp_path)
     assert not last.wanted
     assert last.is_afterthought
     assert last.jittered is None
-    told = feedback_of(last, Cube(), last_of)
+    told = feedback_of(last, Cube(), then)
     assert not told.failed
     assert told.signature == ""
     assert told.score > 0.0

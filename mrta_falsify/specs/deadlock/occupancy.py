@@ -179,14 +179,22 @@ class SolidGrid:
 
     def _places_in(self, places: IntArray, point: Array, reach: float) -> set[int]:
         """Find the numbers of the places within ``reach`` [m] of ``point``."""
+        return set(places[self._cells_near(point, reach)].tolist()) - {0}
+
+    def _cells_near(self, point: Array, reach: float) -> tuple[IntArray, IntArray]:
+        """Find rows and columns of the cells whose centres lie within ``reach`` [m]."""
         x, y = point - self._origin
-        left, right = (math.floor((x + side) / self.cell) for side in (-reach, reach))
-        low, high = (math.floor((y + side) / self.cell) for side in (-reach, reach))
-        part = places[max(0, low) : max(0, high + 1), max(0, left) : max(0, right + 1)]
-        rows, cols = np.indices(part.shape)
-        dx = (cols + max(0, left) + 0.5) * self.cell - x
-        dy = (rows + max(0, low) + 0.5) * self.cell - y
-        return set(part[dx * dx + dy * dy <= reach * reach].tolist()) - {0}
+        rows, cols = (
+            np.arange(
+                max(0, math.floor((at - reach) / self.cell)),
+                min(count, math.floor((at + reach) / self.cell) + 1),
+            )
+            for at, count in zip((y, x), self._shape, strict=True)
+        )
+        dx, dy = (cols + 0.5) * self.cell - x, (rows + 0.5) * self.cell - y
+        is_near = dx * dx + (dy * dy)[:, None] <= reach * reach
+        row, col = is_near.nonzero()
+        return rows[row], cols[col]
 
     def _pieces_at(self, time: float) -> Pieces:
         """Find the outlines of all furniture and blockages that stand now, by number."""
@@ -212,11 +220,9 @@ class SolidGrid:
         self, places: IntArray, owner: Owners, point: Array, reach: float
     ) -> frozenset[int]:
         """Find the solids around the free place that ``point`` is in, and those on the point."""
-        rows, cols = np.indices(owner.shape)
-        x, y = point - self._origin
-        near = np.hypot((cols + 0.5) * self.cell - x, (rows + 0.5) * self.cell - y) <= reach
-        inside = np.isin(places, np.unique(places[near & (places > 0)])) & (places > 0)
-        grown = binary_dilation(inside | near, structure=np.ones((3, 3)))
+        inside = np.isin(places, list(self._places_in(places, point, reach)))
+        inside[self._cells_near(point, reach)] = True
+        grown = binary_dilation(inside, structure=np.ones((3, 3)))
         return frozenset(np.unique(owner[grown]).tolist()) - {0}
 
     def _disc(self, point: Array, radius: float) -> Disc:

@@ -60,7 +60,8 @@ def bench(
     """Measure every layer on one core.
 
     Args:
-        robots: fleet sizes to run with all layers and 8 people.
+        robots: fleet sizes to run with all layers and 8 people; in a warehouse without people
+            where the hospital has no room for them.
         seconds: simulated time per fleet [s], >= 10.
         engines: on which the fleets are run; always on the stack's own.
         stack: the stack, or its YAML file; the default stack if None.

@@ -65,7 +65,7 @@ def time_fleet(world: World, config: StackConfig, robots: int, seconds: float) -
     that the copy starts, too. Fleets of more than ``COPIED_UP_TO`` robots run without copies.
 
     Args:
-        world: with people, who stay.
+        world: with people, who stay; a fleet that is too large for it drives elsewhere, without.
         config: the stack.
         robots: of the fleet, all with tasks.
         seconds: simulated time [s].
