@@ -87,12 +87,17 @@ def pick_room(places: Places, share: float) -> int:
 
 @lifted
 def pick_other_room(places: Places, room: Any, share: float) -> int:
-    """Pick a room other than ``room``, at ``share`` in [0, 1) of the list of others."""
+    """Pick a room other than ``room``, at ``share`` in [0, 1) of the list of others.
+
+    A share means nearly the same room whatever ``room`` is, so that a search can send several
+    robots to one.
+    """
     rooms = len(places.layout.rooms)
     first = places.room_number(room)
     if rooms < 2:
         return first
-    return (first + 1 + min(int(share * (rooms - 1)), rooms - 2)) % rooms
+    among_others = min(int(share * (rooms - 1)), rooms - 2)
+    return among_others + (among_others >= first)
 
 
 @lifted
