@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,8 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.seeding import stream
 
+ALIKE = 0.4  # usual chance that an object drawn anew takes after one of its kin
+NEARLY = 0.03  # spread about the value of one of its kin
 BLAMED = 4.0  # times as often as others is an object changed that took part
 
 
@@ -76,14 +78,21 @@ class Mutator:
     cube: Cube
     redraw: float = 0.3  #: chance that a chosen object is drawn anew instead of moved
     mean_blocks: float = 2.0  #: objects changed on average, at least one
+    alike: float = 0.0  #: chance that an object drawn anew takes after one of its kin
     blocks: tuple[tuple[int, ...], ...] = field(init=False)  #: coordinates by object
     _block_of: IntArray = field(init=False)  #: ``(k,)``
+    _kin: tuple[tuple[int, ...], ...] = field(init=False)  #: others of its family, by coordinate
 
     def __post_init__(self) -> None:
         self.blocks = self.cube.blocks()
         self._block_of = np.zeros(self.cube.dimensions, dtype=np.int64)
         for number, block in enumerate(self.blocks):
             self._block_of[list(block)] = number
+        kin: list[tuple[int, ...]] = [()] * self.cube.dimensions
+        for family in self.cube.families():
+            for i in family:
+                kin[i] = tuple(j for j in family if j != i)
+        self._kin = tuple(kin)
 
     def child(
         self,
@@ -111,10 +120,21 @@ class Mutator:
             block = list(blocks[chosen])
             if random.random() < self.redraw:
                 u[block] = random.random(len(block))
+                if self.alike and random.random() < self.alike:
+                    self._fill_alike(u, block, random)
                 continue
             for i in block:
                 u[i] = self._moved(u[i], self.cube.level(i), step, random)
         return u
+
+    def _fill_alike(self, u: Array, block: Sequence[int], random: np.random.Generator) -> None:
+        """Take the coordinates of ``block`` from an object of its kind, or nearly."""
+        which = float(random.random())  # the same object for all of them, where there is one
+        for i in block:
+            if kin := self._kin[i]:
+                of_kin = u[kin[int(which * len(kin))]]
+                is_level = self.cube.level(i) > 0
+                u[i] = of_kin if is_level else reflect(of_kin + float(random.normal(0.0, NEARLY)))
 
     def _chances(self, blamed: Collection[int]) -> Array:
         """Weigh the blocks, ``(b,)``; the sum is 1."""

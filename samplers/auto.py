@@ -12,6 +12,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import NEAR_DEADLOCK, Cube, Feedback
 from mrta_falsify.core.protocols import Sampler, SkippingSampler
 from samplers.asking import Counter
+from samplers.coincidences import CoincidencesSampler
 from samplers.cross_entropy import CrossEntropySampler
 from samplers.evolution import EvolutionSampler
 from samplers.local_search import LocalSearchSampler
@@ -20,6 +21,7 @@ from samplers.surrogate import SurrogateSampler
 
 #: share that the model of all results has for certain: on smooth margins nothing comes near it
 CERTAIN = {"surrogate": 0.65}
+LOADS_SHARE = 0.5  # of what the model of all results proposes
 SLOPE = 0.3  # of the score of a run that passes
 LEAST = 0.05  # margin to a deadlock of a run without one
 DEADLOCK = "no_deadlock"
@@ -33,9 +35,11 @@ class AutoSampler:
     count by rank, so that their scale does not matter. Rewards fade, and every arm keeps a share.
 
     How near a run came to a deadlock is a margin of its own, and part of the score, so that there
-    is a slope where no specification has one. The first proposals are uniform, and so is one in
-    five after them, whatever has been found: they say what a search cannot, how probable a failure
-    is and how much is still unseen.
+    is a slope where no specification has one. Where no margin leads, loads are driven up, and
+    coincidences are tried (:class:`~samplers.coincidences.CoincidencesSampler`).
+
+    The first proposals are uniform, and so is one in five after them, whatever has been found: they
+    say what a search cannot, how probable a failure is and how much is still unseen.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,15 +56,24 @@ class AutoSampler:
         slope: bool = True  #: whether how near a run came to a deadlock counts
         coverage: bool = True  #: whether new situations count
         blame: bool = True  #: whether children change first who took part
+        loads: bool = True  #: whether loads are driven up
+        kin: bool = True  #: whether coincidences are proposed and learnt
 
     def __init__(self, options: Options) -> None:
         self._options = options
         self._counter = Counter("auto", options.seed)
         cube, seed = options.cube, options.seed
+        if not options.kin:
+            cube = dataclasses.replace(cube, kin=())
         self._arms: dict[str, Sampler] = {
             "surrogate": SurrogateSampler(
                 SurrogateSampler.Options(
-                    cube=cube, seed=seed, initial=2, explore=0.0, robust=options.robust
+                    cube=cube,
+                    seed=seed,
+                    initial=2,
+                    explore=0.0,
+                    robust=options.robust,
+                    loads=LOADS_SHARE if options.loads else 0.0,
                 )
             ),
             "evolution": EvolutionSampler(EvolutionSampler.Options(cube=cube, seed=seed)),
@@ -70,6 +83,10 @@ class AutoSampler:
         if options.coverage:
             self._arms["situations"] = SituationsSampler(
                 SituationsSampler.Options(cube=cube, seed=seed)
+            )
+        if cube.families():
+            self._arms["coincidences"] = CoincidencesSampler(
+                CoincidencesSampler.Options(cube=cube, seed=seed)
             )
         self._reward = dict.fromkeys(self._arms, 1.0)
         self._cost = dict.fromkeys(self._arms, 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import BestResults, Counter, Mutator
+from samplers.asking import ALIKE, BestResults, Counter, Mutator
 
 SMALLEST_STEP, LARGEST_STEP = 0.02, 0.4
 
@@ -40,7 +40,7 @@ class EvolutionSampler:
     def __init__(self, options: Options) -> None:
         self._options = options
         self._counter = Counter("evolution", options.seed)
-        self._mutator = Mutator(options.cube)
+        self._mutator = Mutator(options.cube, alike=ALIKE)
         self._memory = BestResults(options.parents)
         self._step = options.step
 

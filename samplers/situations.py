@@ -10,7 +10,7 @@ import numpy as np
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, Mutator
+from samplers.asking import ALIKE, Counter, Mutator
 
 
 class SituationsSampler:
@@ -35,7 +35,7 @@ class SituationsSampler:
     def __init__(self, options: Options) -> None:
         self._options = options
         self._counter = Counter("situations", options.seed)
-        self._mutator = Mutator(options.cube)
+        self._mutator = Mutator(options.cube, alike=ALIKE)
         self._told: list[Feedback] = []
         self._seen: Counts[str] = Counts()
         self._children: Counts[int] = Counts()  # by number of the parent

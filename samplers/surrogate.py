@@ -15,28 +15,36 @@ from scipy.special import log_ndtr, logsumexp
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import BestResults, Counter, Mutator
+from mrta_falsify.core.feedback import LOADS, Cube, Feedback
+from samplers.asking import ALIKE, BestResults, Counter, Mutator
+from samplers.coincidences import Gathering
 
 PARENTS = 8  # best scenes that have children
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
+DEGREES = (1, 2)  # of the polynomial that the linear part is
+KINS = (0.0, 0.4, 0.8)  # share of what pairs of kin coordinates explain that are about one value
 ROUGHS = (0.02, 0.2, 0.6)  # share of the variance that only points close by explain
 CLOSE = 0.1  # distance in the cube at which they do: about the same scene, about the same run
 NUGGET = 1e-6  # so that equal points do not make the covariance singular
 REFIT = 10  # weights are chosen anew when a tenth more results are known
 BESIDE = 0.1  # distance in the cube within which a known failure repels
 SPARE = 1e-6  # margins that vary less than this say nothing
+ABOUT = 0.15  # distance in a coordinate of what is about one value
+USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
+GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
+BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
 class SurrogateSampler:
     """Gaussian processes, one per specification, choose among many children of good scenes.
 
-    The kernel is a sum of three parts: a linear one over all coordinates, a smooth one of each
-    object, and a rough one that only about the same scenes share (an additive Gaussian process,
-    Duvenaud et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few
-    weights are those of largest marginal likelihood on a small grid.
+    The kernel is a sum of four parts: a linear one over all coordinates or one of their products,
+    a smooth one of each object, one of coincidences (which kin coordinates are about one value),
+    and a rough one that only about the same scenes share (an additive Gaussian process, Duvenaud
+    et al. 2011). So dozens of coordinates can be learnt from dozens of results. Its few weights are
+    those of largest marginal likelihood on a small grid.
 
     Some hundred candidates are drawn, mostly children of the best scenes as
     :class:`~samplers.evolution.EvolutionSampler` makes them. The one most likely to violate some
@@ -58,11 +66,14 @@ class SurrogateSampler:
         memory: int = quantity(low=8, default=128)  #: results the models are made from
         explore: float = quantity(low=0.0, high=1.0, default=0.05)  #: chance of a uniform proposal
         robust: bool = False  #: whether knife edges are not wanted
+        loads: float = quantity(low=0.0, high=1.0, default=0.5)
+        """Share of the proposals that drive a load up instead of a margin down."""
 
     def __init__(self, options: Options) -> None:
         self._options = options
         self._counter = Counter("surrogate", options.seed)
-        self._mutator = Mutator(options.cube)
+        self._mutator = Mutator(options.cube, alike=ALIKE)
+        self._gathering = Gathering(options.cube)
         self._features = _Features(options.cube)
         self._best = BestResults(PARENTS)
         self._kept = BestResults(options.memory // 2)
@@ -71,6 +82,8 @@ class SurrogateSampler:
         self._violations: Counts[str] = Counts()  # by specification
         self._models: dict[str, _Model] = {}
         self._refit_at = 0
+        self._heaviest = dict.fromkeys(LOADS, 0.0)
+        self._tries = dict.fromkeys(LOADS, 0)  # to drive it up, since it last went up
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -79,8 +92,29 @@ class SurrogateSampler:
         young = self._kept.told < options.initial or not options.cube.dimensions
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(options.cube.dimensions))
-        candidates = self._candidates(random)
-        return self._counter.proposal(candidates[int(np.argmax(self._promise(candidates)))])
+        load = self._load(random) if random.random() < options.loads else ""
+        if load:
+            self._tries[load] += 1
+            parents = sorted(self.results(), key=lambda of: -of.descriptors.get(load, 0.0))
+            candidates = self._candidates(random, parents[:PARENTS])
+            promise = self._heaviness(candidates, load)
+        else:
+            candidates = self._candidates(random, self._best.best)
+            promise = self._promise(candidates)
+        return self._counter.proposal(candidates[int(np.argmax(promise))])
+
+    def _load(self, random: np.random.Generator) -> str:
+        """Choose a load to drive up, less often one that has not gone up for long; "": none."""
+        told = [feedback.descriptors for feedback in self.results()]
+        varying = [
+            name
+            for name in LOADS
+            if max(t.get(name, 0.0) for t in told) - min(t.get(name, 0.0) for t in told) > SPARE
+        ]
+        if not varying:
+            return ""
+        weight = np.array([1.0 / (1.0 + self._tries[name]) for name in varying])
+        return str(random.choice(varying, p=weight / weight.sum()))
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
@@ -95,6 +129,10 @@ class SurrogateSampler:
         if feedback.failed:
             self._signatures.add(feedback.signature)
             self._violations.update(n for n, margin in feedback.objectives.items() if margin < 0.0)
+        for name, most in self._heaviest.items():
+            if feedback.descriptors.get(name, 0.0) > most:
+                self._heaviest[name] = feedback.descriptors[name]
+                self._tries[name] = 0
         self._kept.add(feedback)
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
@@ -110,12 +148,13 @@ class SurrogateSampler:
         known = {feedback.number: feedback for feedback in (*self._kept.best, *self._recent)}
         return [known[number] for number in sorted(known)]
 
-    def _candidates(self, random: np.random.Generator) -> Array:
-        """Draw children of the best scenes, and one in five uniformly, ``(n, k)``."""
-        parents, rows = self._best.best, []
+    def _candidates(self, random: np.random.Generator, parents: Sequence[Feedback]) -> Array:
+        """Draw children of ``parents``, and one in five anew, half of these gathered."""
+        rows = []
         for i in range(self._options.candidates):
             if i % 5 == 0:
-                rows.append(random.random(self._options.cube.dimensions))
+                u = random.random(self._options.cube.dimensions)
+                rows.append(self._gathering.gathered(u, random) if i % 10 == 0 else u)
                 continue
             first, second = random.integers(len(parents), size=2)
             parent = parents[int(min(first, second))]
@@ -132,8 +171,24 @@ class SurrogateSampler:
         seen = self._features.of(np.array([feedback.u for feedback in results]))
         inside = _Parts.between(seen, seen)
         self._models = {}
-        for alike in _grouped(_varying(results), lambda margin: margin.noise.tobytes()):
+        told = [*_varying(results), *(_loads_of(results) if self._options.loads else ())]
+        for alike in _grouped(told, lambda margin: margin.noise.tobytes()):
             self._models |= _likeliest(inside, alike)
+
+    def _heaviness(self, candidates: Array, load: str) -> Array:
+        """Estimate how heavy ``load`` may get, in standard deviations, ``(n,)``."""
+        results = self.results()
+        told = np.array([feedback.descriptors.get(load, 0.0) for feedback in results])
+        margin = _margin(load, told, np.zeros(len(told)))
+        seen = self._features.of(np.array([feedback.u for feedback in results]))
+        asked = self._features.of(candidates)
+        model = self._models.get(load, DEFAULT)
+        inside, across = _Parts.between(seen, seen), _Parts.between(seen, asked)
+        prior = _Parts.of_points(asked)
+        mean, deviation = model.predict(
+            inside, across, prior, [margin], robust=self._options.robust
+        )
+        return mean[:, 0] + BOLD * deviation
 
     def _promise(self, candidates: Array) -> Array:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
@@ -171,12 +226,14 @@ class _Points:
 
     linear: Array  #: (n, f) centred; levels of discrete coordinates as indicators
     blocks: tuple[Array, ...]  #: by object, (n, f_b): coordinates, indicators over root two
+    pairs: Array  #: (n, p) of kin coordinates, how alike they are, and of families as a whole
 
 
 class _Features:
     """Points of the cube as :class:`_Points`."""
 
     def __init__(self, cube: Cube) -> None:
+        self._families = [(list(kin), cube.level(kin[0])) for kin in cube.families()]
         gains: list[float] = []
         shifts: list[float] = []
         self._smooth: list[tuple[int, int]] = []  # coordinate, its column
@@ -205,7 +262,22 @@ class _Features:
             level = np.minimum((points[:, i] * levels).astype(np.int64), levels - 1)
             columns[:, first : first + levels] = np.eye(levels)[level] / np.sqrt(2.0)
         linear = columns * self._gains + self._shifts
-        return _Points(linear, tuple(columns[:, block] for block in self._blocks))
+        blocks = tuple(columns[:, block] for block in self._blocks)
+        pairs = [np.zeros((len(points), 0))]
+        for family, levels in self._families:
+            alike = _alike(points[:, family], levels)
+            each = (alike[:, *np.triu_indices(len(family), 1)] - USUAL) * USUAL_GAIN
+            pairs.append(each * np.sqrt(len(family) / each.shape[1]))
+            pairs.append((alike.mean(axis=2).max(axis=1)[:, None] - 0.5) * GATHERED_GAIN)
+        return _Points(linear, blocks, np.column_stack(pairs))
+
+
+def _alike(values: Array, levels: int) -> Array:
+    """Say which of kin coordinates ``(n, m)`` are about one value, ``(n, m, m)`` in [0, 1]."""
+    if levels:
+        level = np.minimum((values * levels).astype(np.int64), levels - 1)
+        return np.asarray(level[:, :, None] == level[:, None, :], dtype=np.float64)
+    return np.exp(-(((values[:, :, None] - values[:, None, :]) / ABOUT) ** 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,6 +285,7 @@ class _Parts:
     """The parts of the kernel between two sets of points, ``(n, m)`` each."""
 
     linear: Array  #: about 1 for a point with itself
+    kin: Array  #: likewise, of what is alike among kin
     smooth: dict[float, Array]  #: mean over objects of a rational quadratic, by length scale
     apart: Array  #: squared distance over all objects
 
@@ -230,14 +303,16 @@ class _Parts:
                 np.add(total, 1.0 / (1.0 + squares / (2.0 * length**2)), out=total)
         count = max(len(some.blocks), 1)
         shares = {length: total / count for length, total in smooth.items()}
-        return cls(some.linear @ others.linear.T / width, shares, apart)
+        kin = some.pairs @ others.pairs.T / max(some.pairs.shape[1], 1)
+        return cls(some.linear @ others.linear.T / width, kin, shares, apart)
 
     @classmethod
     def of_points(cls, points: _Points) -> _Parts:
         """Compute the parts of each point with itself, ``(n,)``."""
         ones = np.ones(len(points.linear))
         linear = (points.linear**2).sum(axis=1) / max(points.linear.shape[1], 1)
-        return cls(linear, dict.fromkeys(LENGTHS, ones), np.zeros(len(points.linear)))
+        kin = (points.pairs**2).sum(axis=1) / max(points.pairs.shape[1], 1)
+        return cls(linear, kin, dict.fromkeys(LENGTHS, ones), np.zeros(len(points.linear)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,11 +322,14 @@ class _Model:
     linear: float  #: share of the linear part
     length: float  #: of the smooth part
     rough: float  #: share of the part that only points close by explain
+    kin: float = 0.0  #: share of what coincidences explain
+    degree: int = 1  #: of the linear part: 2 has products of two coordinates, too
 
     def kernel(self, parts: _Parts, *, robust: bool = False) -> Array:
         """Compute covariances of results; with ``robust``, of results without the rough part."""
-        smooth = (1.0 - self.linear) * parts.smooth[self.length]
-        far = (1.0 - self.rough) * (self.linear * parts.linear + smooth)
+        linear = parts.linear if self.degree == 1 else 0.5 * (parts.linear + parts.linear**2)
+        own = self.linear * linear + (1.0 - self.linear) * parts.smooth[self.length]
+        far = (1.0 - self.rough) * ((1.0 - self.kin) * own + self.kin * parts.kin)
         if robust:
             return far
         return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
@@ -315,10 +393,25 @@ def _varying(results: Sequence[Feedback]) -> list[_Margin]:
     for name in sorted({name for feedback in results for name in feedback.objectives}):
         told = np.array([feedback.objectives.get(name, 1.0) for feedback in results])
         if np.ptp(told) > SPARE:
-            centre, scale = float(told.mean()), float(told.std())
-            noise = np.array([feedback.noise.get(name, 0.0) for feedback in results]) / scale**2
-            margins.append(_Margin(name, (told - centre) / scale, noise, centre, scale))
+            noise = np.array([feedback.noise.get(name, 0.0) for feedback in results])
+            margins.append(_margin(name, told, noise))
     return margins
+
+
+def _loads_of(results: Sequence[Feedback]) -> list[_Margin]:
+    """Collect the loads that tell results apart."""
+    nothing = np.zeros(len(results))
+    told = {
+        name: np.array([feedback.descriptors.get(name, 0.0) for feedback in results])
+        for name in LOADS
+    }
+    return [_margin(name, of, nothing) for name, of in told.items() if np.ptp(of) > SPARE]
+
+
+def _margin(name: str, told: Array, noise: Array) -> _Margin:
+    """Shift and scale values ``(n,)`` with their variances ``(n,)``."""
+    centre, scale = float(told.mean()), float(told.std())
+    return _Margin(name, (told - centre) / scale, noise / scale**2, centre, scale)
 
 
 def _grouped(margins: Iterable[_Margin], key: Callable[[_Margin], Hashable]) -> list[list[_Margin]]:
@@ -336,7 +429,10 @@ def _columns(margins: Sequence[_Margin]) -> Array:
 
 def _likeliest(inside: _Parts, margins: Sequence[_Margin]) -> dict[str, _Model]:
     """Choose the model of largest marginal likelihood for each of margins of one noise."""
-    models = [_Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS)]
+    kins = KINS if inside.kin.any() else KINS[:1]
+    models = [
+        _Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS, kins, DEGREES)
+    ]
     likelihoods = np.array([model.log_likelihood(inside, margins) for model in models])
     best = likelihoods.argmax(axis=0)
     return {margin.name: models[i] for margin, i in zip(margins, best, strict=True)}

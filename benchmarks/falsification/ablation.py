@@ -25,5 +25,7 @@ PARTS = {
     "auto_without_slope": Choice("auto", {"slope": False}),
     "auto_without_situations": Choice("auto", {"coverage": False}),
     "auto_without_blame": Choice("auto", {"blame": False}),
+    "auto_without_loads": Choice("auto", {"loads": False}),
+    "auto_without_kin": Choice("auto", {"kin": False}),
     "auto_without_noise": Choice(f"{__name__}:{WithoutNoise.__name__}"),
 }

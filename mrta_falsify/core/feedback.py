@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Literal
@@ -12,6 +13,8 @@ from mrta_falsify.core.codec import later, quantity
 
 #: an objective that no specification has: how near a run came to a deadlock
 NEAR_DEADLOCK = "near_deadlock"
+#: descriptors of how much a run asked of the stack, see :mod:`mrta_falsify.specs.loads`
+LOADS = ("queue", "waiting", "chain", "crowd", "waited", "rerouted")
 #: a narrow place used against each other by a hair is as near as a cycle that just closed
 ENCROACHMENT_COUNTS = 0.5
 #: how a proposal ended, as a sampler sees it
@@ -26,6 +29,7 @@ class Cube:
     levels: tuple[int, ...] = ()  #: values of a discrete coordinate, 0: continuous; () : all are
     groups: tuple[int, ...] = ()  #: coordinates of one object share a number; (): none do
     owners: tuple[str, ...] = later(())  #: names of the objects by number; (): not known
+    kin: tuple[int, ...] = later(())  #: coordinates that say the same of like objects share one
 
     def level(self, i: int) -> int:
         """Count the values of coordinate ``i``, 0: continuous."""
@@ -40,6 +44,13 @@ class Cube:
             found.setdefault(group, []).append(i)
         return tuple(tuple(block) for block in found.values())
 
+    def families(self) -> tuple[tuple[int, ...], ...]:
+        """Group the coordinates that say the same of several objects, in order of the objects."""
+        found: dict[int, list[int]] = {}
+        for i, family in enumerate(self.kin):
+            found.setdefault(family, []).append(i)
+        return tuple(tuple(family) for family in found.values() if len(family) > 1)
+
     def blocks_of(self, names: Collection[str]) -> tuple[int, ...]:
         """Find the blocks of named objects; ``tasks[3]`` stands for all of its fields."""
         return tuple(
@@ -50,9 +61,19 @@ class Cube:
 
 
 def cube_of(space: SearchSpace) -> Cube:
-    """Build the cube of a search space; a dimension's object is its name up to the first dot."""
-    owners = [dimension.name.split(".", 1)[0] for dimension in space.dimensions]
+    """Build the cube of a search space.
+
+    A dimension's object is its name up to the first dot; each parameter is one. Dimensions are kin
+    whose names differ in the first number only (``tasks[0][2]`` and ``tasks[1][2]``), if they have
+    as many values.
+    """
+    owners = [_owner(dimension.name) for dimension in space.dimensions]
     numbers = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
+    fields = [
+        (re.sub(r"\d+", "#", dimension.name, count=1), dimension.kind, dimension.choices)
+        for dimension in space.dimensions
+    ]
+    families = {name: i for i, name in enumerate(dict.fromkeys(fields))}
     return Cube(
         dimensions=len(space.dimensions),
         levels=tuple(
@@ -61,7 +82,13 @@ def cube_of(space: SearchSpace) -> Cube:
         ),
         groups=tuple(numbers[owner] for owner in owners),
         owners=tuple(numbers),
+        kin=tuple(families[name] for name in fields),
     )
+
+
+def _owner(name: str) -> str:
+    """Name the object of a dimension: ``bed1.position.0`` is of ``bed1``."""
+    return name if name.startswith("param ") else name.split(".", 1)[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,7 +8,8 @@ run showed. All of them lie in [0, 1] and exist for every run, failing or not:
     ``robots``: how many robots were blocked at the worst moment, as a share of the fleet;
     ``cause``: what blocked the robot that waited longest, by ``CAUSES``;
     ``wait``: how long it waited, 60 s or more being 1;
-    ``cycle``, ``encroachment``: how near it came to a deadlock (:mod:`.near_deadlock`).
+    ``cycle``, ``encroachment``: how near it came to a deadlock (:mod:`.near_deadlock`);
+    the loads of the run (:mod:`.loads`).
 
 Beside them stand the situations of a run (:mod:`.situations`), and who took part when it was
 nearest to a deadlock: what a search changes first.
@@ -19,15 +20,16 @@ from __future__ import annotations
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.feedback import ENCROACHMENT_COUNTS
+from mrta_falsify.core.feedback import ENCROACHMENT_COUNTS, LOADS
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.loads import Loads
 from mrta_falsify.specs.near_deadlock import AlmostCycles, Encroachments
 from mrta_falsify.specs.situations import Situations
 
 #: resources and obstacles told apart, in the order of the descriptor ``cause``
 CAUSES = ("none", "cluster", "barrier", "queue", "no-path", "wall", "human", "stalled")
-NAMES = ("x", "y", "robots", "cause", "wait", "cycle", "encroachment")
+NAMES = ("x", "y", "robots", "cause", "wait", "cycle", "encroachment", *LOADS)
 LONGEST_WAIT = 60.0  # s; longer waits have the same descriptor
 DESCRIBE_EVERY = 0.5  # s between two looks
 
@@ -41,6 +43,7 @@ class Descriptors:
         self._cycles = AlmostCycles(world)
         self._encroachments = Encroachments(world)
         self._situations = Situations(world)
+        self._loads = Loads(len(world.robots))
         self._tasks: dict[int, set[int]] = {}  # told of, by robot
         self._robots = max(len(world.robots), 1)
         self._stride = max(1, round(DESCRIBE_EVERY / dt))
@@ -56,12 +59,14 @@ class Descriptors:
         sensed = frame.sensed
         if frame.events:
             self._situations.update_events(frame)
+            self._loads.update_events(frame)
             for event in frame.events:
                 if event.robot >= 0 and event.task >= 0:
                     self._tasks.setdefault(event.robot, set()).add(event.task)
         if sensed.tick % self._stride:
             return
         self._situations.update_waits(frame)
+        self._loads.update(frame)
         self._cycles.update(frame)
         self._encroachments.update(frame)
         causes = {edge.robot: edge.cause for edge in frame.blocked_by if edge.cause != "task"}
@@ -100,6 +105,7 @@ class Descriptors:
             "wait": min(self._wait / LONGEST_WAIT, 1.0),
             "cycle": self._cycles.nearest.closeness,
             "encroachment": self._encroachments.nearest.closeness,
+            **self._loads.values(),
         }
 
     def situations(self) -> tuple[str, ...]:

@@ -157,15 +157,28 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
             Dimension(name="bed_1.position.1", kind="point"),
             Dimension(name="tasks[0][1]", kind="integer", choices=6),
             Dimension(name="bed_1.yaw", kind="range"),
+            Dimension(name="param layout.door_width[0]", kind="range"),
+            Dimension(name="param layout.door_width[1]", kind="range"),
+            Dimension(name="tasks[1][1]", kind="integer", choices=6),
+            Dimension(name="tasks[2][1]", kind="integer", choices=5),
         )
     )
     assert cube_of(space) == Cube(
-        dimensions=4,
-        levels=(0, 0, 6, 0),
-        groups=(0, 0, 1, 0),
-        owners=("bed_1", "tasks[0][1]"),
+        dimensions=8,
+        levels=(0, 0, 6, 0, 0, 0, 6, 5),
+        groups=(0, 0, 1, 0, 2, 3, 4, 5),
+        owners=(
+            "bed_1",
+            "tasks[0][1]",
+            "param layout.door_width[0]",
+            "param layout.door_width[1]",
+            "tasks[1][1]",
+            "tasks[2][1]",
+        ),
+        kin=(0, 1, 2, 3, 4, 4, 2, 5),
     )
-    assert cube_of(space).blocks() == ((0, 1, 3), (2,))
+    assert cube_of(space).blocks() == ((0, 1, 3), (2,), (4,), (5,), (6,), (7,))
+    assert cube_of(space).families() == ((2, 6), (4, 5))
     assert cube_of(space).blocks_of({"tasks[0]", "robot1"}) == (1,)
     assert cube_of(space).blocks_of({"bed_1", "tasks[0][1]", "bed"}) == (0, 1)
 

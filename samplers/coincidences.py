@@ -1,0 +1,76 @@
+"""Scenes in which like things happen at once: what robots contend for is seldom drawn by chance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.feedback import Cube, Feedback
+from samplers.asking import Counter, reflect
+
+WIDTHS = (0.01, 0.3)  # of the part of a range in which a family gathers
+
+
+class CoincidencesSampler:
+    """Draws what like objects have in common from one narrow part of its range.
+
+    Robots get into each other's way where several want one place at one time. Uniform draws of
+    dozens of coordinates hardly ever agree. Here each family of kin coordinates (all arrivals, all
+    destinations, all starts) is gathered with an even chance: a random part of its members lies
+    around one value, or around two. The same objects gather in all families. Swarm testing draws
+    its configurations in the same way (Groce et al. 2012).
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Options of :class:`CoincidencesSampler`."""
+
+        cube: Cube = Cube()
+        seed: int = quantity(low=0, default=0)
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._counter = Counter("coincidences", options.seed)
+        self._gathering = Gathering(options.cube)
+
+    def ask(self) -> Proposal:
+        """Make the next proposal."""
+        random = self._counter.stream()
+        u = random.random(self._options.cube.dimensions)
+        return self._counter.proposal(self._gathering.gathered(u, random))
+
+    def skip(self) -> None:
+        """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
+        self._counter.next += 1
+
+    def tell(self, feedback: Feedback) -> None:
+        """Learn nothing."""
+
+
+class Gathering:
+    """Gathers kin coordinates of a point about common values."""
+
+    def __init__(self, cube: Cube) -> None:
+        self._cube = cube
+        self._families = cube.families()
+
+    def gathered(self, u: Array, random: np.random.Generator) -> Array:
+        """Gather some families of ``u`` ``(k,)``, each with an even chance."""
+        u = np.array(u)
+        place = random.random(max(map(len, self._families), default=0))
+        for family in self._families:
+            if random.random() < 0.5:
+                continue
+            share = float(random.uniform(0.4, 1.6))  # who is below it gathers
+            width = float(np.exp(random.uniform(*np.log(WIDTHS))))
+            centres = random.random(1 if random.random() < 0.7 else 2)
+            for member, i in enumerate(family):
+                if place[member] < share:
+                    centre = float(random.choice(centres))
+                    off = width * float(random.uniform(-0.5, 0.5))
+                    u[i] = centre if self._cube.level(i) else reflect(centre + off)
+        return u
