@@ -34,6 +34,7 @@ SPARE = 1e-6  # margins that vary less than this say nothing
 ABOUT = 0.15  # distance in a coordinate of what is about one value
 USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
+TIRED = 10  # results after which a load that does not go up is chosen half as often
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
@@ -83,7 +84,7 @@ class SurrogateSampler:
         self._models: dict[str, _Model] = {}
         self._refit_at = 0
         self._heaviest = dict.fromkeys(LOADS, 0.0)
-        self._tries = dict.fromkeys(LOADS, 0)  # to drive it up, since it last went up
+        self._since_heaviest = dict.fromkeys(LOADS, 0)  # results told
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -94,7 +95,6 @@ class SurrogateSampler:
             return self._counter.proposal(random.random(options.cube.dimensions))
         load = self._load(random) if random.random() < options.loads else ""
         if load:
-            self._tries[load] += 1
             parents = sorted(self.results(), key=lambda of: -of.descriptors.get(load, 0.0))
             candidates = self._candidates(random, parents[:PARENTS])
             promise = self._heaviness(candidates, load)
@@ -113,7 +113,7 @@ class SurrogateSampler:
         ]
         if not varying:
             return ""
-        weight = np.array([1.0 / (1.0 + self._tries[name]) for name in varying])
+        weight = np.array([1.0 / (TIRED + self._since_heaviest[name]) for name in varying])
         return str(random.choice(varying, p=weight / weight.sum()))
 
     def skip(self) -> None:
@@ -130,9 +130,10 @@ class SurrogateSampler:
             self._signatures.add(feedback.signature)
             self._violations.update(n for n, margin in feedback.objectives.items() if margin < 0.0)
         for name, most in self._heaviest.items():
+            self._since_heaviest[name] += 1
             if feedback.descriptors.get(name, 0.0) > most:
                 self._heaviest[name] = feedback.descriptors[name]
-                self._tries[name] = 0
+                self._since_heaviest[name] = 0
         self._kept.add(feedback)
         self._recent.append(feedback)
         del self._recent[: -self._options.memory // 2]
