@@ -34,7 +34,7 @@ SPARE = 1e-6  # margins that vary less than this say nothing
 ABOUT = 0.15  # distance in a coordinate of what is about one value
 USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
-TIRED = 10  # results after which a load that does not go up is chosen half as often
+TIRED = 10  # results without success after which something is tried half as often
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
@@ -83,6 +83,7 @@ class SurrogateSampler:
         self._violations: Counts[str] = Counts()  # by specification
         self._models: dict[str, _Model] = {}
         self._refit_at = 0
+        self._edges = 0  # knife edges since the last robust failure
         self._heaviest = dict.fromkeys(LOADS, 0.0)
         self._since_heaviest = dict.fromkeys(LOADS, 0)  # results told
 
@@ -93,7 +94,7 @@ class SurrogateSampler:
         young = self._kept.told < options.initial or not options.cube.dimensions
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(options.cube.dimensions))
-        load = self._load(random) if random.random() < options.loads else ""
+        load = self._load(random) if random.random() < self._share_of_loads() else ""
         if load:
             parents = sorted(self.results(), key=lambda of: -of.descriptors.get(load, 0.0))
             candidates = self._candidates(random, parents[:PARENTS])
@@ -102,6 +103,11 @@ class SurrogateSampler:
             candidates = self._candidates(random, self._best.best)
             promise = self._promise(candidates)
         return self._counter.proposal(candidates[int(np.argmax(promise))])
+
+    def _share_of_loads(self) -> float:
+        """Say how often a load is driven up: more often, if margins lead to knife edges only."""
+        margins = (1.0 - self._options.loads) * TIRED / (TIRED + self._edges)
+        return 1.0 - margins if self._options.loads else 0.0
 
     def _load(self, random: np.random.Generator) -> str:
         """Choose a load to drive up, less often one that has not gone up for long; "": none."""
@@ -128,6 +134,7 @@ class SurrogateSampler:
             self._best.add(feedback)
         if feedback.failed:
             self._signatures.add(feedback.signature)
+            self._edges = self._edges + 1 if feedback.score >= 0.0 else 0
             self._violations.update(n for n, margin in feedback.objectives.items() if margin < 0.0)
         for name, most in self._heaviest.items():
             self._since_heaviest[name] += 1

@@ -33,6 +33,7 @@ from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
+MOST_COPIES = 0.5  # of copies have to fail, for a failure to be robust
 MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
 Ended = Literal["budget", "clock", "stop-after", "saturated", "errors"]
 
@@ -149,8 +150,8 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
 
     What is looked for last (``then``) is no objective to it; a failure only in that is none. Nor
     is one that the other stack shares where two are compared. Of a failure with copies it is told
-    the margins to expect: a knife edge looks like the passing worlds around it. The signature of a
-    knife edge differs from that of a robust failure, so a sampler that looks for other kinds of
+    the margins to expect: a knife edge looks like the passing worlds around it, and its score is not
+    below 0, so that a search does not stay there. The signature of a knife edge differs from that of a robust failure, so a sampler that looks for other kinds of
     failure leaves knife edges.
     """
     judged = record.status == "ok"
@@ -158,7 +159,7 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         number=record.number,
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
-        score=record.score,
+        score=record.score if record.jittered is None else MOST_COPIES + record.score,
         objectives={n: told for n, told in _margins_told(record).items() if n not in then},
         noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
