@@ -150,9 +150,9 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
 
     What is looked for last (``then``) is no objective to it; a failure only in that is none. Nor
     is one that the other stack shares where two are compared. Of a failure with copies it is told
-    the margins to expect: a knife edge looks like the passing worlds around it, and its score is not
-    below 0, so that a search does not stay there. The signature of a knife edge differs from that of a robust failure, so a sampler that looks for other kinds of
-    failure leaves knife edges.
+    the margins to expect: a knife edge looks like the passing worlds around it, and its score is
+    not below 0. Its signature differs from that of a robust failure, so a sampler that looks for
+    other kinds of failure leaves knife edges.
     """
     judged = record.status == "ok"
     return Feedback(

@@ -18,7 +18,7 @@ model scenic_worlds.model
 for i in range(4):
     new Robot with name f'robot{i + 1}', with start_room i, with max_speed Range(0.7, 1.5)
 
-param horizon = 120
+param horizon = 150
 param tasks = [
-    delivery(Range(0, 10), i, another_room(i), slack=120, service=Range(0, 8)) for i in range(4)
+    delivery(Range(0, 10), i, another_room(i), slack=150, service=Range(0, 8)) for i in range(4)
 ]

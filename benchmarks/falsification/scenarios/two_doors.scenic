@@ -20,8 +20,8 @@ for i, x in enumerate([first, first + apart]):
 
 param horizon = 150
 param tasks = [
-    delivery(Range(0, 10), start, end, slack=150)
+    delivery(Range(0, 40), start, end, slack=150, robot=f'robot{start + 1}')
     for start, end in [
-        (0, Uniform(2, 3)), (1, Uniform(2, 3)), (2, Uniform(0, 1)), (3, Uniform(0, 1)),
+        (0, Uniform(1, 2)), (1, Uniform(0, 2)), (2, Uniform(1, 3)), (3, Uniform(2, 1)),
     ]
 ]
