@@ -132,9 +132,12 @@ class Mutator:
         which = float(random.random())  # the same object for all of them, where there is one
         for i in block:
             if kin := self._kin[i]:
-                of_kin = u[kin[int(which * len(kin))]]
-                is_level = self.cube.level(i) > 0
-                u[i] = of_kin if is_level else reflect(of_kin + float(random.normal(0.0, NEARLY)))
+                other = kin[int(which * len(kin))]
+                if self.cube.level(i) == 0:
+                    u[i] = reflect(u[other] + float(random.normal(0.0, NEARLY)))
+                    continue
+                label = self.cube.labels_of(other)[level_of(u[other], self.cube.level(other))]
+                u[i] = at_label(label, self.cube.labels_of(i), float(u[i]))
 
     def _chances(self, blamed: Collection[int]) -> Array:
         """Weigh the blocks, ``(b,)``; the sum is 1."""
@@ -152,6 +155,16 @@ class Mutator:
         """Take the objects of two parents, each from either with equal chance."""
         is_others = random.random(len(self.blocks)) < 0.5
         return np.where(is_others[self._block_of], other, one)
+
+
+def level_of(value: float, levels: int) -> int:
+    """Find the level of a discrete coordinate at ``value`` in [0, 1]."""
+    return min(int(value * levels), levels - 1)
+
+
+def at_label(label: int, labels: Sequence[int], otherwise: float) -> float:
+    """Find where in [0, 1] a discrete coordinate has the value ``label``, if it can have it."""
+    return (labels.index(label) + 0.5) / len(labels) if label in labels else otherwise
 
 
 def reflect(value: float) -> float:

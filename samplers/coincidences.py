@@ -10,7 +10,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, reflect
+from samplers.asking import Counter, at_label, reflect
 
 WIDTHS = (0.01, 0.3)  # of the part of a range in which a family gathers
 
@@ -66,11 +66,17 @@ class Gathering:
             if random.random() < 0.5:
                 continue
             share = float(random.uniform(0.4, 1.6))  # who is below it gathers
+            gathering = [i for member, i in enumerate(family) if place[member] < share]
+            if self._cube.level(family[0]):
+                labels = self._cube.labels_of(int(random.choice(family)))
+                chosen = random.choice(labels, size=1 if random.random() < 0.7 else 2)
+                for i in gathering:
+                    label = int(random.choice(chosen))
+                    u[i] = at_label(label, self._cube.labels_of(i), float(u[i]))
+                continue
             width = float(np.exp(random.uniform(*np.log(WIDTHS))))
             centres = random.random(1 if random.random() < 0.7 else 2)
-            for member, i in enumerate(family):
-                if place[member] < share:
-                    centre = float(random.choice(centres))
-                    off = width * float(random.uniform(-0.5, 0.5))
-                    u[i] = centre if self._cube.level(i) else reflect(centre + off)
+            for i in gathering:
+                off = width * float(random.uniform(-0.5, 0.5))
+                u[i] = reflect(float(random.choice(centres)) + off)
         return u

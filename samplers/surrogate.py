@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, logsumexp
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import LOADS, Cube, Feedback
@@ -241,7 +241,10 @@ class _Features:
     """Points of the cube as :class:`_Points`."""
 
     def __init__(self, cube: Cube) -> None:
-        self._families = [(list(kin), cube.level(kin[0])) for kin in cube.families()]
+        self._families = [
+            (list(kin), [np.array(cube.labels_of(i), dtype=np.int64) for i in kin])
+            for kin in cube.families()
+        ]
         gains: list[float] = []
         shifts: list[float] = []
         self._smooth: list[tuple[int, int]] = []  # coordinate, its column
@@ -272,19 +275,26 @@ class _Features:
         linear = columns * self._gains + self._shifts
         blocks = tuple(columns[:, block] for block in self._blocks)
         pairs = [np.zeros((len(points), 0))]
-        for family, levels in self._families:
-            alike = _alike(points[:, family], levels)
+        for family, labels in self._families:
+            alike = _alike(points[:, family], labels)
             each = (alike[:, *np.triu_indices(len(family), 1)] - USUAL) * USUAL_GAIN
             pairs.append(each * np.sqrt(len(family) / each.shape[1]))
             pairs.append((alike.mean(axis=2).max(axis=1)[:, None] - 0.5) * GATHERED_GAIN)
         return _Points(linear, blocks, np.column_stack(pairs))
 
 
-def _alike(values: Array, levels: int) -> Array:
-    """Say which of kin coordinates ``(n, m)`` are about one value, ``(n, m, m)`` in [0, 1]."""
-    if levels:
+def _alike(values: Array, labels: Sequence[IntArray]) -> Array:
+    """Say which of kin coordinates ``(n, m)`` are about one value, ``(n, m, m)`` in [0, 1].
+
+    Args:
+        values: of the coordinates.
+        labels: numbers of the values of each of the m coordinates, if they are discrete.
+    """
+    if len(labels[0]):
+        levels = np.array([len(of) for of in labels])
         level = np.minimum((values * levels).astype(np.int64), levels - 1)
-        return np.asarray(level[:, :, None] == level[:, None, :], dtype=np.float64)
+        label = np.column_stack([of[level[:, i]] for i, of in enumerate(labels)])
+        return np.asarray(label[:, :, None] == label[:, None, :], dtype=np.float64)
     return np.exp(-(((values[:, :, None] - values[:, None, :]) / ABOUT) ** 2))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.seeding import candidate_seed, stream
 
 #: ``opaque``: the coordinate seeds a generator; deterministic, but near values mean nothing
@@ -22,6 +22,7 @@ class Dimension:
     low: float | None = None  #: bounds in the user's units, where they exist
     high: float | None = None
     choices: int = 0  #: number of values, for choice and integer
+    values: tuple[str, ...] = later(())  #: these values, if they are equally likely and plain
 
 
 @dataclass(frozen=True, slots=True)

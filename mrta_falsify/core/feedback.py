@@ -30,10 +30,17 @@ class Cube:
     groups: tuple[int, ...] = ()  #: coordinates of one object share a number; (): none do
     owners: tuple[str, ...] = later(())  #: names of the objects by number; (): not known
     kin: tuple[int, ...] = later(())  #: coordinates that say the same of like objects share one
+    labels: tuple[tuple[int, ...], ...] = later(())
+    """Numbers of the values of each discrete coordinate, equal for equal ones; (): its levels."""
 
     def level(self, i: int) -> int:
         """Count the values of coordinate ``i``, 0: continuous."""
         return self.levels[i] if self.levels else 0
+
+    def labels_of(self, i: int) -> tuple[int, ...]:
+        """Number the values of coordinate ``i``, kin alike; () if it is continuous."""
+        own = self.labels[i] if self.labels else ()
+        return own or tuple(range(self.level(i)))
 
     def blocks(self) -> tuple[tuple[int, ...], ...]:
         """Group the coordinates, in order of their first coordinate."""
@@ -64,15 +71,21 @@ def cube_of(space: SearchSpace) -> Cube:
     """Build the cube of a search space.
 
     A dimension's object is its name up to the first dot; each parameter is one. Dimensions are kin
-    whose names differ in the first number only (``tasks[0][2]`` and ``tasks[1][2]``), if they have
-    as many values.
+    whose names differ in the first number only (``tasks[0][2]`` and ``tasks[1][2]``), if their
+    values are known or as many.
     """
     owners = [_owner(dimension.name) for dimension in space.dimensions]
     numbers = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
     fields = [
-        (re.sub(r"\d+", "#", dimension.name, count=1), dimension.kind, dimension.choices)
+        (
+            re.sub(r"\d+", "#", dimension.name, count=1),
+            dimension.kind,
+            0 if dimension.values else dimension.choices,
+        )
         for dimension in space.dimensions
     ]
+    values = dict.fromkeys(value for dimension in space.dimensions for value in dimension.values)
+    label_of = {value: number for number, value in enumerate(values)}
     families = {name: i for i, name in enumerate(dict.fromkeys(fields))}
     return Cube(
         dimensions=len(space.dimensions),
@@ -83,6 +96,9 @@ def cube_of(space: SearchSpace) -> Cube:
         groups=tuple(numbers[owner] for owner in owners),
         owners=tuple(numbers),
         kin=tuple(families[name] for name in fields),
+        labels=tuple(
+            tuple(label_of[value] for value in dimension.values) for dimension in space.dimensions
+        ),
     )
 
 

@@ -37,6 +37,7 @@ class Axis:
     low: float | None = None  #: smallest value in the map frame [m], where there is one
     high: float | None = None
     choices: int = 0
+    values: tuple[str, ...] = ()  #: of a choice, if they are equally likely and plain
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ class Driver:
 
     def _drive_leaf(self, found: Found) -> None:
         proxy = found.value._conditioned
-        leaf = DrivenLeaf(proxy, self.source, is_choice=found.is_choice)
+        leaf = DrivenLeaf(proxy, self.source, is_choice=found.is_choice, options=found.options)
         leaf.place(len(self._dimensions))
         found.value.conditionTo(leaf)
         self._unit_of[id(found.value)] = len(self._units)
@@ -112,7 +112,12 @@ class Driver:
             full = name + suffix if always or len(axes) > 1 else name
             self._dimensions.append(
                 Dimension(
-                    name=full, kind=axis.kind, low=axis.low, high=axis.high, choices=axis.choices
+                    name=full,
+                    kind=axis.kind,
+                    low=axis.low,
+                    high=axis.high,
+                    choices=axis.choices,
+                    values=axis.values,
                 )
             )
         self._units.append(Unit(name, start, len(self._dimensions)))

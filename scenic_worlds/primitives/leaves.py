@@ -78,13 +78,21 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         primitive: what Scenic would sample, after its own conditioning.
         source: of the coordinates.
         is_choice: whether the primitive picks one of a list of options.
+        options: their names, if they have any.
     """
 
-    def __init__(self, primitive: Distribution, source: Coordinates, *, is_choice: bool) -> None:
+    def __init__(
+        self,
+        primitive: Distribution,
+        source: Coordinates,
+        *,
+        is_choice: bool,
+        options: tuple[str, ...] = (),
+    ) -> None:
         super().__init__(primitive._dependencies)
         self._needsSampling = self._isLazy = True  # even without dependencies
         self.primitive = primitive
-        self.axes, self._draw = _drive(primitive, is_choice=is_choice)
+        self.axes, self._draw = _drive(primitive, is_choice=is_choice, options=options)
         self._source = source
         self.start = self.stop = 0
 
@@ -107,7 +115,9 @@ def is_primitive(thing: Any) -> bool:
     )
 
 
-def _drive(primitive: Any, *, is_choice: bool) -> tuple[tuple[Axis, ...], Draw]:
+def _drive(
+    primitive: Any, *, is_choice: bool, options: tuple[str, ...]
+) -> tuple[tuple[Axis, ...], Draw]:
     kind = type(primitive)
     if kind is Range:
         return _range(primitive)
@@ -116,7 +126,7 @@ def _drive(primitive: Any, *, is_choice: bool) -> tuple[tuple[Axis, ...], Draw]:
     if kind is TruncatedNormal:
         return _truncated_normal(primitive)
     if kind is DiscreteRange:
-        return _integer(primitive, is_choice=is_choice)
+        return _integer(primitive, is_choice=is_choice, options=options)
     if kind is PointInRegionDistribution:
         return _point(primitive)
     return _opaque(primitive)
@@ -168,12 +178,17 @@ def _truncated_normal(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
     return (Axis("normal", low, high),), draw
 
 
-def _integer(primitive: Any, *, is_choice: bool) -> tuple[tuple[Axis, ...], Draw]:
+def _integer(
+    primitive: Any, *, is_choice: bool, options: tuple[str, ...]
+) -> tuple[tuple[Axis, ...], Draw]:
     kind = "choice" if is_choice else "integer"
     least, most = _bounds(primitive.low, primitive.high)
     count = 0 if least is None or most is None else math.floor(most) - math.ceil(least) + 1
+    named = options if len(options) == count and not primitive.weights else ()
     axis = (
-        Axis("choice", choices=count) if kind == "choice" else Axis("integer", least, most, count)
+        Axis("choice", choices=count, values=named)
+        if kind == "choice"
+        else Axis("integer", least, most, count)
     )
     if primitive.weights:
         ends = np.cumsum(primitive.weights)

@@ -6,6 +6,7 @@ to process; here they come in the order in which the program's requirements ment
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import re
 from collections.abc import Iterable, Iterator
@@ -47,6 +48,7 @@ class Found:
     name: str  #: object and property, for example "bed_3.position"
     value: Samplable
     is_choice: bool  #: picks one of a list of options
+    options: tuple[str, ...]  #: these, if they are plain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +58,7 @@ class _Place:
     name: str
     value: Samplable
     is_choice: bool
+    options: tuple[str, ...] = ()
 
 
 #: properties that Scenic computes from others; what they are made of is named after the others
@@ -64,6 +67,7 @@ DERIVED = frozenset(
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
 DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
+PLAIN = (int, float, str)  #: options that are equal if they look alike
 #: what Scenic's random primitives are made of
 PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
 
@@ -108,18 +112,20 @@ def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
     found: list[tuple[int, int, Found]] = []
     while queue:
         depth, _, root, place = heappop(queue)
-        name, value, is_choice = place.name, place.value, place.is_choice
+        name, value = place.name, place.value
         if id(value) in seen:
             continue
         seen.add(id(value))
         proxy = value._conditioned
         if is_primitive(proxy):
-            found.append((root, len(found), Found(name, value, is_choice)))
+            found.append((root, len(found), Found(name, value, place.is_choice, place.options)))
         chooses = isinstance(proxy, (MultiplexerDistribution, UniformDistribution))
         for suffix, part in _parts(proxy):
             if needsSampling(part):
                 deeper = depth + (DERIVED_DEPTH if suffix in DERIVED else 1)
-                part_place = _Place(name + suffix, part, chooses and suffix == "")
+                is_index = chooses and suffix == ""
+                options = _plain_options(proxy) if is_index else ()
+                part_place = _Place(name + suffix, part, is_index, options)
                 heappush(queue, (deeper, next(order), root, part_place))
     found.sort(key=lambda entry: entry[:2])
     return _with_unique_names([entry[2] for entry in found])
@@ -131,8 +137,14 @@ def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
     for entry in found:
         counts[entry.name] = times = counts.get(entry.name, 0) + 1
         name = entry.name if times == 1 else f"{entry.name}#{times}"
-        unique.append(Found(name, entry.value, entry.is_choice))
+        unique.append(dataclasses.replace(entry, name=name))
     return tuple(unique)
+
+
+def _plain_options(chooser: Any) -> tuple[str, ...]:
+    """Name the options that ``chooser`` picks from, if all are numbers or names; () otherwise."""
+    options = chooser.options if isinstance(chooser, MultiplexerDistribution) else ()
+    return tuple(map(repr, options)) if all(isinstance(o, PLAIN) for o in options) else ()
 
 
 def _stack_params(value: Samplable) -> Iterator[Root]:

@@ -167,12 +167,14 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
             Dimension(name="param layout.door_width[1]", kind="range"),
             Dimension(name="tasks[1][1]", kind="integer", choices=6),
             Dimension(name="tasks[2][1]", kind="integer", choices=5),
+            Dimension(name="tasks[0][2]", kind="choice", choices=2, values=("3", "'lift'")),
+            Dimension(name="tasks[1][2]", kind="choice", choices=3, values=("4", "'lift'", "3")),
         )
     )
     assert cube_of(space) == Cube(
-        dimensions=8,
-        levels=(0, 0, 6, 0, 0, 0, 6, 5),
-        groups=(0, 0, 1, 0, 2, 3, 4, 5),
+        dimensions=10,
+        levels=(0, 0, 6, 0, 0, 0, 6, 5, 2, 3),
+        groups=(0, 0, 1, 0, 2, 3, 4, 5, 6, 7),
         owners=(
             "bed_1",
             "tasks[0][1]",
@@ -180,12 +182,16 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
             "param layout.door_width[1]",
             "tasks[1][1]",
             "tasks[2][1]",
+            "tasks[0][2]",
+            "tasks[1][2]",
         ),
-        kin=(0, 1, 2, 3, 4, 4, 2, 5),
+        kin=(0, 1, 2, 3, 4, 4, 2, 5, 6, 6),
+        labels=((),) * 8 + ((0, 1), (2, 1, 0)),
     )
-    assert cube_of(space).blocks() == ((0, 1, 3), (2,), (4,), (5,), (6,), (7,))
-    assert cube_of(space).families() == ((2, 6), (4, 5))
-    assert cube_of(space).blocks_of({"tasks[0]", "robot1"}) == (1,)
+    assert cube_of(space).blocks() == ((0, 1, 3), (2,), (4,), (5,), (6,), (7,), (8,), (9,))
+    assert cube_of(space).families() == ((2, 6), (4, 5), (8, 9))
+    assert cube_of(space).labels_of(7) == (0, 1, 2, 3, 4)
+    assert cube_of(space).blocks_of({"tasks[0]", "robot1"}) == (1, 6)
     assert cube_of(space).blocks_of({"bed_1", "tasks[0][1]", "bed"}) == (0, 1)
 
 

@@ -34,6 +34,17 @@ def test_several_want_one_place_far_more_often_than_by_chance():
     assert (most_in_one_room(draws(2000)) >= 5).mean() > 10.0 * by_chance
 
 
+def test_robots_that_leave_out_their_own_room_still_meet_in_one():
+    """Each picks a room other than its own, so that equal levels are other rooms."""
+    others = tuple(tuple(r for r in range(ROBOTS) if r != i) for i in range(ROBOTS))
+    cube = Cube(dimensions=ROBOTS, levels=(ROBOTS - 1,) * ROBOTS, kin=(0,) * ROBOTS, labels=others)
+    levels = (draws(1000, cube) * (ROBOTS - 1)).astype(int)
+    rooms = np.take_along_axis(np.array(others)[None], levels[:, :, None], axis=2)[:, :, 0]
+    most = (rooms[:, :, None] == rooms[:, None, :]).sum(axis=2).max(axis=1)
+    assert most.max() == ROBOTS - 1  # nobody goes to its own
+    assert (most == ROBOTS - 1).mean() > 0.1
+
+
 def test_coordinates_without_kin_are_drawn_evenly():
     width = draws(2000)[:, -1]
     counts = np.histogram(width, bins=10, range=(0.0, 1.0))[0]
