@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
 from samplers.asking import Counter, at_label, reflect
 
+SHARES = (0.4, 1.6)  # of a family that gathers, all of it from 1 on
+ONE_PLACE = 0.7  # chance that a family gathers in one place, not in two
 WIDTHS = (0.01, 0.3)  # of the part of a range in which a family gathers
 
 
@@ -65,18 +68,34 @@ class Gathering:
         for family in self._families:
             if random.random() < 0.5:
                 continue
-            share = float(random.uniform(0.4, 1.6))  # who is below it gathers
-            gathering = [i for member, i in enumerate(family) if place[member] < share]
+            share = float(random.uniform(*SHARES))
+            members = [i for number, i in enumerate(family) if place[number] < share]
             if self._cube.level(family[0]):
-                labels = self._cube.labels_of(int(random.choice(family)))
-                chosen = random.choice(labels, size=1 if random.random() < 0.7 else 2)
-                for i in gathering:
-                    label = int(random.choice(chosen))
-                    u[i] = at_label(label, self._cube.labels_of(i), float(u[i]))
-                continue
-            width = float(np.exp(random.uniform(*np.log(WIDTHS))))
-            centres = random.random(1 if random.random() < 0.7 else 2)
-            for i in gathering:
-                off = width * float(random.uniform(-0.5, 0.5))
-                u[i] = reflect(float(random.choice(centres)) + off)
+                self._fill_values(u, family, members, random)
+            else:
+                _fill_about(u, members, random)
         return u
+
+    def _fill_values(
+        self, u: Array, family: Sequence[int], members: Sequence[int], random: np.random.Generator
+    ) -> None:
+        """Give ``members`` one or two values that one of the family can have."""
+        labels = self._cube.labels_of(int(random.choice(family)))
+        chosen = random.choice(labels, size=_places(random))
+        for i in members:
+            label = int(random.choice(chosen))
+            u[i] = at_label(label, self._cube.labels_of(i), float(u[i]))
+
+
+def _fill_about(u: Array, members: Sequence[int], random: np.random.Generator) -> None:
+    """Put ``members`` about one or two points of [0, 1]."""
+    width = float(np.exp(random.uniform(*np.log(WIDTHS))))
+    centres = random.random(_places(random))
+    for i in members:
+        off = width * float(random.uniform(-0.5, 0.5))
+        u[i] = reflect(float(random.choice(centres)) + off)
+
+
+def _places(random: np.random.Generator) -> int:
+    """Choose in how many places a family gathers."""
+    return 1 if random.random() < ONE_PLACE else 2
