@@ -44,15 +44,11 @@ def test_a_pair_names_layers_defects_and_specifications_that_exist(version, name
     assert set(last) < set(specifications)
 
 
-def test_most_pairs_of_v2_are_of_the_default_stack_and_few_are_about_deadlines():
+def test_each_pair_of_v2_has_one_fault_and_late_work_is_none_of_its_failures():
     pairs = PAIRS["v2"].values()
-    own = [
-        pair
-        for pair in pairs
-        if not pair.defects and set(pair.settings) <= {"human_model=by_sight"}
-    ]
-    assert len(own) >= 6
-    assert sum("deadlines" not in pair.judged_by[1] for pair in pairs) <= 2
+    assert all(len(pair.defects) + len(pair.settings) == 1 for pair in pairs)
+    assert len({(*pair.defects, *pair.settings) for pair in pairs}) >= 6
+    assert all("deadlines" in pair.judged_by[1] for pair in pairs)
 
 
 @pytest.mark.slow

@@ -101,6 +101,6 @@ def test_a_search_for_mutants_is_told_of_copies_as_a_campaign_is():
     assert edge["signature"] != run.signature
     robust = told_of_copies(run, [run, crashes, run, passes])
     assert robust["signature"] == run.signature
-    assert robust["score"] < edge["score"] < 0.0
+    assert robust["score"] < 0.0 < edge["score"]
     assert robust["objectives"]["progress"] < edge["objectives"]["progress"] < 0.6
     assert edge["noise"]["progress"] > 0.0
