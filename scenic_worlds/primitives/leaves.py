@@ -35,6 +35,7 @@ from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.charts import FLOOR_AXES, Axis, axes_of_random, chart_of
 from scenic_worlds.primitives.polygons import LAST
 
+MOST_NAMED = 64  # integers of a range that are told by value
 TAIL = 1e-12  # normal quantiles are taken within this of 0 and 1: 7 standard deviations
 
 #: values of dependencies and coordinates in, sampled value out
@@ -178,17 +179,23 @@ def _truncated_normal(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
     return (Axis("normal", low, high),), draw
 
 
+def _is_fixed(*bounds: Any) -> bool:
+    return all(isinstance(bound, (int, float)) for bound in bounds)
+
+
 def _integer(
     primitive: Any, *, is_choice: bool, options: tuple[str, ...]
 ) -> tuple[tuple[Axis, ...], Draw]:
     kind = "choice" if is_choice else "integer"
     least, most = _bounds(primitive.low, primitive.high)
     count = 0 if least is None or most is None else math.floor(most) - math.ceil(least) + 1
-    named = options if len(options) == count and not primitive.weights else ()
+    named = () if primitive.weights or len(options) != count else options
+    if not is_choice and _is_fixed(primitive.low, primitive.high) and count <= MOST_NAMED:
+        named = tuple(repr(math.ceil(primitive.low) + i) for i in range(count))
     axis = (
         Axis("choice", choices=count, values=named)
         if kind == "choice"
-        else Axis("integer", least, most, count)
+        else Axis("integer", least, most, count, named)
     )
     if primitive.weights:
         ends = np.cumsum(primitive.weights)

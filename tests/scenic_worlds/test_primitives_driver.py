@@ -126,6 +126,16 @@ def test_dimensions_have_kinds_and_bounds(everything):
     }
 
 
+def test_values_are_known_where_they_are_plain_and_equally_likely(everything):
+    values = {d.name: d.values for d in everything.space.dimensions if d.choices}
+    assert values == {
+        "thing_3.colour": ("'red'", "'green'", "'blue'"),
+        "thing_4.weight": (),  # 3 to 1
+        "tasks[0][1]": ("2", "3", "4", "5"),
+        "param pair[1]": (),  # one of them is random
+    }
+
+
 def test_uniform_coordinates_give_the_distribution_that_scenic_samples(everything):
     import scenic
 
