@@ -13,6 +13,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
 from samplers.asking import Counter, at_label, reflect
 
+FAMILIES = (0.1, 0.9)  # of which some gather, in one proposal
 SHARES = (0.4, 1.6)  # of a family that gathers, all of it from 1 on
 ONE_PLACE = 0.7  # chance that a family gathers in one place, not in two
 WIDTHS = (0.01, 0.3)  # of the part of a range in which a family gathers
@@ -22,8 +23,8 @@ class CoincidencesSampler:
     """Draws what like objects have in common from one narrow part of its range.
 
     Robots get into each other's way where several want one place at one time. Uniform draws of
-    dozens of coordinates hardly ever agree. Here each family of kin coordinates (all arrivals, all
-    destinations, all starts) is gathered with an even chance: a random part of its members lies
+    dozens of coordinates hardly ever agree. Here some families of kin coordinates (all arrivals,
+    all destinations, all starts) are gathered, few or most of them: a random part of each lies
     around one value, or around two. The same objects gather in all families. Swarm testing draws
     its configurations in the same way (Groce et al. 2012).
     """
@@ -62,19 +63,33 @@ class Gathering:
         self._families = cube.families()
 
     def gathered(self, u: Array, random: np.random.Generator) -> Array:
-        """Gather some families of ``u`` ``(k,)``, each with an even chance."""
+        """Gather some families of ``u`` ``(k,)``, few or most of them."""
         u = np.array(u)
+        chance = float(random.uniform(*FAMILIES))
         place = random.random(max(map(len, self._families), default=0))
         for family in self._families:
-            if random.random() < 0.5:
-                continue
-            share = float(random.uniform(*SHARES))
-            members = [i for number, i in enumerate(family) if place[number] < share]
-            if self._cube.level(family[0]):
-                self._fill_values(u, family, members, random)
-            else:
-                _fill_about(u, members, random)
+            if random.random() < chance:
+                self._fill_gathered(u, family, place, random)
         return u
+
+    def one_gathered(self, u: Array, random: np.random.Generator) -> Array:
+        """Gather one family of ``u`` ``(k,)`` and leave the rest; no family: the same point."""
+        u = np.array(u)
+        if self._families:
+            family = self._families[int(random.integers(len(self._families)))]
+            self._fill_gathered(u, family, random.random(len(family)), random)
+        return u
+
+    def _fill_gathered(
+        self, u: Array, family: Sequence[int], place: Array, random: np.random.Generator
+    ) -> None:
+        """Gather those of a family whose ``place`` is below a share that is drawn."""
+        share = float(random.uniform(*SHARES))
+        members = [i for number, i in enumerate(family) if place[number] < share]
+        if self._cube.level(family[0]):
+            self._fill_values(u, family, members, random)
+        else:
+            _fill_about(u, members, random)
 
     def _fill_values(
         self, u: Array, family: Sequence[int], members: Sequence[int], random: np.random.Generator

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import re
 from collections import Counter as Counts
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
@@ -35,6 +37,7 @@ ABOUT = 0.15  # distance in a coordinate of what is about one value
 USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
 TIRED = 10  # results without success after which something is tried half as often
+MOST_KINDS = 4  # kinds of object of which one alone may explain a margin
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
@@ -157,12 +160,16 @@ class SurrogateSampler:
         return [known[number] for number in sorted(known)]
 
     def _candidates(self, random: np.random.Generator, parents: Sequence[Feedback]) -> Array:
-        """Draw children of ``parents``, and one in five anew, half of these gathered."""
+        """Draw children of ``parents``, and one in five anew; gather half of these, and parents."""
         rows = []
         for i in range(self._options.candidates):
             if i % 5 == 0:
                 u = random.random(self._options.cube.dimensions)
                 rows.append(self._gathering.gathered(u, random) if i % 10 == 0 else u)
+                continue
+            if i % 10 == 1:
+                parent = parents[int(random.integers(len(parents)))]
+                rows.append(self._gathering.one_gathered(parent.u, random))
                 continue
             first, second = random.integers(len(parents), size=2)
             parent = parents[int(min(first, second))]
@@ -178,10 +185,11 @@ class SurrogateSampler:
         results = self.results()
         seen = self._features.of(np.array([feedback.u for feedback in results]))
         inside = _Parts.between(seen, seen)
+        insides = [inside.only(kind, seen, seen) for kind in self._features.kinds]
         self._models = {}
         told = [*_varying(results), *(_loads_of(results) if self._options.loads else ())]
         for alike in _grouped(told, lambda margin: margin.noise.tobytes()):
-            self._models |= _likeliest(inside, alike)
+            self._models |= _likeliest(inside, insides, alike)
 
     def _heaviness(self, candidates: Array, load: str) -> Array:
         """Estimate how heavy ``load`` may get, in standard deviations, ``(n,)``."""
@@ -191,12 +199,30 @@ class SurrogateSampler:
         seen = self._features.of(np.array([feedback.u for feedback in results]))
         asked = self._features.of(candidates)
         model = self._models.get(load, DEFAULT)
-        inside, across = _Parts.between(seen, seen), _Parts.between(seen, asked)
-        prior = _Parts.of_points(asked)
+        whole = _Parts.between(seen, seen), _Parts.between(seen, asked)
+        inside, across, prior = self._parts(model.kind, *whole, seen, asked)
         mean, deviation = model.predict(
             inside, across, prior, [margin], robust=self._options.robust
         )
         return mean[:, 0] + BOLD * deviation
+
+    def _parts(
+        self, kind: int, inside: _Parts, across: _Parts, seen: _Points, asked: _Points
+    ) -> tuple[_Parts, _Parts, _Parts]:
+        """Give the parts between results, to what is asked, and of the latter; of one kind or all.
+
+        Args:
+            kind: of object; -1: all.
+            inside: parts between the results, of all.
+            across: parts between results and the points asked about, of all.
+            seen: the results.
+            asked: the points asked about.
+        """
+        if kind < 0:
+            return inside, across, _Parts.of_points(asked)
+        of = self._features.kinds[kind]
+        own = _Parts.of_points(asked.of_kind(of))
+        return inside.only(of, seen, seen), across.only(of, seen, asked), own
 
     def _promise(self, candidates: Array) -> Array:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
@@ -205,12 +231,15 @@ class SurrogateSampler:
         seen, asked = self._features.of(points), self._features.of(candidates)
         margins = _varying(results)
         models = {margin.name: self._models.get(margin.name, DEFAULT) for margin in margins}
-        lengths = sorted({model.length for model in models.values()})
-        inside, across = _Parts.between(seen, seen, lengths), _Parts.between(seen, asked, lengths)
-        prior = _Parts.of_points(asked)
+        whole = _Parts.between(seen, seen), _Parts.between(seen, asked)
+        of_kinds = {
+            kind: self._parts(kind, *whole, seen, asked)
+            for kind in {model.kind for model in models.values()}
+        }
         chances = [np.full(len(candidates), -50.0)]
         for alike in _grouped(margins, lambda of: (models[of.name], of.noise.tobytes())):
             model = models[alike[0].name]
+            inside, across, prior = of_kinds[model.kind]
             mean, deviation = model.predict(
                 inside, across, prior, alike, robust=self._options.robust
             )
@@ -220,7 +249,7 @@ class SurrogateSampler:
         promise: Array = logsumexp(np.array(chances), axis=0)
         failed = [i for i, feedback in enumerate(results) if feedback.failed]
         if failed:
-            beside = np.exp(-across.apart[failed].min(axis=0) / (2.0 * BESIDE**2))
+            beside = np.exp(-whole[1].apart[failed].min(axis=0) / (2.0 * BESIDE**2))
             promise = promise + np.log1p(-np.minimum(beside, 1.0 - 1e-9))
         return promise
 
@@ -235,6 +264,19 @@ class _Points:
     linear: Array  #: (n, f) centred; levels of discrete coordinates as indicators
     blocks: tuple[Array, ...]  #: by object, (n, f_b): coordinates, indicators over root two
     pairs: Array  #: (n, p) of kin coordinates, how alike they are, and of families as a whole
+
+    def of_kind(self, kind: _Kind) -> _Points:
+        """Keep what is of some kind of object."""
+        blocks = tuple(self.blocks[number] for number in kind.blocks)
+        return _Points(self.linear[:, kind.linear], blocks, self.pairs[:, kind.pairs])
+
+
+class _Kind(NamedTuple):
+    """What of points is of one kind of object."""
+
+    linear: IntArray  #: columns
+    blocks: tuple[int, ...]
+    pairs: IntArray  #: columns
 
 
 class _Features:
@@ -262,6 +304,29 @@ class _Features:
                 shifts += [-1.0 / np.sqrt(levels)] * levels if levels else [-np.sqrt(3.0)]
             self._blocks.append(slice(begin, len(gains)))
         self._gains, self._shifts = np.array(gains), np.array(shifts)
+        self.kinds = self._largest_kinds(cube)
+
+    def _largest_kinds(self, cube: Cube) -> list[_Kind]:
+        """List the kinds of object with most coordinates; none if there is only one."""
+        names = [_kind_name(cube, i) for i in range(cube.dimensions)]
+        counts = Counts(names).most_common(MOST_KINDS)
+        if len(set(names)) < 2:
+            return []
+        blocks = cube.blocks()
+        columns = [names[i] for block in blocks for i in block for _ in range(cube.level(i) or 1)]
+        pairs = [
+            names[family[0]]
+            for family, _ in self._families
+            for _ in range(len(family) * (len(family) - 1) // 2 + 1)
+        ]
+        return [
+            _Kind(
+                np.flatnonzero(np.array(columns) == name),
+                tuple(n for n, block in enumerate(blocks) if names[block[0]] == name),
+                np.flatnonzero(np.array(pairs) == name),
+            )
+            for name, _ in counts
+        ]
 
     def of(self, points: Array) -> _Points:
         """Convert ``points`` ``(n, k)``."""
@@ -281,6 +346,13 @@ class _Features:
             pairs.append(each * np.sqrt(len(family) / each.shape[1]))
             pairs.append((alike.mean(axis=2).max(axis=1)[:, None] - 0.5) * GATHERED_GAIN)
         return _Points(linear, blocks, np.column_stack(pairs))
+
+
+def _kind_name(cube: Cube, i: int) -> str:
+    """Name the kind of the object that coordinate ``i`` belongs to: ``human3`` is a ``human``."""
+    if not cube.owners:
+        return ""
+    return re.split(r"\d", cube.owners[cube.groups[i]], maxsplit=1)[0]
 
 
 def _alike(values: Array, labels: Sequence[IntArray]) -> Array:
@@ -306,6 +378,11 @@ class _Parts:
     kin: Array  #: likewise, of what is alike among kin
     smooth: dict[float, Array]  #: mean over objects of a rational quadratic, by length scale
     apart: Array  #: squared distance over all objects
+
+    def only(self, kind: _Kind, some: _Points, others: _Points) -> _Parts:
+        """Compute the parts that one kind of object makes; what is about the same scene stays."""
+        own = _Parts.between(some.of_kind(kind), others.of_kind(kind))
+        return dataclasses.replace(own, apart=self.apart)
 
     @classmethod
     def between(cls, some: _Points, others: _Points, lengths: Iterable[float] = LENGTHS) -> _Parts:
@@ -342,6 +419,7 @@ class _Model:
     rough: float  #: share of the part that only points close by explain
     kin: float = 0.0  #: share of what coincidences explain
     degree: int = 1  #: of the linear part: 2 has products of two coordinates, too
+    kind: int = -1  #: of object that alone explains it, but for the rough part; -1: all do
 
     def kernel(self, parts: _Parts, *, robust: bool = False) -> Array:
         """Compute covariances of results; with ``robust``, of results without the rough part."""
@@ -445,12 +523,25 @@ def _columns(margins: Sequence[_Margin]) -> Array:
     return np.array([margin.values for margin in margins]).T
 
 
-def _likeliest(inside: _Parts, margins: Sequence[_Margin]) -> dict[str, _Model]:
+def _likeliest(
+    inside: _Parts, of_kinds: Sequence[_Parts], margins: Sequence[_Margin]
+) -> dict[str, _Model]:
     """Choose the model of largest marginal likelihood for each of margins of one noise."""
     kins = KINS if inside.kin.any() else KINS[:1]
     models = [
         _Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS, kins, DEGREES)
     ]
-    likelihoods = np.array([model.log_likelihood(inside, margins) for model in models])
+    parts = [inside] * len(models)
+    for kind, of_kind in enumerate(of_kinds):
+        own = KINS if of_kind.kin.any() else KINS[:1]
+        few = [
+            _Model(linear, LENGTHS[0], rough, kin, kind=kind)
+            for linear, rough, kin in itertools.product(LINEAR, ROUGHS, own)
+        ]
+        models += few
+        parts += [of_kind] * len(few)
+    likelihoods = np.array(
+        [model.log_likelihood(of, margins) for model, of in zip(models, parts, strict=True)]
+    )
     best = likelihoods.argmax(axis=0)
     return {margin.name: models[i] for margin, i in zip(margins, best, strict=True)}
