@@ -49,6 +49,22 @@ def test_a_slope_in_twenty_dimensions_is_learnt_from_a_few_dozen_results(seed):
     assert any(result.failed for result in told)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_few_objects_of_one_kind_decide_is_learnt_among_many_of_another(seed):
+    """Six tasks decide, twenty people with three coordinates each do not."""
+    people = [f"human{i}" for i in range(20)]
+    tasks = [f"tasks[{i}]" for i in range(6)]
+    cube = Cube(
+        dimensions=66,
+        groups=(*np.repeat(np.arange(20), 3).tolist(), *range(20, 26)),
+        owners=(*people, *tasks),
+    )
+    sampler = SurrogateSampler(SurrogateSampler.Options(cube=cube, seed=seed))
+    of_tasks = slope(seed, 6)
+    told = drive(sampler, lambda u: of_tasks(u[60:]), 45)
+    assert sum(result.failed for result in told) > 25  # half of it where kinds are not known
+
+
 def test_a_discrete_coordinate_is_learnt_by_its_levels():
     cube = Cube(dimensions=4, levels=(6, 0, 0, 0))
 
