@@ -136,7 +136,7 @@ class Mutator:
                 if self.cube.level(i) == 0:
                     u[i] = reflect(u[other] + float(random.normal(0.0, NEARLY)))
                     continue
-                label = self.cube.labels_of(other)[level_of(u[other], self.cube.level(other))]
+                label = self.cube.labels_of(other)[int(levels_at(u[other], self.cube.level(other)))]
                 u[i] = at_label(label, self.cube.labels_of(i), float(u[i]))
 
     def _chances(self, blamed: Collection[int]) -> Array:
@@ -157,9 +157,9 @@ class Mutator:
         return np.where(is_others[self._block_of], other, one)
 
 
-def level_of(value: float, levels: int) -> int:
-    """Find the level of a discrete coordinate at ``value`` in [0, 1]."""
-    return min(int(value * levels), levels - 1)
+def levels_at(values: Array, levels: int | IntArray) -> IntArray:
+    """Find the levels of discrete coordinates at ``values`` in [0, 1], of the same shape."""
+    return np.asarray(np.minimum((values * levels).astype(np.int64), levels - 1))
 
 
 def at_label(label: int, labels: Sequence[int], otherwise: float) -> float:

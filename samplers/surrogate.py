@@ -18,7 +18,7 @@ from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import LOADS, Cube, Feedback
-from samplers.asking import ALIKE, BestResults, Counter, Mutator
+from samplers.asking import ALIKE, BestResults, Counter, Mutator, levels_at
 from samplers.coincidences import Gathering
 
 PARENTS = 8  # best scenes that have children
@@ -335,7 +335,7 @@ class _Features:
             coordinates, places = map(list, zip(*self._smooth, strict=True))
             columns[:, places] = points[:, coordinates]
         for i, levels, first in self._discrete:
-            level = np.minimum((points[:, i] * levels).astype(np.int64), levels - 1)
+            level = levels_at(points[:, i], levels)
             columns[:, first : first + levels] = np.eye(levels)[level] / np.sqrt(2.0)
         linear = columns * self._gains + self._shifts
         blocks = tuple(columns[:, block] for block in self._blocks)
@@ -364,7 +364,7 @@ def _alike(values: Array, labels: Sequence[IntArray]) -> Array:
     """
     if len(labels[0]):
         levels = np.array([len(of) for of in labels])
-        level = np.minimum((values * levels).astype(np.int64), levels - 1)
+        level = levels_at(values, levels)
         label = np.column_stack([of[level[:, i]] for i, of in enumerate(labels)])
         return np.asarray(label[:, :, None] == label[:, None, :], dtype=np.float64)
     return np.exp(-(((values[:, :, None] - values[:, None, :]) / ABOUT) ** 2))

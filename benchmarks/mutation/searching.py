@@ -16,7 +16,7 @@ from benchmarks.mutation.mutants import Mutant
 from benchmarks.mutation.process import StackProcess, expected
 from benchmarks.mutation.runs import Run, kind_of, reasons
 from benchmarks.mutation.worlds import OPENING, Source, known_sources, realised, stack_of
-from mrta_falsify.campaigns.runner import MOST_COPIES, build_sampler
+from mrta_falsify.campaigns.runner import ROBUST_SHARE, build_sampler
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.copies import counted
 from mrta_falsify.core import codec
@@ -232,7 +232,7 @@ def told_of_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
     return {
         "objectives": jittered.objectives,
         "noise": jittered.noise,
-        "score": MOST_COPIES - jittered.chance.mean,
+        "score": ROBUST_SHARE - jittered.chance.mean,
         "signature": run.signature if jittered.robust else f"{jittered}: {run.signature}",
     }
 

@@ -33,7 +33,7 @@ from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
-MOST_COPIES = 0.5  # of copies have to fail, for a failure to be robust
+ROBUST_SHARE = 0.5  # of copies; a failure is robust if more of them fail
 MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
 Ended = Literal["budget", "clock", "stop-after", "saturated", "errors"]
 
@@ -159,7 +159,7 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         number=record.number,
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
-        score=record.score if record.jittered is None else MOST_COPIES + record.score,
+        score=record.score if record.jittered is None else ROBUST_SHARE + record.score,
         objectives={n: told for n, told in _margins_told(record).items() if n not in then},
         noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,

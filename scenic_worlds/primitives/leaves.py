@@ -179,8 +179,12 @@ def _truncated_normal(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
     return (Axis("normal", low, high),), draw
 
 
-def _is_fixed(*bounds: Any) -> bool:
-    return all(isinstance(bound, (int, float)) for bound in bounds)
+def _fixed_integers(primitive: Any, count: int) -> tuple[str, ...]:
+    """Name the integers of a range, if its bounds are no random values and they are not many."""
+    is_fixed = all(isinstance(bound, (int, float)) for bound in (primitive.low, primitive.high))
+    if not is_fixed or count > MOST_NAMED:
+        return ()
+    return tuple(repr(math.ceil(primitive.low) + i) for i in range(count))
 
 
 def _integer(
@@ -189,9 +193,9 @@ def _integer(
     kind = "choice" if is_choice else "integer"
     least, most = _bounds(primitive.low, primitive.high)
     count = 0 if least is None or most is None else math.floor(most) - math.ceil(least) + 1
-    named = () if primitive.weights or len(options) != count else options
-    if not is_choice and _is_fixed(primitive.low, primitive.high) and count <= MOST_NAMED:
-        named = tuple(repr(math.ceil(primitive.low) + i) for i in range(count))
+    named = options if is_choice else _fixed_integers(primitive, count)
+    if primitive.weights or len(named) != count:
+        named = ()
     axis = (
         Axis("choice", choices=count, values=named)
         if kind == "choice"
