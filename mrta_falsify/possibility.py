@@ -7,16 +7,15 @@ be best placed, and what the prover does not decide within its limit counts as p
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from shapely.geometry import Polygon
 
+from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core import registry
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.arrays import Array
@@ -45,7 +44,7 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
         world: to look at.
         specifications: that the stack is to keep; deadlines count if ``deadlines`` is among them.
     """
-    floor = _Floor.of(world)
+    floor = BareFloor.of(world)
     reasons = [_too_wide(world, floor)]
     if "deadlines" in specifications and world.robots and world.tasks:
         reasons.append(_too_late(world, floor))
@@ -55,39 +54,18 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
 # --- ways -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Floor:
-    """Walls and rooms as bytes: worlds with equal floors share what is found out about them."""
-
-    world: World = dataclasses.field(compare=False)
-    key: bytes
-
-    @classmethod
-    def of(cls, world: World) -> _Floor:
-        """Take walls, bounds and room points of a world."""
-        parts = [np.asarray(world.bounds), *(np.asarray(wall.polygon) for wall in world.walls)]
-        parts += [np.asarray(room.point) for room in world.rooms]
-        return cls(world, b"|".join(part.tobytes() for part in parts))
-
-
-def _walls_alone(world: World) -> World:
-    return dataclasses.replace(
-        world, robots=(), humans=(), furniture=(), tasks=(), events=(), parking=NO_POINTS
-    )
-
-
 @functools.lru_cache(maxsize=16)
-def _planner(floor: _Floor, radius: float) -> Planner:
+def _planner(floor: BareFloor, radius: float) -> Planner:
     """Plan on the walls of a floor for a body that is ``radius`` [m] wide to each side."""
     options = {"resolution": CELL, "robot_radius": radius, "inflation_radius": radius}
-    source = registry.build("costmap", Choice("layered", options)).bind(_walls_alone(floor.world))
+    source = registry.build("costmap", Choice("layered", options)).bind(floor.bare())
     planner: Planner = registry.build("planner", Choice("astar"))
     planner.use(source.costmap(0.0, NO_POINTS))
     return planner
 
 
 @functools.lru_cache(maxsize=64)
-def _shortest_ways(floor: _Floor, radius: float) -> Array:
+def _shortest_ways(floor: BareFloor, radius: float) -> Array:
     """Bound the ways between rooms from below, ``(R, R)`` [m]; infinite: there is none."""
     planner, rooms = _planner(floor, radius), floor.world.rooms
     ways = np.zeros((len(rooms), len(rooms)))
@@ -123,7 +101,7 @@ def _robot_half_width(world: World, robot: int) -> float:
 # --- too wide ---------------------------------------------------------------------------------
 
 
-def _too_wide(world: World, floor: _Floor) -> Iterator[str]:
+def _too_wide(world: World, floor: BareFloor) -> Iterator[str]:
     """Name tasks that no robot fits to, and furniture that does not fit where it is pushed."""
     widths = {_robot_half_width(world, i) for i in range(len(world.robots))}
     for number, task in enumerate(world.tasks):
@@ -152,7 +130,7 @@ def _too_wide(world: World, floor: _Floor) -> Iterator[str]:
 # --- too late ---------------------------------------------------------------------------------
 
 
-def _too_late(world: World, floor: _Floor) -> Iterator[str]:
+def _too_late(world: World, floor: BareFloor) -> Iterator[str]:
     """Name tasks that cannot be delivered in time, alone or together."""
     times = _least_times(world, floor)
     for number, task in enumerate(world.tasks):
@@ -167,7 +145,7 @@ def _too_late(world: World, floor: _Floor) -> Iterator[str]:
         yield from _cannot_all(world, times)
 
 
-def _least_times(world: World, floor: _Floor) -> Array:
+def _least_times(world: World, floor: BareFloor) -> Array:
     """Bound the travel times between rooms from below, ``(R, R)`` [s]."""
     speed = max(robot.max_speed for robot in world.robots)
     widths = [_robot_half_width(world, i) for i in range(len(world.robots))]

@@ -15,6 +15,25 @@ from mrta_falsify.core.codec import later, quantity
 NEAR_DEADLOCK = "near_deadlock"
 #: descriptors of how much a run asked of the stack, see :mod:`mrta_falsify.specs.loads`
 LOADS = ("queue", "waiting", "chain", "crowd", "waited", "rerouted")
+#: what a scene asks of any stack before it runs, see :mod:`mrta_falsify.rehearsal`
+DEMANDS = (
+    "queue",  #: robots that wait for one room
+    "gathered",  #: robots that come to one room at about one time
+    "sharing",  #: robots at one resource, beyond its capacity
+    "waited",  #: s at rooms, all robots
+    "open",  #: tasks at one time
+    "uneven",  #: stops of the busiest robot
+    "hurry",  #: s after its deadline that the latest task is done
+    "again",  #: stops in the room of the stop before
+    "driven",  #: m, all robots
+    "narrow",  #: m, weighted with the costs of walls nearby
+    "furniture",  #: m beside furniture
+    "crowd",  #: robots in one spot, nearer ones counting more
+    "meetings",  #: of two robots
+    "head_on",  #: s that two robots are near and drive against each other
+    "people",  #: s that robots drive near people
+    "disturbed",  #: s that robots drive while an event lasts
+)
 #: a narrow place used against each other by a hair is as near as a cycle that just closed
 ENCROACHMENT_COUNTS = 0.5
 #: how a proposal ended, as a sampler sees it
@@ -135,6 +154,14 @@ class Feedback:
         """How near the run came to a deadlock, 1 being nearest; 0 where that is not described."""
         cycle = self.descriptors.get("cycle", 0.0)
         return max(cycle, ENCROACHMENT_COUNTS * self.descriptors.get("encroachment", 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rehearsed:
+    """A scene that was looked at without running it."""
+
+    u: Array  #: (k,) realised, which repair may have moved
+    demands: Array  #: (m,) by ``DEMANDS``, in units of their own; larger asks for more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

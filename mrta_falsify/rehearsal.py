@@ -1,0 +1,350 @@
+"""Rehearsals: what a world asks of any stack, told in milliseconds and without running it.
+
+Robots go their ways at cruise speed, people theirs, and nobody sees anybody. Each task goes to the
+robot that would begin it first; rooms admit as many as they have place for, first come first
+served. No stack does just that, but where ways cross and who comes when is much the same. So a
+search can look at many scenes for each one that it runs (as low fidelities serve in multi-fidelity
+optimisation: Peherstorfer et al., SIAM Review 2018).
+"""
+
+from __future__ import annotations
+
+import functools
+import heapq
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from mrta_falsify.bare_floor import BareFloor
+from mrta_falsify.core import registry
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.feedback import DEMANDS
+from mrta_falsify.core.plane import NO_POINTS
+from mrta_falsify.core.protocols import Planner
+from mrta_falsify.core.world import HumanSpec, World
+
+CELL = 0.1  # m of the map on which ways are looked for
+KEPT_FLOORS = 4  # whose ways are kept
+KEPT_GOALS = 32  # of each floor
+MOMENTS = 300  # looked at, at most
+SLOWEST = 0.05  # m/s, so that each way ends
+LEAVING = 8.0  # s that a robot takes to clear a room
+ABOUT = 5.0  # s; robots that come to a room within it come at about one time
+NEAR = 1.2  # m between two that meet
+ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
+SAMPLED = 0.2  # m between points of an outline
+
+
+def rehearse(world: World) -> Array:
+    """Measure what a world asks of a stack.
+
+    Returns:
+        ``(m,)`` by :data:`~mrta_falsify.core.feedback.DEMANDS`; larger asks for more.
+    """
+    ways = _ways(BareFloor.of(world))
+    schedule = _acted(world, ways, _assigned(world, ways))
+    moments = np.linspace(0.0, world.horizon, min(MOMENTS, 2 + int(world.horizon)))
+    robots = _driven(world, schedule.drives, moments)
+    people = [_walked(human, moments) for human in world.humans]
+    measured = {
+        **_of_schedule(world, schedule, moments),
+        **_of_ways(world, schedule.drives, ways.costmap),
+        **_of_motion(world, robots, people, moments),
+    }
+    return np.array([measured[name] for name in DEMANDS])
+
+
+# --- the schedule -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """A pick-up or a drop-off."""
+
+    task: int
+    room: int
+    known: float  #: [s], nobody sets off before
+    service: float  #: [s]
+
+
+@dataclass(frozen=True, slots=True)
+class _Visit:
+    """A robot at a room."""
+
+    stop: _Stop
+    robot: int
+    arrives: float  #: [s]
+    begins: float  #: [s], once there is a place
+    served: float  #: [s]
+
+
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """A robot under way."""
+
+    begins: float  #: [s]
+    path: Array  #: (L, 2) [m]
+
+
+@dataclass(frozen=True, slots=True)
+class _Schedule:
+    visits: list[_Visit]  #: in order of arrival
+    drives: list[list[_Drive]]  #: by robot
+
+
+class _Ways:
+    """Ways on a floor without furniture; those between rooms are kept."""
+
+    def __init__(self, floor: BareFloor) -> None:
+        self._rooms = [room.point for room in floor.world.rooms]
+        self._planner, self.costmap = _planner(floor)
+        self._between: dict[tuple[int, int], Array] = {}
+
+    def to_room(self, start: Array, room: int) -> Array:
+        """Find the way from ``start`` ``(2,)`` [m] to a room, ``(L, 2)``."""
+        goal = self._rooms[room]
+        plan = self._planner.plan(np.asarray(start), np.asarray(goal))
+        return plan.path if len(plan.path) > 1 else np.array([start, goal])
+
+    def between(self, start: int, end: int) -> Array:
+        """Find the way from room to room, ``(L, 2)`` [m]."""
+        if (start, end) not in self._between:
+            self._between[start, end] = self.to_room(self._rooms[start], end)
+        return self._between[start, end]
+
+
+@functools.lru_cache(maxsize=KEPT_FLOORS)
+def _ways(floor: BareFloor) -> _Ways:
+    return _Ways(floor)
+
+
+def _planner(floor: BareFloor) -> tuple[Planner, Costmap]:
+    source = registry.build("costmap", Choice("layered", {"resolution": CELL})).bind(floor.bare())
+    costmap = source.costmap(0.0, NO_POINTS)
+    planner: Planner = registry.build(
+        "planner", Choice("astar", {"resolution": CELL, "goal_cache": KEPT_GOALS})
+    )
+    planner.use(costmap)
+    return planner, costmap
+
+
+def _assigned(world: World, ways: _Ways) -> list[list[_Stop]]:
+    """Give each task, in order of arrival, to the robot that would begin it first."""
+    stops: list[list[_Stop]] = [[] for _ in world.robots]
+    free = [robot.joins_at for robot in world.robots]
+    for number in sorted(range(len(world.tasks)), key=lambda k: world.tasks[k].arrival):
+        task = world.tasks[number]
+        able = [i for i, robot in enumerate(world.robots) if task.robot in ("", robot.name)]
+        begins = {
+            i: max(free[i], task.arrival)
+            + _time(world, i, _way(world, ways, i, stops[i], task.start))
+            for i in able
+        }
+        if not begins:
+            continue
+        chosen = min(begins, key=lambda i: begins[i])
+        trip = _time(world, chosen, ways.between(task.start, task.end))
+        free[chosen] = begins[chosen] + task.pickup_time + trip + task.dropoff_time
+        stops[chosen] += [
+            _Stop(number, task.start, task.arrival, task.pickup_time),
+            _Stop(number, task.end, task.arrival, task.dropoff_time),
+        ]
+    return stops
+
+
+def _way(world: World, ways: _Ways, robot: int, done: Sequence[_Stop], room: int) -> Array:
+    """Find the way to a room from the last stop that is done, or from the start."""
+    if done:
+        return ways.between(done[-1].room, room)
+    return ways.to_room(world.robots[robot].pose[:2], room)
+
+
+def _time(world: World, robot: int, path: Array) -> float:
+    return float(_lengths(path)[-1]) / _speed(world, robot)
+
+
+def _speed(world: World, robot: int) -> float:
+    kind = world.robots[robot]
+    return max(min(kind.cruise_speed, kind.max_speed), SLOWEST)
+
+
+def _acted(world: World, ways: _Ways, stops: Sequence[Sequence[_Stop]]) -> _Schedule:
+    """Let all robots go their ways and wait at rooms that are full."""
+    places = {r.room: r.capacity for r in world.resources if r.kind == "room"}
+    left: dict[int, list[float]] = {}  # when those in a room have left it, by room
+    visits: list[_Visit] = []
+    drives: list[list[_Drive]] = [[] for _ in world.robots]
+    arrivals: list[tuple[float, int, int]] = []  # time, robot, number of its stop
+
+    def set_off(robot: int, number: int, time: float) -> None:
+        if number < len(stops[robot]):
+            stop = stops[robot][number]
+            begins = max(time, stop.known)
+            path = _way(world, ways, robot, stops[robot][:number], stop.room)
+            drives[robot].append(_Drive(begins, path))
+            heapq.heappush(arrivals, (begins + _time(world, robot, path), robot, number))
+
+    for robot, kind in enumerate(world.robots):
+        set_off(robot, 0, kind.joins_at)
+    while arrivals:
+        arrives, robot, number = heapq.heappop(arrivals)
+        stop = stops[robot][number]
+        inside = sorted(time for time in left.get(stop.room, ()) if time > arrives)
+        most = places.get(stop.room, len(world.robots))
+        begins = arrives if len(inside) < most else inside[-most]
+        served = begins + stop.service
+        left[stop.room] = [*inside, served + LEAVING]
+        visits.append(_Visit(stop, robot, arrives, begins, served))
+        set_off(robot, number + 1, served)
+    return _Schedule(visits, drives)
+
+
+# --- motion -----------------------------------------------------------------------------------
+
+
+def _lengths(path: Array) -> Array:
+    """Measure the way to each point of a path ``(L, 2)``, ``(L,)`` [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+
+
+def _along(path: Array, way: Array) -> Array:
+    """Find the points ``(n, 2)`` of a path ``(L, 2)`` after ``way`` ``(n,)`` [m]."""
+    lengths = _lengths(path)
+    return np.column_stack([np.interp(way, lengths, path[:, axis]) for axis in range(2)])
+
+
+def _driven(world: World, drives: Sequence[Sequence[_Drive]], moments: Array) -> Array:
+    """Place the robots, ``(n, N, 2)`` [m]; who waits stands at its room."""
+    places = np.empty((len(moments), len(world.robots), 2))
+    for robot, own in enumerate(drives):
+        places[:, robot] = world.robots[robot].pose[:2]
+        for drive in own:
+            since = moments >= drive.begins
+            way = _speed(world, robot) * (moments[since] - drive.begins)
+            places[since, robot] = _along(drive.path, way)
+    return places
+
+
+def _walked(human: HumanSpec, moments: Array) -> Array:
+    """Place a person that walks its route, ``(n, 2)`` [m]; nan while it is not there."""
+    route = np.asarray(human.route)
+    loop = np.vstack([route, route[:1]]) if human.repeat and len(route) > 1 else route
+    length = float(_lengths(loop)[-1])
+    way = human.start * length + human.speed * np.maximum(moments - human.appears_at, 0.0)
+    if human.repeat and length > 0.0:
+        way = way % length
+    is_there = (moments >= human.appears_at) & (moments < human.leaves_at)
+    return np.where(is_there[:, None], _along(loop, way), np.nan)
+
+
+# --- what is measured -------------------------------------------------------------------------
+
+
+def _of_schedule(world: World, schedule: _Schedule, moments: Array) -> dict[str, float]:
+    visits = schedule.visits
+    waiting = _most_at_once(visits, moments, lambda visit: (visit.arrives, visit.begins))
+    there = _most_at_once(visits, moments, lambda v: (v.arrives - ABOUT, v.served + LEAVING))
+    delivered = {visit.stop.task: visit.served for visit in visits}  # the later of its two stops
+    tasks = [(task, delivered.get(k, world.horizon)) for k, task in enumerate(world.tasks)]
+    is_open = [(moments >= task.arrival) & (moments < end) for task, end in tasks]
+    late = [end - task.deadline for task, end in tasks if np.isfinite(task.deadline)]
+    rooms: list[list[int]] = [[] for _ in world.robots]
+    for visit in visits:
+        rooms[visit.robot].append(visit.stop.room)
+    return {
+        "queue": waiting,
+        "gathered": there,
+        "waited": sum(min(v.begins, world.horizon) - min(v.arrives, world.horizon) for v in visits),
+        "open": float(np.sum(is_open, axis=0).max()) if is_open else 0.0,
+        "uneven": float(max(map(len, rooms), default=0)),
+        "hurry": float(max(late, default=-world.horizon)),
+        "again": float(sum(a == b for own in rooms for a, b in itertools.pairwise(own))),
+    }
+
+
+def _most_at_once(
+    visits: Sequence[_Visit], moments: Array, span: Callable[[_Visit], tuple[float, float]]
+) -> float:
+    """Count the visits of one room whose spans [s] have a moment in common, at most."""
+    counts: dict[int, Array] = {}
+    for visit in visits:
+        begins, ends = span(visit)
+        at = counts.setdefault(visit.stop.room, np.zeros(len(moments)))
+        at += (moments >= begins) & (moments < ends)
+    return max((float(at.max()) for at in counts.values()), default=0.0)
+
+
+def _of_ways(
+    world: World, drives: Sequence[Sequence[_Drive]], costmap: Costmap
+) -> dict[str, float]:
+    paths = [drive.path for own in drives for drive in own]
+    if not paths:
+        return {"driven": 0.0, "narrow": 0.0, "furniture": 0.0}
+    steps = np.concatenate([np.hypot(*np.diff(path, axis=0).T) for path in paths])
+    middles = np.concatenate([0.5 * (path[1:] + path[:-1]) for path in paths])
+    price = np.minimum(costmap.cost_at(middles), INSCRIBED) / INSCRIBED
+    return {
+        "driven": float(steps.sum()),
+        "narrow": float(steps @ price),
+        "furniture": float(steps @ _is_beside(world, middles)),
+    }
+
+
+def _is_beside(world: World, points: Array) -> Array:
+    """Say which points ``(n, 2)`` [m] are so near to furniture that a robot has to mind it."""
+    outlines = [_sampled(piece.polygon) for piece in world.furniture]
+    if not outlines:
+        return np.zeros(len(points))
+    away, _ = cKDTree(np.concatenate(outlines)).query(points, distance_upper_bound=ABREAST)
+    return np.asarray(np.isfinite(away), dtype=np.float64)
+
+
+def _sampled(outline: Array) -> Array:
+    """Put points on an outline ``(V, 2)``, ``(n, 2)`` [m]."""
+    loop = np.vstack([outline, outline[:1]])
+    return _along(loop, np.arange(0.0, float(_lengths(loop)[-1]), SAMPLED))
+
+
+def _of_motion(
+    world: World, robots: Array, people: Sequence[Array], moments: Array
+) -> dict[str, float]:
+    if not robots.shape[1]:
+        return dict.fromkeys(
+            ("crowd", "meetings", "head_on", "people", "sharing", "disturbed"), 0.0
+        )
+    step = float(moments[1] - moments[0])
+    velocity = np.gradient(robots, step, axis=0)
+    moves = np.hypot(velocity[..., 0], velocity[..., 1]) > SLOWEST
+    first, second = np.triu_indices(robots.shape[1], 1)
+    apart = np.hypot(*np.moveaxis(robots[:, first] - robots[:, second], -1, 0))
+    near = apart < NEAR
+    against = (velocity[:, first] * velocity[:, second]).sum(axis=-1) < 0.0
+    crowd = np.zeros(robots.shape[:2])
+    for pair, (i, k) in enumerate(zip(first, second, strict=True)):
+        crowd[:, [i, k]] += np.exp(-apart[:, pair, None])
+    beside = [np.hypot(*np.moveaxis(robots - person[:, None], -1, 0)) < NEAR for person in people]
+    events = [(moments >= event.start) & (moments < event.end) for event in world.events]
+    return {
+        "crowd": float(crowd.max()),
+        "meetings": float((near[1:] & ~near[:-1]).sum()),
+        "head_on": step * float((near & against).sum()),
+        "people": step * float(sum((moves & close).sum() for close in beside)),
+        "sharing": _most_sharing(world, robots),
+        "disturbed": step * float(sum((moves & lasts[:, None]).sum() for lasts in events)),
+    }
+
+
+def _most_sharing(world: World, robots: Array) -> float:
+    """Count the robots that are at one resource at once, beyond its capacity."""
+    most = 0.0
+    for resource in world.resources:
+        area = shapely.Polygon(resource.request_area)
+        inside = shapely.contains_xy(area, robots[..., 0], robots[..., 1])
+        most = max(most, float(inside.sum(axis=1).max()) - resource.capacity)
+    return most
