@@ -10,17 +10,21 @@ import numpy as np
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import NEAR_DEADLOCK, Cube, Feedback
-from mrta_falsify.core.protocols import Sampler, SkippingSampler
+from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
 from samplers.asking import Counter
 from samplers.coincidences import CoincidencesSampler
 from samplers.cross_entropy import CrossEntropySampler
+from samplers.demanding import DemandingSampler
 from samplers.evolution import EvolutionSampler
 from samplers.local_search import LocalSearchSampler
+from samplers.rehearsals import Rehearsals
 from samplers.situations import SituationsSampler
 from samplers.surrogate import SurrogateSampler
 
-#: share that the model of all results has for certain: on smooth margins nothing comes near it
+#: share of proposals for certain: on smooth margins nothing comes near the model of all results
 CERTAIN = {"surrogate": 0.65}
+#: likewise where scenes can be rehearsed, which leads from the first proposal
+CERTAIN_REHEARSED = {"surrogate": 0.3, "demanding": 0.45}
 LOADS_SHARE = 0.5  # of what the model of all results proposes
 SLOPE = 0.3  # of the score of a run that passes
 LEAST = 0.05  # margin to a deadlock of a run without one
@@ -36,7 +40,9 @@ class AutoSampler:
 
     How near a run came to a deadlock is a margin of its own, and part of the score, so that there
     is a slope where no specification has one. Where no margin leads, loads are driven up, and
-    coincidences are tried (:class:`~samplers.coincidences.CoincidencesSampler`).
+    coincidences are tried (:class:`~samplers.coincidences.CoincidencesSampler`). Where scenes can
+    be rehearsed, those are tried that ask for much
+    (:class:`~samplers.demanding.DemandingSampler`), and the model knows what scenes ask for.
 
     The first proposals are uniform, and so is one in five after them, whatever has been found: they
     say what a search cannot, how probable a failure is and how much is still unseen.
@@ -48,7 +54,7 @@ class AutoSampler:
 
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
-        initial: int = quantity(low=1, default=8)  #: uniform proposals at first
+        initial: int = quantity(low=1, default=1)  #: uniform proposals at first
         uniform_every: int = quantity(low=0, default=5)  #: one in so many is uniform, 0: none
         floor: float = quantity(low=0.0, high=0.08, default=0.04)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
@@ -58,6 +64,7 @@ class AutoSampler:
         blame: bool = True  #: whether children change first who took part
         loads: bool = True  #: whether loads are driven up
         kin: bool = True  #: whether coincidences are proposed and learnt
+        rehearse: bool = True  #: whether scenes are looked at, where they can be
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -88,12 +95,26 @@ class AutoSampler:
             self._arms["coincidences"] = CoincidencesSampler(
                 CoincidencesSampler.Options(cube=cube, seed=seed)
             )
+        self._certain = CERTAIN
         self._reward = dict.fromkeys(self._arms, 1.0)
         self._cost = dict.fromkeys(self._arms, 1.0)
         self._by: dict[int, str] = {}
         self._scores: list[float] = []
         self._signatures: set[str] = set()
         self._situations: set[str] = set()
+
+    def rehearse_by(self, rehearsal: Rehearsal) -> None:
+        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
+        if not self._options.rehearse:
+            return
+        cube, seed = self._options.cube, self._options.seed
+        self._arms["demanding"] = DemandingSampler(DemandingSampler.Options(cube=cube, seed=seed))
+        self._reward["demanding"] = self._cost["demanding"] = 1.0
+        self._certain = CERTAIN_REHEARSED
+        shared = Rehearsals(rehearsal)
+        for arm in self._arms.values():
+            if isinstance(arm, RehearsingSampler):
+                arm.rehearse_by(shared)
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -120,7 +141,7 @@ class AutoSampler:
         """Choose the arm of the next proposal, and remember it."""
         names = list(self._arms)
         value = np.array([self._reward[name] / self._cost[name] for name in names])
-        certain = np.array([CERTAIN.get(name, self._options.floor) for name in names])
+        certain = np.array([self._certain.get(name, self._options.floor) for name in names])
         share = certain + (1.0 - certain.sum()) * value / value.sum()
         name = str(self._counter.stream().choice(names, p=share / share.sum()))
         self._by[self._counter.next] = name

@@ -17,9 +17,11 @@ from scipy.special import log_ndtr, logsumexp
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import LOADS, Cube, Feedback
+from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback
+from mrta_falsify.core.protocols import Rehearsal
 from samplers.asking import ALIKE, BestResults, Counter, Mutator, levels_at
 from samplers.coincidences import Gathering
+from samplers.rehearsals import Rehearsals, standardised
 
 PARENTS = 8  # best scenes that have children
 STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
@@ -38,6 +40,8 @@ USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spr
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
 TIRED = 10  # results without success after which something is tried half as often
 MOST_KINDS = 4  # kinds of object of which one alone may explain a margin
+REHEARSED = 32  # candidates that are looked at for one proposal: each takes some 20 ms
+DEMAND = "demand"  # kind of the coordinates that rehearsals add
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
@@ -57,6 +61,9 @@ class SurrogateSampler:
     failures with one signature only the first has children, so that other ones are looked for.
     Where robust failures are wanted the rough part is noise: what only it violates is a knife
     edge. A margin that few copies tell has a variance, which is noise of that result alone.
+
+    Where scenes can be rehearsed, what they ask of a stack are coordinates like the others, and one
+    more kind that alone may explain a margin.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +94,14 @@ class SurrogateSampler:
         self._models: dict[str, _Model] = {}
         self._refit_at = 0
         self._edges = 0  # knife edges since the last robust failure
+        self._rehearsals: Rehearsals | None = None
         self._heaviest = dict.fromkeys(LOADS, 0.0)
         self._since_heaviest = dict.fromkeys(LOADS, 0)  # results told
+
+    def rehearse_by(self, rehearsal: Rehearsal) -> None:
+        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
+        self._rehearsals = Rehearsals(rehearsal)
+        self._features = _Features(self._options.cube, demands=len(DEMANDS))
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -162,7 +175,8 @@ class SurrogateSampler:
     def _candidates(self, random: np.random.Generator, parents: Sequence[Feedback]) -> Array:
         """Draw children of ``parents``, and one in five anew; gather half of these, and parents."""
         rows = []
-        for i in range(self._options.candidates):
+        count = self._options.candidates
+        for i in range(count if self._rehearsals is None else min(count, REHEARSED)):
             if i % 5 == 0:
                 u = random.random(self._options.cube.dimensions)
                 rows.append(self._gathering.gathered(u, random) if i % 10 == 0 else u)
@@ -178,12 +192,22 @@ class SurrogateSampler:
                 u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
             step = float(np.exp(random.uniform(*np.log(STEPS))))
             rows.append(self._mutator.child(u, step, random, blamed=parent.blamed))
+        if self._rehearsals is not None:
+            rows = [scene.u for scene in self._rehearsals.of(rows)] or rows
         return np.array(rows)
+
+    def _points(self, points: Array, results: Sequence[Feedback]) -> _Points:
+        """See points ``(n, k)`` as the kernel does; demands are scaled by those of ``results``."""
+        if self._rehearsals is None:
+            return self._features.of(points)
+        told = self._rehearsals.demands(feedback.u for feedback in results)
+        demands = standardised(self._rehearsals.demands(points), told)
+        return self._features.of(np.hstack([points, as_coordinates(demands)]))
 
     def _refit(self) -> None:
         """Choose the model of each margin anew."""
         results = self.results()
-        seen = self._features.of(np.array([feedback.u for feedback in results]))
+        seen = self._points(np.array([feedback.u for feedback in results]), results)
         inside = _Parts.between(seen, seen)
         insides = [inside.only(kind, seen, seen) for kind in self._features.kinds]
         self._models = {}
@@ -196,8 +220,8 @@ class SurrogateSampler:
         results = self.results()
         told = np.array([feedback.descriptors.get(load, 0.0) for feedback in results])
         margin = _margin(load, told, np.zeros(len(told)))
-        seen = self._features.of(np.array([feedback.u for feedback in results]))
-        asked = self._features.of(candidates)
+        seen = self._points(np.array([feedback.u for feedback in results]), results)
+        asked = self._points(candidates, results)
         model = self._models.get(load, DEFAULT)
         whole = _Parts.between(seen, seen), _Parts.between(seen, asked)
         inside, across, prior = self._parts(model.kind, *whole, seen, asked)
@@ -228,7 +252,7 @@ class SurrogateSampler:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
         results = self.results()
         points = np.array([feedback.u for feedback in results])
-        seen, asked = self._features.of(points), self._features.of(candidates)
+        seen, asked = self._points(points, results), self._points(candidates, results)
         margins = _varying(results)
         models = {margin.name: self._models.get(margin.name, DEFAULT) for margin in margins}
         whole = _Parts.between(seen, seen), _Parts.between(seen, asked)
@@ -280,9 +304,10 @@ class _Kind(NamedTuple):
 
 
 class _Features:
-    """Points of the cube as :class:`_Points`."""
+    """Points of the cube, and their demands behind them, as :class:`_Points`."""
 
-    def __init__(self, cube: Cube) -> None:
+    def __init__(self, cube: Cube, *, demands: int = 0) -> None:
+        cube = _with_demands(cube, demands) if demands else cube
         self._families = [
             (list(kin), [np.array(cube.labels_of(i), dtype=np.int64) for i in kin])
             for kin in cube.families()
@@ -307,11 +332,12 @@ class _Features:
         self.kinds = self._largest_kinds(cube)
 
     def _largest_kinds(self, cube: Cube) -> list[_Kind]:
-        """List the kinds of object with most coordinates; none if there is only one."""
+        """List the kinds with most coordinates, and demands; none if there is only one."""
         names = [_kind_name(cube, i) for i in range(cube.dimensions)]
-        counts = Counts(names).most_common(MOST_KINDS)
         if len(set(names)) < 2:
             return []
+        counts = Counts(name for name in names if name != DEMAND).most_common(MOST_KINDS)
+        kinds = [name for name, _ in counts] + [DEMAND] * (DEMAND in names)
         blocks = cube.blocks()
         columns = [names[i] for block in blocks for i in block for _ in range(cube.level(i) or 1)]
         pairs = [
@@ -325,7 +351,7 @@ class _Features:
                 tuple(n for n, block in enumerate(blocks) if names[block[0]] == name),
                 np.flatnonzero(np.array(pairs) == name),
             )
-            for name, _ in counts
+            for name in kinds
         ]
 
     def of(self, points: Array) -> _Points:
@@ -346,6 +372,25 @@ class _Features:
             pairs.append(each * np.sqrt(len(family) / each.shape[1]))
             pairs.append((alike.mean(axis=2).max(axis=1)[:, None] - 0.5) * GATHERED_GAIN)
         return _Points(linear, blocks, np.column_stack(pairs))
+
+
+def as_coordinates(demands: Array) -> Array:
+    """Scale demands of mean 0 and deviation 1 as evenly drawn coordinates are, beyond [0, 1]."""
+    return np.asarray(0.5 + demands / np.sqrt(12.0))
+
+
+def _with_demands(cube: Cube, count: int) -> Cube:
+    """Add a coordinate for each demand of a scene, an object each."""
+    k = cube.dimensions
+    groups = cube.groups or tuple(range(k))
+    objects = max(groups, default=-1) + 1
+    return dataclasses.replace(
+        cube,
+        dimensions=k + count,
+        levels=(cube.levels or (0,) * k) + (0,) * count,
+        groups=groups + tuple(range(objects, objects + count)),
+        owners=(cube.owners or ("",) * objects) + (DEMAND,) * count,
+    )
 
 
 def _kind_name(cube: Cube, i: int) -> str:

@@ -27,5 +27,6 @@ PARTS = {
     "auto_without_blame": Choice("auto", {"blame": False}),
     "auto_without_loads": Choice("auto", {"loads": False}),
     "auto_without_kin": Choice("auto", {"kin": False}),
+    "auto_without_rehearsals": Choice("auto", {"rehearse": False}),
     "auto_without_noise": Choice(f"{__name__}:{WithoutNoise.__name__}"),
 }

@@ -4,7 +4,7 @@
 
 DIR is a campaign, best of uniform draws (``suite rates``). Each margin and load of each trial is
 foretold from all other trials; told is the mean correlation with what came, for the model without
-coincidences and kinds of object, with coincidences, and as it is.
+coincidences, kinds of object and rehearsals, with each of them added, and as it is.
 """
 
 from __future__ import annotations
@@ -20,14 +20,28 @@ import numpy as np
 from mrta_falsify.campaigns.runner import feedback_of
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.feedback import LOADS, Cube, Feedback, cube_of
+from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
 from mrta_falsify.verbs.stored_trials import open_campaign
 from samplers import surrogate
+from samplers.rehearsals import Rehearsals, standardised
 
 
-def correlations(cube: Cube, results: Sequence[Feedback], *, kinds: bool) -> dict[str, float]:
-    """Correlate each margin and load with what the other results foretell of it."""
-    features = surrogate._Features(cube)
-    points = features.of(np.array([result.u for result in results]))
+def correlations(
+    cube: Cube, results: Sequence[Feedback], demands: Array | None = None, *, kinds: bool
+) -> dict[str, float]:
+    """Correlate each margin and load with what the other results foretell of it.
+
+    Args:
+        cube: that was searched.
+        results: n of them.
+        demands: of their scenes ``(n, m)``, scaled, where they are to be known.
+        kinds: whether one kind of object alone may explain a margin.
+    """
+    points = np.array([result.u for result in results])
+    if demands is not None:
+        points = np.hstack([points, surrogate.as_coordinates(demands)])
+    features = surrogate._Features(cube, demands=0 if demands is None else demands.shape[1])
+    points = features.of(points)
     whole = surrogate._Parts.between(points, points)
     of_kinds = [whole.only(kind, points, points) for kind in features.kinds if kinds]
     found = {}
@@ -58,10 +72,13 @@ def main() -> None:
             for record in campaign.records
             if record.status == "ok"
         ]
+        rehearsals = Rehearsals(SceneRehearsal(campaign.settings.trials))
+        demands = rehearsals.demands(result.u for result in results)
         models = {
             "plain": correlations(dataclasses.replace(cube, kin=()), results, kinds=False),
             "coincidences": correlations(cube, results, kinds=False),
-            "as it is": correlations(cube, results, kinds=True),
+            "and kinds": correlations(cube, results, kinds=True),
+            "as it is": correlations(cube, results, standardised(demands, demands), kinds=True),
         }
         for name, of in models.items():
             loads = [value for of_what, value in of.items() if of_what in LOADS]

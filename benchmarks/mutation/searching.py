@@ -20,9 +20,10 @@ from mrta_falsify.campaigns.runner import ROBUST_SHARE, build_sampler
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.copies import counted
 from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.feedback import Cube, Feedback
-from mrta_falsify.core.protocols import Sampler
+from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
+from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import COSTLY
 from scenic_worlds.variation import jittered_worlds
@@ -81,6 +82,21 @@ class Lane:
         self.stack = stack_of(source.settings)
         self.sampler: Sampler = build_sampler(settings)
         self._seed = plan.seed
+        if isinstance(self.sampler, RehearsingSampler):
+            self.sampler.rehearse_by(self._rehearsal(sound))
+
+    def _rehearsal(self, sound: StackProcess) -> Rehearsal:
+        """Look at scenes in the process of the sound stack, which has the program."""
+
+        def look_at(u: Array) -> Rehearsed | None:
+            request = {"do": "rehearse", "scenario": self.source.place, "seed": self._seed}
+            answer = sound.ask({**request, "u": u.tolist()}, cpu_s=OPENING)
+            found = expected(answer, f"{self.source.name}: a rehearsal")
+            if "rejected" in found:
+                return None
+            return Rehearsed(np.array(found["u"]), np.array(found["demands"]))
+
+        return look_at
 
     def next_world(self, sound: StackProcess) -> tuple[int, dict[str, Any]] | None:
         """Ask for proposals until one has a world: its number and what was realised."""

@@ -34,6 +34,7 @@ ANSWERS = {
     "explain": "benchmarks.mutation.judging",
     "cube": "benchmarks.mutation.programs",
     "realise": "benchmarks.mutation.programs",
+    "rehearse": "benchmarks.mutation.programs",
 }
 
 

@@ -26,7 +26,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube, Feedback
-from mrta_falsify.core.protocols import Sampler, SkippingSampler
+from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.specs.objectives import differing
@@ -196,6 +196,7 @@ def run_campaign(
     *,
     on_record: Callable[[TrialRecord, bool], None] = lambda record, is_new: None,
     on_told: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
+    rehearsal: Rehearsal | None = None,
 ) -> tuple[Progress, Ended]:
     """Run a campaign, or what is missing of it, within limits.
 
@@ -205,6 +206,7 @@ def run_campaign(
         executor: open for ``store.settings``.
         on_record: called when a record is durable, with whether it is new.
         on_told: called when the sampler knows a record, in number order.
+        rehearsal: by which samplers may look at scenes before they propose one.
 
     Returns:
         Counts over all told records and why it ended.
@@ -214,7 +216,7 @@ def run_campaign(
         InputError: no proposal is accepted any more.
         KeyboardInterrupt: Ctrl-C; all finished trials are in the store.
     """
-    loop = _Loop(store, limits, executor, on_record, on_told)
+    loop = _Loop(store, limits, executor, on_record, on_told, rehearsal)
     return loop.progress, loop.run()
 
 
@@ -234,6 +236,7 @@ class _Loop:
         executor: Executor,
         on_record: Callable[[TrialRecord, bool], None],
         on_told: Callable[[TrialRecord, Progress], None],
+        rehearsal: Rehearsal | None,
     ) -> None:
         self.progress = Progress(limits)
         self._store = store
@@ -242,6 +245,8 @@ class _Loop:
         self._on_record = on_record
         self._on_told = on_told
         self._sampler = build_sampler(store.settings)
+        if rehearsal is not None and isinstance(self._sampler, RehearsingSampler):
+            self._sampler.rehearse_by(rehearsal)
         self._proposals: dict[int, Array] = {}
         self._uniform: set[int] = set()  # proposals that were drawn evenly
         self._asked = 0

@@ -15,7 +15,7 @@ from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.feedback import Feedback
+from mrta_falsify.core.feedback import Feedback, Rehearsed
 from mrta_falsify.core.fleet import (
     Command,
     FleetState,
@@ -289,6 +289,21 @@ class SkippingSampler(Sampler, Protocol):
 
     def skip(self) -> None:
         """Use up a proposal's number, as ``ask`` does, where its result is known already."""
+
+
+class Rehearsal(Protocol):
+    """Looks at the scene of a point without running it; a pure function."""
+
+    def __call__(self, u: Array) -> Rehearsed | None:
+        """Measure what the scene at ``u`` ``(k,)`` asks of a stack; None: there is none."""
+
+
+@runtime_checkable
+class RehearsingSampler(Sampler, Protocol):
+    """A sampler that may look at scenes before it proposes one."""
+
+    def rehearse_by(self, rehearsal: Rehearsal) -> None:
+        """Look at scenes by ``rehearsal``; called before the first proposal, if at all."""
 
 
 @runtime_checkable

@@ -33,6 +33,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
+from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
 from mrta_falsify.verbs.stacks import Stack
 from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
 
@@ -270,7 +271,12 @@ def run_store(
     try:
         with heard(), open_executor(store.settings, executor) as opened:
             progress, ended = run_campaign(
-                store, limits, opened, on_record=on_record, on_told=on_told
+                store,
+                limits,
+                opened,
+                on_record=on_record,
+                on_told=on_told,
+                rehearsal=SceneRehearsal(store.settings.trials),
             )
     except KeyboardInterrupt:
         progress, ended = stored_progress(store, limits), "interrupted"

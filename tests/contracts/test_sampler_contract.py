@@ -124,9 +124,9 @@ def test_nothing_but_rejections_does_not_stop_it_either(name):
     assert len(np.unique(np.array(points).round(9), axis=0)) > 50
 
 
-# VerifAI's learn from violations alone, splitting from levels, situations from what is new: none
-# of them climbs a slope
-SPREADING = {"random", "halton", "sobol", "situations", "coincidences", "splitting"}
+# VerifAI's learn from violations alone, splitting from levels, situations from what is new,
+# demanding from what scenes ask for: none of them climbs a slope
+SPREADING = {"random", "halton", "sobol", "situations", "coincidences", "demanding", "splitting"}
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_ce", "verifai_mab", "verifai_halton"})
 HEAVY = ("auto", "surrogate", "tpe")  # each learns for seconds
 

@@ -1,0 +1,131 @@
+"""Scenes that ask for much: the most demanding of many that were looked at is run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
+from mrta_falsify.core.protocols import Rehearsal
+from mrta_falsify.core.seeding import stream
+from samplers.asking import Counter, Mutator
+from samplers.coincidences import Gathering
+from samplers.rehearsals import LEAST_SPREAD, Rehearsals, standardised
+
+USUAL = 48  # scenes drawn evenly that say what is heavy
+HEAVY = 0.9  # share of them that ask for less of what is heavy
+BESIDES = 0.03  # chance of each other demand to be driven up, too
+ANEW = 0.5  # chance that what was run has no children
+PARENTS = 4  # of the second half
+STEPS = (0.03, 0.4)  # spread of moves, drawn evenly in its logarithm
+
+
+class DemandingSampler:
+    """Takes the demand that was heavy in fewest runs, and looks for a scene heavy in it.
+
+    Nothing is learnt from how runs end; so it works from the first proposal, and where no margin
+    leads. Half of the scenes it looks at are drawn evenly or gathered
+    (:class:`~samplers.coincidences.Gathering`), half are children of the most demanding ones,
+    now and then of those that have been run. So all heavy tails are run about equally often, as
+    novelty search visits what few have visited (Lehman and Stanley 2011). Without a rehearsal it
+    draws evenly.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Options of :class:`DemandingSampler`."""
+
+        cube: Cube = Cube()
+        seed: int = quantity(low=0, default=0)
+        looked_at: int = quantity(low=2, default=32)  #: scenes for each proposal
+        memory: int = quantity(low=0, default=256)  #: results that count
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._counter = Counter("demanding", options.seed)
+        self._gathering = Gathering(options.cube)
+        self._mutator = Mutator(options.cube)
+        self._rehearsals: Rehearsals | None = None
+        draws = stream(options.seed, "sampler/demanding/usual")
+        self._usual = draws.random((USUAL, options.cube.dimensions))
+        self._told: list[Array] = []
+
+    def rehearse_by(self, rehearsal: Rehearsal) -> None:
+        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
+        self._rehearsals = Rehearsals(rehearsal)
+
+    def ask(self) -> Proposal:
+        """Make the next proposal."""
+        random = self._counter.stream()
+        if self._rehearsals is None or not self._options.cube.dimensions:
+            return self._counter.uniform(self._options.cube.dimensions)
+        half = self._options.looked_at // 2
+        drawn = self._rehearsals.of(self._drawn(random, half))
+        if not drawn:
+            return self._counter.uniform(self._options.cube.dimensions)
+        usual = self._rehearsals.demands(self._usual)
+        run = self._rehearsals.of(self._told)
+        known = [*drawn, *run]
+        among = np.vstack([usual, *(scene.demands for scene in known)])
+        weights = self._weights(random, usual, among)
+        parents = _heaviest(drawn if random.random() < ANEW else known, among, weights)[:PARENTS]
+        children = self._rehearsals.of(self._children(parents, random, half))
+        looked_at = [*drawn, *children]
+        return self._counter.proposal(_heaviest(looked_at, among, weights)[0].u)
+
+    def skip(self) -> None:
+        """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
+        self._counter.next += 1
+
+    def tell(self, feedback: Feedback) -> None:
+        """Take in a scene, also one that another sampler proposed."""
+        if feedback.fate == "judged":
+            self._told.append(feedback.u)
+            del self._told[: -self._options.memory or None]
+
+    def _weights(self, random: np.random.Generator, usual: Array, among: Array) -> Array:
+        """Weigh the demand that was heavy in fewest runs, and few others, ``(m,)``.
+
+        Args:
+            random: decides between demands that were heavy equally often.
+            usual: demands of scenes drawn evenly, ``(a, m)``; more than most of them is heavy.
+            among: demands of all that is known; those that do not vary have no weight.
+        """
+        assert self._rehearsals is not None
+        varies = np.ptp(np.nan_to_num(among), axis=0) > LEAST_SPREAD
+        run = self._rehearsals.demands(self._told)
+        heavy = (run > np.nanquantile(usual, HEAVY, axis=0)).sum(axis=0)
+        least = heavy + random.random(len(varies))
+        weights = random.random(len(varies)) * (random.random(len(varies)) < BESIDES)
+        weights[np.argmin(np.where(varies, least, np.inf))] = 1.0
+        return np.where(varies, weights, 0.0)
+
+    def _drawn(self, random: np.random.Generator, count: int) -> list[Array]:
+        """Draw points evenly, and gather every other one."""
+        points = [random.random(self._options.cube.dimensions) for _ in range(count)]
+        return [
+            self._gathering.gathered(u, random) if number % 2 else u
+            for number, u in enumerate(points)
+        ]
+
+    def _children(
+        self, parents: Sequence[Rehearsed], random: np.random.Generator, count: int
+    ) -> list[Array]:
+        children = []
+        for _ in range(count):
+            parent = parents[int(random.integers(len(parents)))]
+            step = float(np.exp(random.uniform(*np.log(STEPS))))
+            children.append(self._mutator.child(parent.u, step, random))
+        return children
+
+
+def _heaviest(scenes: Sequence[Rehearsed], among: Array, weights: Array) -> list[Rehearsed]:
+    """Sort scenes by weighted demands ``(m,)``, heaviest first."""
+    demands = np.array([scene.demands for scene in scenes])
+    order = np.argsort(-(standardised(demands, among) @ weights), kind="stable")
+    return [scenes[i] for i in order]

@@ -1,0 +1,59 @@
+"""What samplers know of scenes that were looked at without running them."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable
+
+import numpy as np
+
+from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.feedback import DEMANDS, Rehearsed
+from mrta_falsify.core.protocols import Rehearsal
+
+KEPT = 4096  # scenes
+LEAST_SPREAD = 1e-9  # demands that vary less say nothing
+
+
+class Rehearsals:
+    """Looks at scenes, each once; itself a :class:`~mrta_falsify.core.protocols.Rehearsal`."""
+
+    def __init__(self, rehearsal: Rehearsal) -> None:
+        self._rehearsal = rehearsal
+        self._known: OrderedDict[bytes, Rehearsed | None] = OrderedDict()
+
+    def __call__(self, u: Array) -> Rehearsed | None:
+        """Look at the scene at ``u`` ``(k,)``."""
+        key = np.asarray(u, dtype=np.float64).tobytes()
+        if key not in self._known:
+            found = self._rehearsal(u)
+            self._known[key] = found
+            if found is not None:
+                self._known[np.asarray(found.u, dtype=np.float64).tobytes()] = found
+            while len(self._known) > KEPT:
+                self._known.popitem(last=False)
+        return self._known[key]
+
+    def of(self, points: Iterable[Array]) -> list[Rehearsed]:
+        """Look at the scenes of points ``(k,)``; those without a scene are left out."""
+        return [found for found in map(self, points) if found is not None]
+
+    def demands(self, points: Iterable[Array]) -> Array:
+        """Measure what points ``(k,)`` ask for, ``(n, m)``; nan where there is no scene."""
+        nothing = np.full(len(DEMANDS), np.nan)
+        found = [nothing if scene is None else scene.demands for scene in map(self, points)]
+        return np.array(found).reshape(-1, len(DEMANDS))
+
+
+def standardised(demands: Array, among: Array) -> Array:
+    """Shift and scale demands ``(n, m)`` to mean 0 and deviation 1 in ``among`` ``(a, m)``.
+
+    What does not vary there, or is not known, is 0.
+    """
+    known = among[np.isfinite(among).all(axis=1)]
+    if not len(known):
+        return np.zeros_like(demands)
+    spread = known.std(axis=0)
+    says = spread > LEAST_SPREAD
+    scaled = np.where(says, (demands - known.mean(axis=0)) / np.where(says, spread, 1.0), 0.0)
+    return np.where(np.isfinite(scaled), scaled, 0.0)
