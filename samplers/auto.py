@@ -21,14 +21,17 @@ from samplers.rehearsals import Rehearsals
 from samplers.situations import SituationsSampler
 from samplers.surrogate import SurrogateSampler
 
-#: share of proposals for certain: on smooth margins nothing comes near the model of all results
-CERTAIN = {"surrogate": 0.65}
-#: likewise where scenes can be rehearsed, which leads from the first proposal
-CERTAIN_REHEARSED = {"surrogate": 0.3, "demanding": 0.45}
+#: share of proposals that the model of all results has: nothing comes near it on smooth margins
+CERTAIN = 0.65
+#: of it, what ``demanding`` has where scenes can be rehearsed: it leads from the first proposal,
+#: but learns nothing
+DEMANDING_AT_FIRST, DEMANDING_LATER = 0.6, 0.1
+EARLY = 20.0  # results
 LOADS_SHARE = 0.5  # of what the model of all results proposes
 SLOPE = 0.3  # of the score of a run that passes
 LEAST = 0.05  # margin to a deadlock of a run without one
 DEADLOCK = "no_deadlock"
+DEMANDING = "demanding"
 
 
 class AutoSampler:
@@ -56,7 +59,7 @@ class AutoSampler:
         seed: int = quantity(low=0, default=0)
         initial: int = quantity(low=1, default=1)  #: uniform proposals at first
         uniform_every: int = quantity(low=0, default=5)  #: one in so many is uniform, 0: none
-        floor: float = quantity(low=0.0, high=0.08, default=0.04)  #: least share of an arm
+        floor: float = quantity(low=0.0, high=0.07, default=0.04)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
         robust: bool = False  #: whether knife edges are not wanted
         slope: bool = True  #: whether how near a run came to a deadlock counts
@@ -95,7 +98,6 @@ class AutoSampler:
             self._arms["coincidences"] = CoincidencesSampler(
                 CoincidencesSampler.Options(cube=cube, seed=seed)
             )
-        self._certain = CERTAIN
         self._reward = dict.fromkeys(self._arms, 1.0)
         self._cost = dict.fromkeys(self._arms, 1.0)
         self._by: dict[int, str] = {}
@@ -108,9 +110,8 @@ class AutoSampler:
         if not self._options.rehearse:
             return
         cube, seed = self._options.cube, self._options.seed
-        self._arms["demanding"] = DemandingSampler(DemandingSampler.Options(cube=cube, seed=seed))
-        self._reward["demanding"] = self._cost["demanding"] = 1.0
-        self._certain = CERTAIN_REHEARSED
+        self._arms[DEMANDING] = DemandingSampler(DemandingSampler.Options(cube=cube, seed=seed))
+        self._reward[DEMANDING] = self._cost[DEMANDING] = 1.0
         shared = Rehearsals(rehearsal)
         for arm in self._arms.values():
             if isinstance(arm, RehearsingSampler):
@@ -141,11 +142,20 @@ class AutoSampler:
         """Choose the arm of the next proposal, and remember it."""
         names = list(self._arms)
         value = np.array([self._reward[name] / self._cost[name] for name in names])
-        certain = np.array([self._certain.get(name, self._options.floor) for name in names])
+        shares = self._certain_shares()
+        certain = np.array([shares.get(name, self._options.floor) for name in names])
         share = certain + (1.0 - certain.sum()) * value / value.sum()
         name = str(self._counter.stream().choice(names, p=share / share.sum()))
         self._by[self._counter.next] = name
         return self._arms[name]
+
+    def _certain_shares(self) -> dict[str, float]:
+        """Say which share of proposals arms have for certain, by name."""
+        if DEMANDING not in self._arms:
+            return {"surrogate": CERTAIN}
+        early = EARLY / (EARLY + len(self._scores))
+        share = DEMANDING_LATER + (DEMANDING_AT_FIRST - DEMANDING_LATER) * early
+        return {DEMANDING: share, "surrogate": CERTAIN - share}
 
     def tell(self, feedback: Feedback) -> None:
         """Tell all arms; reward the one that proposed it."""

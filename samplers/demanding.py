@@ -57,7 +57,7 @@ class DemandingSampler:
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals(rehearsal)
+        self._rehearsals = Rehearsals.of_all(rehearsal)
 
     def ask(self) -> Proposal:
         """Make the next proposal."""

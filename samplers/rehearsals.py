@@ -18,6 +18,11 @@ LEAST_SPREAD = 1e-9  # demands that vary less say nothing
 class Rehearsals:
     """Looks at scenes, each once; itself a :class:`~mrta_falsify.core.protocols.Rehearsal`."""
 
+    @classmethod
+    def of_all(cls, rehearsal: Rehearsal) -> Rehearsals:
+        """Remember what ``rehearsal`` tells; what remembers already is shared."""
+        return rehearsal if isinstance(rehearsal, Rehearsals) else cls(rehearsal)
+
     def __init__(self, rehearsal: Rehearsal) -> None:
         self._rehearsal = rehearsal
         self._known: OrderedDict[bytes, Rehearsed | None] = OrderedDict()

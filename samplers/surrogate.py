@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import re
 from collections import Counter as Counts
@@ -63,7 +64,7 @@ class SurrogateSampler:
     edge. A margin that few copies tell has a variance, which is noise of that result alone.
 
     Where scenes can be rehearsed, what they ask of a stack are coordinates like the others, and one
-    more kind that alone may explain a margin.
+    more kind that alone may explain a margin. The most promising candidates are looked at.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +101,7 @@ class SurrogateSampler:
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals(rehearsal)
+        self._rehearsals = Rehearsals.of_all(rehearsal)
         self._features = _Features(self._options.cube, demands=len(DEMANDS))
 
     def ask(self) -> Proposal:
@@ -111,14 +112,18 @@ class SurrogateSampler:
         if young or random.random() < options.explore:
             return self._counter.proposal(random.random(options.cube.dimensions))
         load = self._load(random) if random.random() < self._share_of_loads() else ""
+        parents = self._best.best
+        promise = self._promise
         if load:
             parents = sorted(self.results(), key=lambda of: -of.descriptors.get(load, 0.0))
-            candidates = self._candidates(random, parents[:PARENTS])
-            promise = self._heaviness(candidates, load)
-        else:
-            candidates = self._candidates(random, self._best.best)
-            promise = self._promise(candidates)
-        return self._counter.proposal(candidates[int(np.argmax(promise))])
+            parents = parents[:PARENTS]
+            promise = functools.partial(self._heaviness, load=load)
+        candidates = self._candidates(random, parents)
+        if self._rehearsals is not None:
+            first = np.argsort(-promise(candidates, looked_at=False), kind="stable")[:REHEARSED]
+            scenes = self._rehearsals.of(candidates[first])
+            candidates = np.array([scene.u for scene in scenes]) if scenes else candidates
+        return self._counter.proposal(candidates[int(np.argmax(promise(candidates)))])
 
     def _share_of_loads(self) -> float:
         """Say how often a load is driven up: more often, if margins lead to knife edges only."""
@@ -175,8 +180,7 @@ class SurrogateSampler:
     def _candidates(self, random: np.random.Generator, parents: Sequence[Feedback]) -> Array:
         """Draw children of ``parents``, and one in five anew; gather half of these, and parents."""
         rows = []
-        count = self._options.candidates
-        for i in range(count if self._rehearsals is None else min(count, REHEARSED)):
+        for i in range(self._options.candidates):
             if i % 5 == 0:
                 u = random.random(self._options.cube.dimensions)
                 rows.append(self._gathering.gathered(u, random) if i % 10 == 0 else u)
@@ -192,16 +196,24 @@ class SurrogateSampler:
                 u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
             step = float(np.exp(random.uniform(*np.log(STEPS))))
             rows.append(self._mutator.child(u, step, random, blamed=parent.blamed))
-        if self._rehearsals is not None:
-            rows = [scene.u for scene in self._rehearsals.of(rows)] or rows
         return np.array(rows)
 
-    def _points(self, points: Array, results: Sequence[Feedback]) -> _Points:
-        """See points ``(n, k)`` as the kernel does; demands are scaled by those of ``results``."""
+    def _points(
+        self, points: Array, results: Sequence[Feedback], *, looked_at: bool = True
+    ) -> _Points:
+        """See points ``(n, k)`` as the kernel does.
+
+        Args:
+            points: to see.
+            results: whose demands scale those of the points.
+            looked_at: whether the demands of the points are known; else they are as usual.
+        """
         if self._rehearsals is None:
             return self._features.of(points)
-        told = self._rehearsals.demands(feedback.u for feedback in results)
-        demands = standardised(self._rehearsals.demands(points), told)
+        demands = np.zeros((len(points), len(DEMANDS)))
+        if looked_at:
+            told = self._rehearsals.demands(feedback.u for feedback in results)
+            demands = standardised(self._rehearsals.demands(points), told)
         return self._features.of(np.hstack([points, as_coordinates(demands)]))
 
     def _refit(self) -> None:
@@ -215,13 +227,13 @@ class SurrogateSampler:
         for alike in _grouped(told, lambda margin: margin.noise.tobytes()):
             self._models |= _likeliest(inside, insides, alike)
 
-    def _heaviness(self, candidates: Array, load: str) -> Array:
+    def _heaviness(self, candidates: Array, *, load: str, looked_at: bool = True) -> Array:
         """Estimate how heavy ``load`` may get, in standard deviations, ``(n,)``."""
         results = self.results()
         told = np.array([feedback.descriptors.get(load, 0.0) for feedback in results])
         margin = _margin(load, told, np.zeros(len(told)))
         seen = self._points(np.array([feedback.u for feedback in results]), results)
-        asked = self._points(candidates, results)
+        asked = self._points(candidates, results, looked_at=looked_at)
         model = self._models.get(load, DEFAULT)
         whole = _Parts.between(seen, seen), _Parts.between(seen, asked)
         inside, across, prior = self._parts(model.kind, *whole, seen, asked)
@@ -248,11 +260,12 @@ class SurrogateSampler:
         own = _Parts.of_points(asked.of_kind(of))
         return inside.only(of, seen, seen), across.only(of, seen, asked), own
 
-    def _promise(self, candidates: Array) -> Array:
+    def _promise(self, candidates: Array, *, looked_at: bool = True) -> Array:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
         results = self.results()
         points = np.array([feedback.u for feedback in results])
-        seen, asked = self._points(points, results), self._points(candidates, results)
+        seen = self._points(points, results)
+        asked = self._points(candidates, results, looked_at=looked_at)
         margins = _varying(results)
         models = {margin.name: self._models.get(margin.name, DEFAULT) for margin in margins}
         whole = _Parts.between(seen, seen), _Parts.between(seen, asked)

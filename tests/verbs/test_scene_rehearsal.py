@@ -1,0 +1,61 @@
+"""Samplers of a campaign look at the scenes that its trials will run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrta_falsify.core.feedback import DEMANDS
+from mrta_falsify.core.seeding import stream
+from mrta_falsify.rehearsal import rehearse
+from mrta_falsify.verbs import scene_rehearsal
+from mrta_falsify.verbs.campaign import campaign
+from mrta_falsify.verbs.campaign_settings import new_settings
+from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
+from mrta_falsify.verbs.stored_trials import stored_world
+from tests.quick_program import PROGRAM
+
+
+@pytest.fixture
+def program(tmp_path):
+    path = tmp_path / "quick.scenic"
+    path.write_text(PROGRAM)
+    return path
+
+
+def test_a_scene_is_the_one_that_a_trial_would_run_and_always_the_same(program, tmp_path):
+    settings = new_settings(program, output=tmp_path / "c").trials
+    rehearsal, another = SceneRehearsal(settings), SceneRehearsal(settings)
+    random = stream(0, "test/rehearsal")
+    k = len(rehearsal._program.space)
+    for _ in range(5):
+        u = random.random(k)
+        found, again = rehearsal(u), another(u)
+        assert found is not None
+        np.testing.assert_array_equal(found.u, again.u)
+        np.testing.assert_array_equal(found.demands, again.demands)
+        same = rehearsal(found.u)  # what was realised is valid as it is
+        np.testing.assert_array_equal(same.u, found.u)
+        np.testing.assert_array_equal(same.demands, found.demands)
+
+
+def test_a_point_without_a_scene_has_no_demands(program, tmp_path):
+    program.write_text(PROGRAM + "require False\n")
+    settings = new_settings(program, output=tmp_path / "c").trials
+    assert SceneRehearsal(settings)(np.full(6, 0.5)) is None
+
+
+def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypatch):
+    looked_at = []
+    plain = scene_rehearsal.rehearse
+    monkeypatch.setattr(
+        scene_rehearsal, "rehearse", lambda world: looked_at.append(plain(world)) or looked_at[-1]
+    )
+    result = campaign(program, tmp_path / "c", sampler="demanding", budget=4, workers=1)
+    assert len(result.campaign.records) == 4
+    known = np.array(looked_at)
+    assert len(known) > 4 * len(result.campaign.records)
+    for record in result.campaign.records:
+        demands = rehearse(stored_world(result.campaign, record))
+        assert demands.shape == (len(DEMANDS),)
+        assert (np.abs(known - demands).max(axis=1) < 1e-9).any()
