@@ -23,8 +23,9 @@ from samplers.surrogate import SurrogateSampler
 
 #: share of proposals that the model of all results has: nothing comes near it on smooth margins
 CERTAIN = 0.65
-#: of it, what ``demanding`` has where scenes can be rehearsed: it leads from the first proposal,
-#: but learns nothing
+#: share that it has together with ``demanding`` where scenes can be rehearsed, and of that what
+#: ``demanding`` has: it leads from the first proposal, but learns nothing
+CERTAIN_REHEARSED = 0.75
 DEMANDING_AT_FIRST, DEMANDING_LATER = 0.6, 0.1
 EARLY = 20.0  # results
 LOADS_SHARE = 0.5  # of what the model of all results proposes
@@ -59,7 +60,7 @@ class AutoSampler:
         seed: int = quantity(low=0, default=0)
         initial: int = quantity(low=1, default=1)  #: uniform proposals at first
         uniform_every: int = quantity(low=0, default=5)  #: one in so many is uniform, 0: none
-        floor: float = quantity(low=0.0, high=0.07, default=0.04)  #: least share of an arm
+        floor: float = quantity(low=0.0, high=0.05, default=0.03)  #: least share of an arm
         fade: float = quantity(above=0.0, high=1.0, default=0.93)  #: of rewards, per result
         robust: bool = False  #: whether knife edges are not wanted
         slope: bool = True  #: whether how near a run came to a deadlock counts
@@ -155,7 +156,7 @@ class AutoSampler:
             return {"surrogate": CERTAIN}
         early = EARLY / (EARLY + len(self._scores))
         share = DEMANDING_LATER + (DEMANDING_AT_FIRST - DEMANDING_LATER) * early
-        return {DEMANDING: share, "surrogate": CERTAIN - share}
+        return {DEMANDING: share, "surrogate": CERTAIN_REHEARSED - share}
 
     def tell(self, feedback: Feedback) -> None:
         """Tell all arms; reward the one that proposed it."""
