@@ -321,19 +321,23 @@ def _of_motion(
     step = float(moments[1] - moments[0])
     velocity = np.gradient(robots, step, axis=0)
     moves = np.hypot(velocity[..., 0], velocity[..., 1]) > SLOWEST
-    first, second = np.triu_indices(robots.shape[1], 1)
-    apart = np.hypot(*np.moveaxis(robots[:, first] - robots[:, second], -1, 0))
-    near = apart < NEAR
-    against = (velocity[:, first] * velocity[:, second]).sum(axis=-1) < 0.0
     crowd = np.zeros(robots.shape[:2])
-    for pair, (i, k) in enumerate(zip(first, second, strict=True)):
-        crowd[:, [i, k]] += np.exp(-apart[:, pair, None])
+    meetings = head_on = 0
+    for robot in range(robots.shape[1] - 1):  # all pairs at once would not fit for a large fleet
+        others = slice(robot + 1, None)
+        apart = np.hypot(*np.moveaxis(robots[:, others] - robots[:, [robot]], -1, 0))
+        near = apart < NEAR
+        against = (velocity[:, others] * velocity[:, [robot]]).sum(axis=-1) < 0.0
+        crowd[:, robot] += np.exp(-apart).sum(axis=1)
+        crowd[:, others] += np.exp(-apart)
+        meetings += int((near[1:] & ~near[:-1]).sum())
+        head_on += int((near & against).sum())
     beside = [np.hypot(*np.moveaxis(robots - person[:, None], -1, 0)) < NEAR for person in people]
     events = [(moments >= event.start) & (moments < event.end) for event in world.events]
     return {
         "crowd": float(crowd.max()),
-        "meetings": float((near[1:] & ~near[:-1]).sum()),
-        "head_on": step * float((near & against).sum()),
+        "meetings": float(meetings),
+        "head_on": step * head_on,
         "people": step * float(sum((moves & close).sum() for close in beside)),
         "sharing": _most_sharing(world, robots),
         "disturbed": step * float(sum((moves & lasts[:, None]).sum() for lasts in events)),
