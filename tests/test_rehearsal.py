@@ -13,6 +13,7 @@ from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
 from mrta_falsify.rehearsal import rehearse
+from scenic_worlds.zoo import load_scene, scene_names
 
 APART = 13.0  # m between the two rooms' points
 
@@ -117,3 +118,10 @@ def test_furniture_people_and_outages_count_where_robots_drive():
     assert demands(ward([trip(0)], humans=(gone,)))["people"] == 0.0
     outage = CommsOutage(name="outage1", robots=(), start=0.0, end=10.0)
     assert demands(ward([trip(0)], events=(outage,)))["disturbed"] == pytest.approx(10.0, rel=0.3)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_scene_of_the_zoo_can_be_rehearsed(name):
+    found = rehearse(load_scene(name).world)
+    assert np.isfinite(found).all()
+    assert found[DEMANDS.index("driven")] >= 0.0
