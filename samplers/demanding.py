@@ -68,11 +68,11 @@ class DemandingSampler:
         drawn = self._rehearsals.of(self._drawn(random, half))
         if not drawn:
             return self._counter.uniform(self._options.cube.dimensions)
-        usual = self._rehearsals.demands(self._usual)
         run = self._rehearsals.of(self._told)
+        usual = _demands(self._rehearsals.of(self._usual) or drawn)
+        among = np.vstack([usual, _demands(drawn), *(scene.demands for scene in run)])
+        weights = _weights(random, run, usual, among)
         known = [*drawn, *run]
-        among = np.vstack([usual, *(scene.demands for scene in known)])
-        weights = self._weights(random, usual, among)
         parents = _heaviest(drawn if random.random() < ANEW else known, among, weights)[:PARENTS]
         children = self._rehearsals.of(self._children(parents, random, half))
         looked_at = [*drawn, *children]
@@ -87,23 +87,6 @@ class DemandingSampler:
         if feedback.fate == "judged":
             self._told.append(feedback.u)
             del self._told[: -self._options.memory or None]
-
-    def _weights(self, random: np.random.Generator, usual: Array, among: Array) -> Array:
-        """Weigh the demand that was heavy in fewest runs, and few others, ``(m,)``.
-
-        Args:
-            random: decides between demands that were heavy equally often.
-            usual: demands of scenes drawn evenly, ``(a, m)``; more than most of them is heavy.
-            among: demands of all that is known; those that do not vary have no weight.
-        """
-        assert self._rehearsals is not None
-        varies = np.ptp(np.nan_to_num(among), axis=0) > LEAST_SPREAD
-        run = self._rehearsals.demands(self._told)
-        heavy = (run > np.nanquantile(usual, HEAVY, axis=0)).sum(axis=0)
-        least = heavy + random.random(len(varies))
-        weights = random.random(len(varies)) * (random.random(len(varies)) < BESIDES)
-        weights[np.argmin(np.where(varies, least, np.inf))] = 1.0
-        return np.where(varies, weights, 0.0)
 
     def _drawn(self, random: np.random.Generator, count: int) -> list[Array]:
         """Draw points evenly, and gather every other one."""
@@ -124,8 +107,33 @@ class DemandingSampler:
         return children
 
 
+def _weights(
+    random: np.random.Generator, run: Sequence[Rehearsed], usual: Array, among: Array
+) -> Array:
+    """Weigh the demand that was heavy in fewest runs, and few others, ``(m,)``.
+
+    Args:
+        random: decides between demands that were heavy equally often.
+        run: scenes that were run.
+        usual: demands of scenes drawn evenly, ``(a, m)``; more than most of them is heavy.
+        among: demands of all that is known; those that do not vary have no weight.
+    """
+    varies = np.ptp(among, axis=0) > LEAST_SPREAD
+    bounds = np.quantile(usual, HEAVY, axis=0)
+    heavy = sum((scene.demands > bounds for scene in run), start=np.zeros(len(bounds)))
+    least = heavy + random.random(len(varies))
+    weights = random.random(len(varies)) * (random.random(len(varies)) < BESIDES)
+    weights[np.argmin(np.where(varies, least, np.inf))] = 1.0
+    return np.where(varies, weights, 0.0)
+
+
+def _demands(scenes: Sequence[Rehearsed]) -> Array:
+    """Stack what scenes ask for, ``(n, m)``."""
+    return np.array([scene.demands for scene in scenes])
+
+
 def _heaviest(scenes: Sequence[Rehearsed], among: Array, weights: Array) -> list[Rehearsed]:
     """Sort scenes by weighted demands ``(m,)``, heaviest first."""
-    demands = np.array([scene.demands for scene in scenes])
-    order = np.argsort(-(standardised(demands, among) @ weights), kind="stable")
+    worth = standardised(_demands(scenes), among) @ weights
+    order = np.argsort(-worth, kind="stable")
     return [scenes[i] for i in order]

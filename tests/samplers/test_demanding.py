@@ -101,6 +101,13 @@ def test_points_without_a_scene_are_not_proposed_once_scenes_are_known(name):
 
 
 @pytest.mark.parametrize("name", ARMS)
+def test_a_search_goes_on_where_hardly_any_point_has_a_scene(name):
+    sampler = built(name, by=lambda u: rehearsal(u) if u[1] < 0.04 else None)
+    for _ in range(25):
+        sampler.tell(told(sampler.ask()))
+
+
+@pytest.mark.parametrize("name", ARMS)
 def test_a_resumed_search_goes_on_as_the_first_one_did(name):
     first, resumed = built(name), built(name)
     proposals = []
