@@ -16,12 +16,9 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from mrta_falsify.bare_floor import BareFloor
-from mrta_falsify.core import registry
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.config import Choice
 from mrta_falsify.core.directives import Push
-from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import Planner
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import ROOM_REACH
@@ -58,9 +55,7 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
 def _planner(floor: BareFloor, radius: float) -> Planner:
     """Plan on the walls of a floor for a body that is ``radius`` [m] wide to each side."""
     options = {"resolution": CELL, "robot_radius": radius, "inflation_radius": radius}
-    source = registry.build("costmap", Choice("layered", options)).bind(floor.bare())
-    planner: Planner = registry.build("planner", Choice("astar"))
-    planner.use(source.costmap(0.0, NO_POINTS))
+    planner, _ = floor.planner(options, {})
     return planner
 
 

@@ -20,18 +20,16 @@ import shapely
 from scipy.spatial import cKDTree
 
 from mrta_falsify.bare_floor import BareFloor
-from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.config import Choice
-from mrta_falsify.core.costmap import INSCRIBED, Costmap
+from mrta_falsify.core.costmap import INSCRIBED
 from mrta_falsify.core.feedback import DEMANDS
-from mrta_falsify.core.plane import NO_POINTS
-from mrta_falsify.core.protocols import Planner
+from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.world import HumanSpec, World
 
 CELL = 0.1  # m of the map on which ways are looked for
 KEPT_FLOORS = 4  # whose ways are kept
 KEPT_GOALS = 32  # of each floor
+KEPT_OUTLINES = 1024  # of furniture
 MOMENTS = 300  # looked at, at most
 SLOWEST = 0.05  # m/s, so that each way ends
 LEAVING = 8.0  # s that a robot takes to clear a room
@@ -47,14 +45,14 @@ def rehearse(world: World) -> Array:
     Returns:
         ``(m,)`` by :data:`~mrta_falsify.core.feedback.DEMANDS`; larger asks for more.
     """
-    ways = _ways(BareFloor.of(world))
-    schedule = _acted(world, ways, _assigned(world, ways))
+    fleet = _Fleet(world, _ways(BareFloor.of(world)))
+    schedule = _acted(fleet, _assigned(fleet))
     moments = np.linspace(0.0, world.horizon, min(MOMENTS, 2 + int(world.horizon)))
-    robots = _driven(world, schedule.drives, moments)
+    robots = _driven(fleet, schedule.drives, moments)
     people = [_walked(human, moments) for human in world.humans]
     measured = {
         **_of_schedule(world, schedule, moments),
-        **_of_ways(world, schedule.drives, ways.costmap),
+        **_of_ways(fleet, schedule.drives),
         **_of_motion(world, robots, people, moments),
     }
     return np.array([measured[name] for name in DEMANDS])
@@ -103,7 +101,9 @@ class _Ways:
 
     def __init__(self, floor: BareFloor) -> None:
         self._rooms = [room.point for room in floor.world.rooms]
-        self._planner, self.costmap = _planner(floor)
+        self._planner, self.costmap = floor.planner(
+            {"resolution": CELL}, {"resolution": CELL, "goal_cache": KEPT_GOALS}
+        )
         self._between: dict[tuple[int, int], Array] = {}
 
     def to_room(self, start: Array, room: int) -> Array:
@@ -124,32 +124,49 @@ def _ways(floor: BareFloor) -> _Ways:
     return _Ways(floor)
 
 
-def _planner(floor: BareFloor) -> tuple[Planner, Costmap]:
-    source = registry.build("costmap", Choice("layered", {"resolution": CELL})).bind(floor.bare())
-    costmap = source.costmap(0.0, NO_POINTS)
-    planner: Planner = registry.build(
-        "planner", Choice("astar", {"resolution": CELL, "goal_cache": KEPT_GOALS})
-    )
-    planner.use(costmap)
-    return planner, costmap
+class _Fleet:
+    """Ways and driving times of the robots of one world; each way from a start is planned once."""
+
+    def __init__(self, world: World, ways: _Ways) -> None:
+        self.world = world
+        self.ways = ways
+        self._from_start: dict[tuple[int, int], Array] = {}
+
+    def way(self, robot: int, done: Sequence[_Stop], room: int) -> Array:
+        """Find the way ``(L, 2)`` [m] to a room from the last stop that is done, or the start."""
+        if done:
+            return self.ways.between(done[-1].room, room)
+        if (robot, room) not in self._from_start:
+            start = self.world.robots[robot].pose[:2]
+            self._from_start[robot, room] = self.ways.to_room(start, room)
+        return self._from_start[robot, room]
+
+    def time(self, robot: int, path: Array) -> float:
+        """Say how long a robot drives along ``path`` ``(L, 2)`` [s]."""
+        return path_length(path) / self.speed(robot)
+
+    def speed(self, robot: int) -> float:
+        """Say how fast a robot drives [m/s]."""
+        kind = self.world.robots[robot]
+        return max(min(kind.cruise_speed, kind.max_speed), SLOWEST)
 
 
-def _assigned(world: World, ways: _Ways) -> list[list[_Stop]]:
+def _assigned(fleet: _Fleet) -> list[list[_Stop]]:
     """Give each task, in order of arrival, to the robot that would begin it first."""
+    world = fleet.world
     stops: list[list[_Stop]] = [[] for _ in world.robots]
     free = [robot.joins_at for robot in world.robots]
     for number in sorted(range(len(world.tasks)), key=lambda k: world.tasks[k].arrival):
         task = world.tasks[number]
         able = [i for i, robot in enumerate(world.robots) if task.robot in ("", robot.name)]
         begins = {
-            i: max(free[i], task.arrival)
-            + _time(world, i, _way(world, ways, i, stops[i], task.start))
+            i: max(free[i], task.arrival) + fleet.time(i, fleet.way(i, stops[i], task.start))
             for i in able
         }
         if not begins:
             continue
         chosen = min(begins, key=lambda i: begins[i])
-        trip = _time(world, chosen, ways.between(task.start, task.end))
+        trip = fleet.time(chosen, fleet.ways.between(task.start, task.end))
         free[chosen] = begins[chosen] + task.pickup_time + trip + task.dropoff_time
         stops[chosen] += [
             _Stop(number, task.start, task.arrival, task.pickup_time),
@@ -158,24 +175,9 @@ def _assigned(world: World, ways: _Ways) -> list[list[_Stop]]:
     return stops
 
 
-def _way(world: World, ways: _Ways, robot: int, done: Sequence[_Stop], room: int) -> Array:
-    """Find the way to a room from the last stop that is done, or from the start."""
-    if done:
-        return ways.between(done[-1].room, room)
-    return ways.to_room(world.robots[robot].pose[:2], room)
-
-
-def _time(world: World, robot: int, path: Array) -> float:
-    return float(_lengths(path)[-1]) / _speed(world, robot)
-
-
-def _speed(world: World, robot: int) -> float:
-    kind = world.robots[robot]
-    return max(min(kind.cruise_speed, kind.max_speed), SLOWEST)
-
-
-def _acted(world: World, ways: _Ways, stops: Sequence[Sequence[_Stop]]) -> _Schedule:
+def _acted(fleet: _Fleet, stops: Sequence[Sequence[_Stop]]) -> _Schedule:
     """Let all robots go their ways and wait at rooms that are full."""
+    world = fleet.world
     places = {r.room: r.capacity for r in world.resources if r.kind == "room"}
     left: dict[int, list[float]] = {}  # when those in a room have left it, by room
     visits: list[_Visit] = []
@@ -186,9 +188,9 @@ def _acted(world: World, ways: _Ways, stops: Sequence[Sequence[_Stop]]) -> _Sche
         if number < len(stops[robot]):
             stop = stops[robot][number]
             begins = max(time, stop.known)
-            path = _way(world, ways, robot, stops[robot][:number], stop.room)
+            path = fleet.way(robot, stops[robot][:number], stop.room)
             drives[robot].append(_Drive(begins, path))
-            heapq.heappush(arrivals, (begins + _time(world, robot, path), robot, number))
+            heapq.heappush(arrivals, (begins + fleet.time(robot, path), robot, number))
 
     for robot, kind in enumerate(world.robots):
         set_off(robot, 0, kind.joins_at)
@@ -219,14 +221,14 @@ def _along(path: Array, way: Array) -> Array:
     return np.column_stack([np.interp(way, lengths, path[:, axis]) for axis in range(2)])
 
 
-def _driven(world: World, drives: Sequence[Sequence[_Drive]], moments: Array) -> Array:
+def _driven(fleet: _Fleet, drives: Sequence[Sequence[_Drive]], moments: Array) -> Array:
     """Place the robots, ``(n, N, 2)`` [m]; who waits stands at its room."""
-    places = np.empty((len(moments), len(world.robots), 2))
+    places = np.empty((len(moments), len(drives), 2))
     for robot, own in enumerate(drives):
-        places[:, robot] = world.robots[robot].pose[:2]
+        places[:, robot] = fleet.world.robots[robot].pose[:2]
         for drive in own:
             since = moments >= drive.begins
-            way = _speed(world, robot) * (moments[since] - drive.begins)
+            way = fleet.speed(robot) * (moments[since] - drive.begins)
             places[since, robot] = _along(drive.path, way)
     return places
 
@@ -235,7 +237,7 @@ def _walked(human: HumanSpec, moments: Array) -> Array:
     """Place a person that walks its route, ``(n, 2)`` [m]; nan while it is not there."""
     route = np.asarray(human.route)
     loop = np.vstack([route, route[:1]]) if human.repeat and len(route) > 1 else route
-    length = float(_lengths(loop)[-1])
+    length = path_length(loop)
     way = human.start * length + human.speed * np.maximum(moments - human.appears_at, 0.0)
     if human.repeat and length > 0.0:
         way = way % length
@@ -280,35 +282,35 @@ def _most_at_once(
     return max((float(at.max()) for at in counts.values()), default=0.0)
 
 
-def _of_ways(
-    world: World, drives: Sequence[Sequence[_Drive]], costmap: Costmap
-) -> dict[str, float]:
+def _of_ways(fleet: _Fleet, drives: Sequence[Sequence[_Drive]]) -> dict[str, float]:
     paths = [drive.path for own in drives for drive in own]
     if not paths:
         return {"driven": 0.0, "narrow": 0.0, "furniture": 0.0}
     steps = np.concatenate([np.hypot(*np.diff(path, axis=0).T) for path in paths])
     middles = np.concatenate([0.5 * (path[1:] + path[:-1]) for path in paths])
-    price = np.minimum(costmap.cost_at(middles), INSCRIBED) / INSCRIBED
+    price = np.minimum(fleet.ways.costmap.cost_at(middles), INSCRIBED) / INSCRIBED
     return {
         "driven": float(steps.sum()),
         "narrow": float(steps @ price),
-        "furniture": float(steps @ _is_beside(world, middles)),
+        "furniture": float(steps @ _is_beside(fleet.world, middles)),
     }
 
 
 def _is_beside(world: World, points: Array) -> Array:
     """Say which points ``(n, 2)`` [m] are so near to furniture that a robot has to mind it."""
-    outlines = [_sampled(piece.polygon) for piece in world.furniture]
+    outlines = [_sampled(piece.polygon.tobytes()) for piece in world.furniture]
     if not outlines:
         return np.zeros(len(points))
     away, _ = cKDTree(np.concatenate(outlines)).query(points, distance_upper_bound=ABREAST)
     return np.asarray(np.isfinite(away), dtype=np.float64)
 
 
-def _sampled(outline: Array) -> Array:
-    """Put points on an outline ``(V, 2)``, ``(n, 2)`` [m]."""
-    loop = np.vstack([outline, outline[:1]])
-    return _along(loop, np.arange(0.0, float(_lengths(loop)[-1]), SAMPLED))
+@functools.lru_cache(maxsize=KEPT_OUTLINES)
+def _sampled(outline: bytes) -> Array:
+    """Put points on an outline ``(V, 2)``, ``(n, 2)`` [m]; most furniture is built in."""
+    corners = np.frombuffer(outline).reshape(-1, 2)
+    loop = np.vstack([corners, corners[:1]])
+    return _along(loop, np.arange(0.0, path_length(loop), SAMPLED))
 
 
 def _of_motion(
