@@ -14,6 +14,7 @@ from mrta_falsify.core.seeding import stream
 
 ALIKE = 0.4  # usual chance that an object drawn anew takes after one of its kin
 NEARLY = 0.03  # spread about the value of one of its kin
+STEPS = (0.03, 0.4)  # spread of small moves where children are only looked at
 BLAMED = 4.0  # times as often as others is an object changed that took part
 
 
@@ -165,6 +166,11 @@ def levels_at(values: Array, levels: int | IntArray) -> IntArray:
 def at_label(label: int, labels: Sequence[int], otherwise: float) -> float:
     """Find where in [0, 1] a discrete coordinate has the value ``label``, if it can have it."""
     return (labels.index(label) + 0.5) / len(labels) if label in labels else otherwise
+
+
+def evenly_in_logarithm(random: np.random.Generator, low: float, high: float) -> float:
+    """Draw between ``low`` > 0 and ``high``, each factor being as likely as another."""
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
 def reflect(value: float) -> float:

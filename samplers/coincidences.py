@@ -11,7 +11,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, at_label, reflect
+from samplers.asking import Counter, at_label, evenly_in_logarithm, reflect
 
 FAMILIES = (0.1, 0.9)  # of which some gather, in one proposal
 SHARES = (0.4, 1.6)  # of a family that gathers, all of it from 1 on
@@ -104,7 +104,7 @@ class Gathering:
 
 def _fill_about(u: Array, members: Sequence[int], random: np.random.Generator) -> None:
     """Put ``members`` about one or two points of [0, 1]."""
-    width = float(np.exp(random.uniform(*np.log(WIDTHS))))
+    width = evenly_in_logarithm(random, *WIDTHS)
     centres = random.random(_places(random))
     for i in members:
         off = width * float(random.uniform(-0.5, 0.5))

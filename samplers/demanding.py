@@ -13,7 +13,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import Rehearsal
 from mrta_falsify.core.seeding import stream
-from samplers.asking import Counter, Mutator
+from samplers.asking import STEPS, Counter, Mutator, evenly_in_logarithm
 from samplers.coincidences import Gathering
 from samplers.rehearsals import LEAST_SPREAD, Rehearsals, standardised
 
@@ -22,7 +22,6 @@ HEAVY = 0.9  # share of them that ask for less of what is heavy
 BESIDES = 0.03  # chance of each other demand to be driven up, too
 ANEW = 0.5  # chance that what was run has no children
 PARENTS = 4  # of the second half
-STEPS = (0.03, 0.4)  # spread of moves, drawn evenly in its logarithm
 
 
 class DemandingSampler:
@@ -57,7 +56,7 @@ class DemandingSampler:
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals.of_all(rehearsal)
+        self._rehearsals = Rehearsals.remembering(rehearsal)
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -102,7 +101,7 @@ class DemandingSampler:
         children = []
         for _ in range(count):
             parent = parents[int(random.integers(len(parents)))]
-            step = float(np.exp(random.uniform(*np.log(STEPS))))
+            step = evenly_in_logarithm(random, *STEPS)
             children.append(self._mutator.child(parent.u, step, random))
         return children
 

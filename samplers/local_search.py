@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import BestResults, Counter, Mutator
+from samplers.asking import BestResults, Counter, Mutator, evenly_in_logarithm
 
 
 class LocalSearchSampler:
@@ -46,7 +44,7 @@ class LocalSearchSampler:
             return self._counter.proposal(random.random(options.cube.dimensions))
         turn = memory.since_best // options.tries
         anchor = memory.best[min(turn, len(memory.best) - 1)]
-        step = float(np.exp(random.uniform(np.log(options.narrowest), np.log(options.widest))))
+        step = evenly_in_logarithm(random, options.narrowest, options.widest)
         return self._counter.proposal(
             self._mutator.child(anchor.u, step, random, blamed=anchor.blamed)
         )

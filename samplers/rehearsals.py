@@ -19,7 +19,7 @@ class Rehearsals:
     """Looks at scenes, each once; itself a :class:`~mrta_falsify.core.protocols.Rehearsal`."""
 
     @classmethod
-    def of_all(cls, rehearsal: Rehearsal) -> Rehearsals:
+    def remembering(cls, rehearsal: Rehearsal) -> Rehearsals:
         """Remember what ``rehearsal`` tells; what remembers already is shared."""
         return rehearsal if isinstance(rehearsal, Rehearsals) else cls(rehearsal)
 

@@ -12,7 +12,7 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Estimates, Feedback
 from mrta_falsify.core.seeding import stream
-from samplers.asking import Counter, Mutator
+from samplers.asking import Counter, Mutator, evenly_in_logarithm
 
 #: score and a uniform number that breaks ties; smaller is closer to a violation
 Rank = tuple[float, float]
@@ -151,8 +151,8 @@ class SplittingSampler:
 
     def _moved(self, u: Array, random: np.random.Generator) -> Array:
         # Symmetric, hence reversible for the uniform distribution; nothing in it looks at u.
-        count = float(np.exp(random.uniform(0.0, np.log(self._blocks))))
-        step = float(np.exp(random.uniform(np.log(NARROWEST), np.log(WIDEST))))
+        count = evenly_in_logarithm(random, 1.0, self._blocks)
+        step = evenly_in_logarithm(random, NARROWEST, WIDEST)
         return Mutator(self._options.cube, mean_blocks=count).child(u, step, random)
 
     def tell(self, feedback: Feedback) -> None:

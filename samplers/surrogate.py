@@ -20,12 +20,19 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal
-from samplers.asking import ALIKE, BestResults, Counter, Mutator, levels_at
+from samplers.asking import (
+    ALIKE,
+    STEPS,
+    BestResults,
+    Counter,
+    Mutator,
+    evenly_in_logarithm,
+    levels_at,
+)
 from samplers.coincidences import Gathering
 from samplers.rehearsals import Rehearsals, standardised
 
 PARENTS = 8  # best scenes that have children
-STEPS = (0.03, 0.4)  # spread of moves of candidates, drawn evenly in its logarithm
 LINEAR = (0.9, 0.5, 0.1)  # share of the linear part in what points explain
 LENGTHS = (0.5, 0.2)  # of the smooth part, in the unit cube
 DEGREES = (1, 2)  # of the polynomial that the linear part is
@@ -101,7 +108,7 @@ class SurrogateSampler:
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals.of_all(rehearsal)
+        self._rehearsals = Rehearsals.remembering(rehearsal)
         self._features = _Features(self._options.cube, demands=len(DEMANDS))
 
     def ask(self) -> Proposal:
@@ -194,7 +201,7 @@ class SurrogateSampler:
             u = parent.u
             if random.random() < 0.3:
                 u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
-            step = float(np.exp(random.uniform(*np.log(STEPS))))
+            step = evenly_in_logarithm(random, *STEPS)
             rows.append(self._mutator.child(u, step, random, blamed=parent.blamed))
         return np.array(rows)
 
