@@ -12,7 +12,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
 from mrta_falsify.core.seeding import candidate_seed
-from mrta_falsify.rehearsal import rehearse as demands_of
+from mrta_falsify.verbs.scene_rehearsal import look_at
 from scenic_worlds.program import Program, compile_program, scenario_path
 
 
@@ -28,16 +28,10 @@ def cube(request: dict[str, Any]) -> dict[str, Any]:
 
 def rehearse(request: dict[str, Any]) -> dict[str, Any]:
     """Measure what the scene at a point asks of a stack."""
-    asked = Candidate(
-        number=0,
-        u=np.asarray(request["u"], dtype=np.float64),
-        seed=candidate_seed(request["seed"], 0),
-    )
-    try:
-        found = _open(request["scenario"]).realise(asked)
-    except InputError as error:
-        return {"rejected": str(error)}
-    return {"demands": demands_of(found.world).tolist(), "u": found.candidate.u.tolist()}
+    found = look_at(_open(request["scenario"]), request["u"], seed=request["seed"])
+    if found is None:
+        return {"rejected": "no scene"}
+    return {"demands": found.demands.tolist(), "u": found.u.tolist()}
 
 
 def realise(request: dict[str, Any]) -> dict[str, Any]:

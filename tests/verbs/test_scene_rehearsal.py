@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.rehearsal import rehearse
@@ -43,6 +44,13 @@ def test_a_point_without_a_scene_has_no_demands(program, tmp_path):
     program.write_text(PROGRAM + "require False\n")
     settings = new_settings(program, output=tmp_path / "c").trials
     assert SceneRehearsal(settings)(np.full(6, 0.5)) is None
+
+
+def test_a_program_that_has_changed_is_an_error_and_no_missing_scene(program, tmp_path):
+    settings = new_settings(program, output=tmp_path / "c").trials
+    program.write_text(PROGRAM + "param horizon = 50\n")
+    with pytest.raises(InputError, match="has changed"):
+        SceneRehearsal(settings)(np.full(6, 0.5))
 
 
 def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypatch):
