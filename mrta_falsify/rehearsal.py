@@ -34,6 +34,9 @@ MOMENTS = 300  # looked at, at most
 SLOWEST = 0.05  # m/s, so that each way ends
 LEAVING = 8.0  # s that a robot takes to clear a room
 ABOUT = 5.0  # s; robots that come to a room within it come at about one time
+MISSED = 10.0  # s by which robots miss each other in their rooms: a ring counts exp(-1) as much
+MISSED_AT_MOST = 40.0  # s; a ring that is missed by more is none
+LONGEST_RING = 4  # robots
 NEAR = 1.2  # m between two that meet
 ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
 SAMPLED = 0.2  # m between points of an outline
@@ -267,7 +270,41 @@ def _of_schedule(world: World, schedule: _Schedule, moments: Array) -> dict[str,
         "uneven": float(max(map(len, rooms), default=0)),
         "hurry": float(max(late, default=-world.horizon)),
         "again": float(sum(a == b for own in rooms for a, b in itertools.pairwise(own))),
+        "ring": _ring([visit for visit in visits if visit.begins < world.horizon]),
     }
+
+
+def _ring(visits: Sequence[_Visit]) -> float:
+    """Count robots that each want the room of the next one.
+
+    Who holds its room until it has the next one waits for ever in such a ring. The rooms of a ring
+    need not be taken at one time: the less the robots miss each other, the more it counts.
+    """
+    following: dict[int, _Visit] = {}  # by number of the visit before
+    last: dict[int, int] = {}
+    for number, visit in enumerate(visits):
+        if visit.robot in last:
+            following[last[visit.robot]] = visit
+        last[visit.robot] = number
+    of_room: dict[int, list[int]] = {}
+    for number in following:
+        of_room.setdefault(visits[number].stop.room, []).append(number)
+
+    def most(ring: tuple[int, ...], since: float, until: float) -> float:
+        """Find the best ring that begins with these; they are all in their rooms in a span [s]."""
+        best = 0.0
+        for number in of_room.get(following[ring[-1]].stop.room, ()):
+            if number == ring[0] and len(ring) > 1:
+                best = max(best, len(ring) * float(np.exp(-max(0.0, since - until) / MISSED)))
+            visit = visits[number]
+            span = max(since, visit.arrives), min(until, visit.served + LEAVING)
+            is_another = number > ring[0] and all(visits[k].robot != visit.robot for k in ring)
+            if is_another and len(ring) < LONGEST_RING and span[0] - span[1] < MISSED_AT_MOST:
+                best = max(best, most((*ring, number), *span))
+        return best
+
+    firsts = ((n, visits[n].arrives, visits[n].served + LEAVING) for n in following)
+    return max((most((n,), since, until) for n, since, until in firsts), default=0.0)
 
 
 def _most_at_once(

@@ -14,7 +14,7 @@ from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import Rehearsal
 from mrta_falsify.core.seeding import stream
 from samplers.asking import STEPS, Counter, Mutator, evenly_in_logarithm
-from samplers.coincidences import Gathering
+from samplers.gathering import Gathering
 from samplers.rehearsals import LEAST_SPREAD, Rehearsals, standardised
 
 USUAL = 48  # scenes drawn evenly that say what is heavy
@@ -29,7 +29,7 @@ class DemandingSampler:
 
     Nothing is learnt from how runs end; so it works from the first proposal, and where no margin
     leads. Half of the scenes it looks at are drawn evenly or gathered
-    (:class:`~samplers.coincidences.Gathering`), half are children of the most demanding ones,
+    (:class:`~samplers.gathering.Gathering`), half are children of the most demanding ones,
     now and then of those that have been run. So all heavy tails are run about equally often, as
     novelty search visits what few have visited (Lehman and Stanley 2011). Without a rehearsal it
     draws evenly.

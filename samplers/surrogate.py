@@ -29,7 +29,7 @@ from samplers.asking import (
     evenly_in_logarithm,
     levels_at,
 )
-from samplers.coincidences import Gathering
+from samplers.gathering import Gathering
 from samplers.rehearsals import Rehearsals, standardised
 
 PARENTS = 8  # best scenes that have children

@@ -76,6 +76,16 @@ def test_two_that_drive_against_each_other_meet_head_on():
     assert one_after_the_other["head_on"] == 0.0
 
 
+def test_robots_that_want_each_others_room_are_a_ring_the_less_they_miss_each_other():
+    at_once = demands(ward([trip(0), trip(1)]))["ring"]
+    assert at_once == pytest.approx(2.0)
+    second = ward().robots[1].name
+    late = [ward([trip(0), trip(1, arrival=s, robot=second)]) for s in (20.0, 25.0, 100.0)]
+    missed = [demands(world)["ring"] for world in late]
+    assert 2.0 > missed[0] > missed[1] > missed[2] == 0.0
+    assert demands(ward([trip(0), trip(0)]))["ring"] == 0.0
+
+
 def test_tasks_that_come_together_are_open_together_and_gather_robots():
     together = demands(ward([trip(0), trip(0), trip(0)], robots=3))
     apart = demands(ward([trip(0, 5.0), trip(0, 45.0), trip(0, 85.0)], robots=3))

@@ -17,27 +17,15 @@ class WithoutNoise(AutoSampler):
     """``auto`` that takes what copies tell for certain."""
 
     def tell(self, feedback: Feedback) -> None:
-        """Tell all arms a margin without its variance."""
+        """Take in a margin without its variance."""
         super().tell(dataclasses.replace(feedback, noise={}))
-
-
-class WithoutPortfolio(AutoSampler):
-    """``auto`` that leaves all to its model and to ``demanding``."""
-
-    def __init__(self, options: AutoSampler.Options) -> None:
-        super().__init__(options)
-        for arms in (self._arms, self._reward, self._cost):
-            for name in set(arms) - {"surrogate"}:
-                del arms[name]
 
 
 PARTS = {
     "auto_without_slope": Choice("auto", {"slope": False}),
-    "auto_without_situations": Choice("auto", {"coverage": False}),
     "auto_without_blame": Choice("auto", {"blame": False}),
     "auto_without_loads": Choice("auto", {"loads": False}),
     "auto_without_kin": Choice("auto", {"kin": False}),
     "auto_without_rehearsals": Choice("auto", {"rehearse": False}),
     "auto_without_noise": Choice(f"{__name__}:{WithoutNoise.__name__}"),
-    "auto_without_portfolio": Choice(f"{__name__}:{WithoutPortfolio.__name__}"),
 }

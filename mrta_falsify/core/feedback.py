@@ -25,6 +25,7 @@ DEMANDS = (
     "uneven",  #: stops of the busiest robot
     "hurry",  #: s after its deadline that the latest task is done
     "again",  #: stops in the room of the stop before
+    "ring",  #: robots that each want the room of the next one, all at about one time
     "driven",  #: m, all robots
     "narrow",  #: m, weighted with the costs of walls nearby
     "furniture",  #: m beside furniture

@@ -126,7 +126,7 @@ def test_nothing_but_rejections_does_not_stop_it_either(name):
 
 # VerifAI's learn from violations alone, splitting from levels, situations from what is new,
 # demanding from what scenes ask for: none of them climbs a slope
-SPREADING = {"random", "halton", "sobol", "situations", "coincidences", "demanding", "splitting"}
+SPREADING = {"random", "halton", "sobol", "situations", "demanding", "splitting"}
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_ce", "verifai_mab", "verifai_halton"})
 HEAVY = ("auto", "surrogate", "tpe")  # each learns for seconds
 

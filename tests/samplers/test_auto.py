@@ -1,11 +1,12 @@
-"""The portfolio: which proposals are uniform, what its arms are told, what earns a reward."""
+"""``auto``: which proposals are uniform, whose the others are, what its parts are told."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from mrta_falsify.core.feedback import NEAR_DEADLOCK, Cube, Feedback
+from mrta_falsify.core.candidate import Proposal
+from mrta_falsify.core.feedback import DEMANDS, NEAR_DEADLOCK, Cube, Feedback, Rehearsed
 from samplers.asking import BLAMED, Mutator
 from samplers.auto import AutoSampler
 from samplers.situations import SituationsSampler
@@ -41,8 +42,7 @@ def test_the_first_proposal_and_one_in_five_are_uniform_whatever_was_told():
 def test_how_near_a_run_came_to_a_deadlock_is_a_margin_and_part_of_the_score(slope):
     sampler = auto(slope=slope)
     heard = []
-    sampler._arms = {"one": type("Arm", (), {"tell": lambda self, it: heard.append(it)})()}
-    sampler._reward, sampler._cost = {"one": 1.0}, {"one": 1.0}
+    sampler._model.tell = heard.append
     proposal = sampler.ask()
     for cycle in (0.0, 0.8):
         sampler.tell(told(proposal, descriptors={"cycle": cycle}, objectives={"a": 0.5}))
@@ -60,7 +60,7 @@ def test_a_knife_edge_with_a_deadlock_is_near_and_a_robust_one_is_beyond():
     proposal = sampler.ask()
     run = told(proposal, failed=True, descriptors={"cycle": 1.0})
     for mean, expected in ((0.4, 0.05), (-0.7, -0.7)):
-        seen = sampler._seen_by_arms(dataclasses.replace(run, objectives={"no_deadlock": mean}))
+        seen = sampler._seen(dataclasses.replace(run, objectives={"no_deadlock": mean}))
         assert seen.objectives[NEAR_DEADLOCK] == expected
         assert seen.score == run.score
 
@@ -77,15 +77,28 @@ def test_children_change_objects_that_took_part_more_often():
 
 def test_blame_can_be_switched_off():
     run = Feedback(number=0, u=np.zeros(6), blamed=(1,))
-    assert auto()._seen_by_arms(run).blamed == (1,)
-    assert auto(blame=False)._seen_by_arms(run).blamed == ()
+    assert auto()._seen(run).blamed == (1,)
+    assert auto(blame=False)._seen(run).blamed == ()
 
 
-def test_new_situations_earn_a_reward_unless_they_do_not_count():
-    for coverage, expected in ((True, 0.5), (False, 0.0)):
-        sampler = auto(coverage=coverage)
-        runs = [told(sampler.ask(), situations=s) for s in (("x",), ("x",), ("x", "y"))]
-        assert [sampler._worth(run) for run in runs] == [expected, 0.0, expected]
+def test_half_of_what_is_not_uniform_are_demanding_scenes():
+    sampler = auto()
+    sampler.rehearse_by(lambda u: Rehearsed(u, np.zeros(len(DEMANDS))))
+    asked = Proposal(number=0, u=np.full(6, 0.5))
+    whose = []
+    for name in ("_demanding", "_model"):
+        part = getattr(sampler, name)
+        part.ask = lambda name=name: whose.append(name) or asked
+    for _ in range(500):
+        sampler.ask()
+    assert len(whose) == 400
+    assert 160 <= whose.count("_demanding") <= 240
+
+
+def test_without_rehearsals_all_but_uniform_proposals_are_of_the_model():
+    sampler = auto()
+    proposed = [sampler._next() for _ in range(40)]
+    assert set(proposed) == {sampler._model}
 
 
 def test_scenes_that_showed_what_few_did_have_more_children():

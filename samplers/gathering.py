@@ -1,17 +1,14 @@
-"""Scenes in which like things happen at once: what robots contend for is seldom drawn by chance."""
+"""Like things happen at once: what robots contend for is seldom drawn by chance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.candidate import Proposal
-from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import Cube, Feedback
-from samplers.asking import Counter, at_label, evenly_in_logarithm, reflect
+from mrta_falsify.core.feedback import Cube
+from samplers.asking import at_label, evenly_in_logarithm, reflect
 
 FAMILIES = (0.1, 0.9)  # of which some gather, in one proposal
 SHARES = (0.4, 1.6)  # of a family that gathers, all of it from 1 on
@@ -19,44 +16,15 @@ ONE_PLACE = 0.7  # chance that a family gathers in one place, not in two
 WIDTHS = (0.01, 0.3)  # of the part of a range in which a family gathers
 
 
-class CoincidencesSampler:
-    """Draws what like objects have in common from one narrow part of its range.
+class Gathering:
+    """Gathers kin coordinates of a point about common values.
 
     Robots get into each other's way where several want one place at one time. Uniform draws of
     dozens of coordinates hardly ever agree. Here some families of kin coordinates (all arrivals,
-    all destinations, all starts) are gathered, few or most of them: a random part of each lies
-    around one value, or around two. The same objects gather in all families. Swarm testing draws
-    its configurations in the same way (Groce et al. 2012).
+    all destinations, all starts) are gathered: a random part of each lies around one value, or
+    around two. The same objects gather in all families. Swarm testing draws its configurations in
+    the same way (Groce et al. 2012).
     """
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """Options of :class:`CoincidencesSampler`."""
-
-        cube: Cube = Cube()
-        seed: int = quantity(low=0, default=0)
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
-        self._counter = Counter("coincidences", options.seed)
-        self._gathering = Gathering(options.cube)
-
-    def ask(self) -> Proposal:
-        """Make the next proposal."""
-        random = self._counter.stream()
-        u = random.random(self._options.cube.dimensions)
-        return self._counter.proposal(self._gathering.gathered(u, random))
-
-    def skip(self) -> None:
-        """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
-        self._counter.next += 1
-
-    def tell(self, feedback: Feedback) -> None:
-        """Learn nothing."""
-
-
-class Gathering:
-    """Gathers kin coordinates of a point about common values."""
 
     def __init__(self, cube: Cube) -> None:
         self._cube = cube

@@ -5,7 +5,7 @@ import pytest
 
 from mrta_falsify.core.feedback import LOADS, Cube, Feedback
 from samplers.asking import Mutator
-from samplers.coincidences import CoincidencesSampler
+from samplers.gathering import Gathering
 from samplers.surrogate import SurrogateSampler
 
 ROBOTS, ROOMS = 6, 5
@@ -18,8 +18,10 @@ TASKS = Cube(
 
 
 def draws(count: int, cube: Cube = TASKS) -> np.ndarray:
-    sampler = CoincidencesSampler(CoincidencesSampler.Options(cube=cube, seed=1))
-    return np.array([sampler.ask().u for _ in range(count)])
+    gathering, random = Gathering(cube), np.random.default_rng(1)
+    return np.array(
+        [gathering.gathered(random.random(cube.dimensions), random) for _ in range(count)]
+    )
 
 
 def most_in_one_room(points: np.ndarray) -> np.ndarray:
