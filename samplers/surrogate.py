@@ -48,7 +48,7 @@ USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spr
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
 TIRED = 10  # results without success after which something is tried half as often
 MOST_KINDS = 4  # kinds of object of which one alone may explain a margin
-REHEARSED = 32  # candidates that are looked at for one proposal: each takes some 20 ms
+REHEARSED = 32  # candidates that are looked at for one proposal: each takes some 15 ms
 DEMAND = "demand"  # kind of the coordinates that rehearsals add
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
