@@ -35,6 +35,15 @@ def write_searches(panels: Mapping[str, Mapping[str, Curve]], budget: int, path:
         axes.set_title(title, fontsize=9, color=INK, loc="left")
     for axes in all_axes[len(panels) :]:
         axes.set_visible(False)
+    # One legend for all panels: inside of one it would lie upon curves.
+    lines = {line.get_label(): line for axes in all_axes for line in axes.get_lines()}
+    figure.legend(
+        handles=[lines[name] for name in names],
+        fontsize=8,
+        frameon=False,
+        loc="outside upper left",
+        ncols=2 * columns,
+    )
     figure.savefig(path)
 
 
@@ -58,4 +67,3 @@ def draw_searches(
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=7.5, frameon=False, loc="lower left")
