@@ -12,6 +12,7 @@ from __future__ import annotations
 import functools
 import heapq
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -37,6 +38,7 @@ ABOUT = 5.0  # s; robots that come to a room within it come at about one time
 MISSED = 10.0  # s by which robots miss each other in their rooms: a ring counts exp(-1) as much
 MISSED_AT_MOST = 40.0  # s; a ring that is missed by more is none
 LONGEST_RING = 4  # robots
+MOST_LOOKS = 20_000  # at a visit that may be of a ring; fleets of hundreds in one stream need more
 NEAR = 1.2  # m between two that meet
 ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
 SAMPLED = 0.2  # m between points of an outline
@@ -280,31 +282,41 @@ def _ring(visits: Sequence[_Visit]) -> float:
     Who holds its room until it has the next one waits for ever in such a ring. The rooms of a ring
     need not be taken at one time: the less the robots miss each other, the more it counts.
     """
-    following: dict[int, _Visit] = {}  # by number of the visit before
-    last: dict[int, int] = {}
+    own: dict[int, list[int]] = {}  # numbers of visits, by robot
     for number, visit in enumerate(visits):
-        if visit.robot in last:
-            following[last[visit.robot]] = visit
-        last[visit.robot] = number
+        own.setdefault(visit.robot, []).append(number)
+    following = {n: visits[m] for numbers in own.values() for n, m in itertools.pairwise(numbers)}
     of_room: dict[int, list[int]] = {}
     for number in following:
         of_room.setdefault(visits[number].stop.room, []).append(number)
+    best, looks = 0.0, 0
 
-    def most(ring: tuple[int, ...], since: float, until: float) -> float:
-        """Find the best ring that begins with these; they are all in their rooms in a span [s]."""
-        best = 0.0
+    def extend(ring: tuple[int, ...], since: float, until: float) -> None:
+        """Try all rings that begin with these and may be the best; [s] all are in their rooms."""
+        nonlocal best, looks
         for number in of_room.get(following[ring[-1]].stop.room, ()):
+            looks += 1
+            if looks > MOST_LOOKS:
+                return
             if number == ring[0] and len(ring) > 1:
-                best = max(best, len(ring) * float(np.exp(-max(0.0, since - until) / MISSED)))
+                best = max(best, _worth(len(ring), since - until))
+            if number <= ring[0] or len(ring) == LONGEST_RING:
+                continue
             visit = visits[number]
             span = max(since, visit.arrives), min(until, visit.served + LEAVING)
-            is_another = number > ring[0] and all(visits[k].robot != visit.robot for k in ring)
-            if is_another and len(ring) < LONGEST_RING and span[0] - span[1] < MISSED_AT_MOST:
-                best = max(best, most((*ring, number), *span))
-        return best
+            missed = span[0] - span[1]
+            is_promising = missed < MISSED_AT_MOST and _worth(LONGEST_RING, missed) > best
+            if is_promising and all(visits[k].robot != visit.robot for k in ring):
+                extend((*ring, number), *span)
 
-    firsts = ((n, visits[n].arrives, visits[n].served + LEAVING) for n in following)
-    return max((most((n,), since, until) for n, since, until in firsts), default=0.0)
+    for number in following:
+        extend((number,), visits[number].arrives, visits[number].served + LEAVING)
+    return best
+
+
+def _worth(robots: int, missed: float) -> float:
+    """Say how much a ring counts whose robots miss each other by ``missed`` [s]; below 0: not."""
+    return robots * math.exp(-max(0.0, missed) / MISSED)
 
 
 def _most_at_once(

@@ -12,7 +12,7 @@ from benchmarks.oracle.floors import robot, two_rooms
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
-from mrta_falsify.rehearsal import rehearse
+from mrta_falsify.rehearsal import _ring, _Stop, _Visit, rehearse
 from scenic_worlds.zoo import load_scene, scene_names
 
 APART = 13.0  # m between the two rooms' points
@@ -84,6 +84,16 @@ def test_robots_that_want_each_others_room_are_a_ring_the_less_they_miss_each_ot
     missed = [demands(world)["ring"] for world in late]
     assert 2.0 > missed[0] > missed[1] > missed[2] == 0.0
     assert demands(ward([trip(0), trip(0)]))["ring"] == 0.0
+
+
+def test_rings_are_looked_for_within_bounds_where_hundreds_go_one_way():
+    stops = [_Stop(0, room, 0.0, 2.0) for room in range(6)]
+    stream = [
+        _Visit(stop, robot, 20.0 * place, 20.0 * place, 20.0 * place + 2.0)
+        for place, stop in enumerate(stops)
+        for robot in range(300)
+    ]
+    assert _ring(stream) == 0.0
 
 
 def test_tasks_that_come_together_are_open_together_and_gather_robots():
