@@ -18,19 +18,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import INSCRIBED
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.polyline import path_length
-from mrta_falsify.core.world import HumanSpec, World
+from mrta_falsify.core.shapes import polygons
+from mrta_falsify.core.world import HumanSpec, Task, World
 
 CELL = 0.1  # m of the map on which ways are looked for
 KEPT_FLOORS = 4  # whose ways are kept
 KEPT_GOALS = 32  # of each floor
-KEPT_OUTLINES = 1024  # of furniture
 MOMENTS = 300  # looked at, at most
 SLOWEST = 0.05  # m/s, so that each way ends
 LEAVING = 8.0  # s that a robot takes to clear a room
@@ -40,8 +39,8 @@ MISSED_AT_MOST = 40.0  # s; a ring that is missed by more is none
 LONGEST_RING = 4  # robots
 MOST_LOOKS = 20_000  # at a visit that may be of a ring; fleets of hundreds in one stream need more
 NEAR = 1.2  # m between two that meet
+STEP = 0.2  # m between points of a way that are looked at
 ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
-SAMPLED = 0.2  # m between points of an outline
 
 
 def rehearse(world: World) -> Array:
@@ -150,6 +149,12 @@ class _Fleet:
         """Say how long a robot drives along ``path`` ``(L, 2)`` [s]."""
         return path_length(path) / self.speed(robot)
 
+    def time_at_least(self, robot: int, done: Sequence[_Stop], room: int) -> float:
+        """Say how long the way to a room would take at least [s], without planning it."""
+        rooms = self.world.rooms
+        start = rooms[done[-1].room].point if done else self.world.robots[robot].pose[:2]
+        return math.dist(start, rooms[room].point) / self.speed(robot)
+
     def speed(self, robot: int) -> float:
         """Say how fast a robot drives [m/s]."""
         kind = self.world.robots[robot]
@@ -164,20 +169,35 @@ def _assigned(fleet: _Fleet) -> list[list[_Stop]]:
     for number in sorted(range(len(world.tasks)), key=lambda k: world.tasks[k].arrival):
         task = world.tasks[number]
         able = [i for i, robot in enumerate(world.robots) if task.robot in ("", robot.name)]
-        begins = {
-            i: max(free[i], task.arrival) + fleet.time(i, fleet.way(i, stops[i], task.start))
-            for i in able
-        }
-        if not begins:
+        if not able:
             continue
-        chosen = min(begins, key=lambda i: begins[i])
+        begins, chosen = _soonest(fleet, task, able, free, stops)
         trip = fleet.time(chosen, fleet.ways.between(task.start, task.end))
-        free[chosen] = begins[chosen] + task.pickup_time + trip + task.dropoff_time
+        free[chosen] = begins + task.pickup_time + trip + task.dropoff_time
         stops[chosen] += [
             _Stop(number, task.start, task.arrival, task.pickup_time),
             _Stop(number, task.end, task.arrival, task.dropoff_time),
         ]
     return stops
+
+
+def _soonest(
+    fleet: _Fleet,
+    task: Task,
+    able: Sequence[int],
+    free: Sequence[float],
+    stops: Sequence[Sequence[_Stop]],
+) -> tuple[float, int]:
+    """Find when [s] and by which robot a task is begun first; few ways have to be planned."""
+    since = {i: max(free[i], task.arrival) for i in able}
+    at_least = {i: since[i] + fleet.time_at_least(i, stops[i], task.start) for i in able}
+    best = math.inf, -1
+    for i in sorted(able, key=lambda i: at_least[i]):
+        if at_least[i] > best[0]:
+            break
+        way = fleet.way(i, stops[i], task.start)
+        best = min(best, (since[i] + fleet.time(i, way), i))
+    return best
 
 
 def _acted(fleet: _Fleet, stops: Sequence[Sequence[_Stop]]) -> _Schedule:
@@ -335,31 +355,24 @@ def _of_ways(fleet: _Fleet, drives: Sequence[Sequence[_Drive]]) -> dict[str, flo
     paths = [drive.path for own in drives for drive in own]
     if not paths:
         return {"driven": 0.0, "narrow": 0.0, "furniture": 0.0}
-    steps = np.concatenate([np.hypot(*np.diff(path, axis=0).T) for path in paths])
-    middles = np.concatenate([0.5 * (path[1:] + path[:-1]) for path in paths])
-    price = np.minimum(fleet.ways.costmap.cost_at(middles), INSCRIBED) / INSCRIBED
+    points = np.concatenate(
+        [_along(path, np.arange(0.5 * STEP, path_length(path), STEP)) for path in paths]
+    )
+    price = np.minimum(fleet.ways.costmap.cost_at(points), INSCRIBED) / INSCRIBED
     return {
-        "driven": float(steps.sum()),
-        "narrow": float(steps @ price),
-        "furniture": float(steps @ _is_beside(fleet.world, middles)),
+        "driven": float(sum(map(path_length, paths))),
+        "narrow": STEP * float(price.sum()),
+        "furniture": STEP * float(_is_beside(fleet.world, points).sum()),
     }
 
 
 def _is_beside(world: World, points: Array) -> Array:
     """Say which points ``(n, 2)`` [m] are so near to furniture that a robot has to mind it."""
-    outlines = [_sampled(piece.polygon.tobytes()) for piece in world.furniture]
-    if not outlines:
-        return np.zeros(len(points))
-    away, _ = cKDTree(np.concatenate(outlines)).query(points, distance_upper_bound=ABREAST)
-    return np.asarray(np.isfinite(away), dtype=np.float64)
-
-
-@functools.lru_cache(maxsize=KEPT_OUTLINES)
-def _sampled(outline: bytes) -> Array:
-    """Put points on an outline ``(V, 2)``, ``(n, 2)`` [m]; most furniture is built in."""
-    corners = np.frombuffer(outline).reshape(-1, 2)
-    loop = np.vstack([corners, corners[:1]])
-    return _along(loop, np.arange(0.0, path_length(loop), SAMPLED))
+    tree = shapely.STRtree(polygons([piece.polygon for piece in world.furniture]))
+    near, _ = tree.query(shapely.points(points), predicate="dwithin", distance=ABREAST)
+    beside = np.zeros(len(points))
+    beside[near] = 1.0
+    return beside
 
 
 def _of_motion(

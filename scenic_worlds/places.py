@@ -24,6 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import InputError, UnknownNameError, WorldError
+from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import World
 from scenic_worlds.layouts import load_layout
 from scenic_worlds.lifted import lifted
@@ -61,8 +62,8 @@ class Places:
     @functools.cached_property
     def free(self) -> BaseGeometry:
         """Floor without walls and furniture, as far as rooms are reached on it."""
-        solids = [Polygon(polygon) for polygon in self.layout.solid_polygons()]
-        floor = box(*self.layout.bounds).difference(shapely.union_all(solids))
+        solid = shapely.union_all(polygons(self.layout.solid_polygons()))
+        floor = box(*self.layout.bounds).difference(solid)
         parts = floor.geoms if isinstance(floor, MultiPolygon) else [floor]
         points = shapely.points([room.point for room in self.layout.rooms])
         inside = [part for part in parts if shapely.intersects(part, points).any()]

@@ -6,11 +6,12 @@ import dataclasses
 
 import numpy as np
 from shapely import STRtree
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
+from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import RobotSpec, World
 
 JITTER_START = 0.02  # m, how exactly a robot is put down on a real floor
@@ -113,7 +114,7 @@ def _moved_starts(
 ) -> tuple[RobotSpec, ...]:
     """Move every robot's start within ``reach`` [m], never into anything solid."""
     outlines = [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
-    tree = STRtree([Polygon(outline) for outline in outlines])
+    tree = STRtree(polygons(outlines))
     placed: list[RobotSpec] = []
     for robot in world.robots:
         placed.append(_moved_start(robot, placed, tree, random, reach))

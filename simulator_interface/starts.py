@@ -13,6 +13,7 @@ from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import Blockage, RobotSpec, World
 
 
@@ -27,7 +28,7 @@ def check_starts(world: World) -> None:
         WorldError: the first such robot, with the place and what is in the way.
     """
     solids = named_solids(world)
-    tree = STRtree([Polygon(polygon) for _, polygon in solids])
+    tree = STRtree(polygons([outline for _, outline in solids]))
     for i, robot in enumerate(world.robots):
         x, y = float(robot.pose[0]), float(robot.pose[1])
         given = f"robots[{i}].pose of {robot.name} is ({x:g}, {y:g}) m"

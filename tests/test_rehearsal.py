@@ -9,10 +9,12 @@ import pytest
 from shapely.geometry import box
 
 from benchmarks.oracle.floors import robot, two_rooms
+from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
-from mrta_falsify.rehearsal import _ring, _Stop, _Visit, rehearse
+from mrta_falsify.rehearsal import _Fleet, _ring, _soonest, _Stop, _Visit, _ways, rehearse
+from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.zoo import load_scene, scene_names
 
 APART = 13.0  # m between the two rooms' points
@@ -66,6 +68,20 @@ def test_the_only_robot_that_may_serve_a_task_does():
     names = {r.name for r in theirs.robots}
     task = trip(0, robot=sorted(names)[1])
     assert demands(ward([task]))["driven"] == pytest.approx(2.0 * APART, rel=0.15)
+
+
+def test_the_robot_that_begins_first_is_found_without_planning_the_way_of_each():
+    world = find_world("aws_hospital_day")
+    fleet = _Fleet(world, _ways(BareFloor.of(world)))
+    robots = range(len(world.robots))
+    stops = [[] for _ in robots]
+    free = [3.0 * (i % 4) for i in robots]
+    for task in world.tasks:
+        begins = [
+            (max(free[i], task.arrival) + fleet.time(i, fleet.way(i, [], task.start)), i)
+            for i in robots
+        ]
+        assert _soonest(fleet, task, robots, free, stops) == min(begins)
 
 
 def test_two_that_drive_against_each_other_meet_head_on():

@@ -28,4 +28,7 @@ PARTS = {
     "auto_without_kin": Choice("auto", {"kin": False}),
     "auto_without_rehearsals": Choice("auto", {"rehearse": False}),
     "auto_without_noise": Choice(f"{__name__}:{WithoutNoise.__name__}"),
+    "auto_without_hints": Choice(  # of what a run was near to: these three at once
+        f"{__name__}:{WithoutNoise.__name__}", {"slope": False, "blame": False}
+    ),
 }

@@ -32,6 +32,7 @@ T = TypeVar("T")
 NEGATIVE_ZERO = re.compile(r"-0\.0(?![0-9e])")  # in JSON
 MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
 MAX_YAML_VALUES = 10_000_000  # aliases make many of few; a floor has some 10,000
+_SCALARS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -47,14 +48,20 @@ class Rule:
 
     def violation(self, value: Array | float) -> str:
         """Say why ``value`` is not allowed; empty if it is."""
-        numbers = np.asarray(value, dtype=np.float64)
-        if np.isnan(numbers).any() or (not self.allow_infinite and np.isinf(numbers).any()):
+        if isinstance(value, np.ndarray):
+            if not value.size:
+                return ""
+            least, most = float(value.min()), float(value.max())  # nan, if any number is
+        else:
+            least = most = float(value)
+        is_finite = math.isfinite(least) and math.isfinite(most)
+        if math.isnan(least) or not (is_finite or self.allow_infinite):
             return "it must be finite"
-        if self.low is not None and (numbers < self.low).any():
+        if self.low is not None and least < self.low:
             return f"it must be >= {self.low:g}"
-        if self.above is not None and (numbers <= self.above).any():
+        if self.above is not None and least <= self.above:
             return f"it must be > {self.above:g}"
-        if self.high is not None and (numbers > self.high).any():
+        if self.high is not None and most > self.high:
             return f"it must be <= {self.high:g}"
         return ""
 
@@ -210,6 +217,8 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
         return data  # most of what is stored, at a fifth of the time
     if hint is Any:
         return data
+    if hint in _SCALARS:
+        return _decode_scalar(hint, data, where, path, rule)
     if dataclasses.is_dataclass(hint):
         return _decode_dataclass(typing.cast(type, hint), data, where, path)
     match typing.get_origin(hint) or hint:
@@ -225,7 +234,7 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
             return _decode_array(data, where, path, rule or Rule())
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         return hint(_decode_choice(tuple(item.value for item in hint), data, where, path))
-    return _decode_scalar(hint, data, where, path, rule)
+    raise TypeError(f"{hint!r} is no type that can be read from a file")
 
 
 def _decode_choice(allowed: tuple[Any, ...], data: Any, where: str, path: str) -> Any:
@@ -240,11 +249,10 @@ def _is_plain(data: Any) -> bool:
 
 
 def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
-    wanted = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}[hint]
     if hint is float and isinstance(data, int) and not isinstance(data, bool):
         data = float(data)
     if not isinstance(data, hint) or (hint is int and isinstance(data, bool)):
-        _fail(where, path, f"is {_show(data)}; it must be {wanted}")
+        _fail(where, path, f"is {_show(data)}; it must be {_SCALARS[hint]}")
     if hint in (float, int):
         rule = rule or Rule()
         problem = rule.violation(float(data))

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import Resource, World
 from simulator_interface.formats.floor_fields import FloorResource
 from simulator_interface.formats.floor_resources import (
@@ -107,7 +108,7 @@ def check_waiting_spots(world: World, layout: World) -> None:
     added = [resource for resource in world.resources if id(resource) not in own]
     if not any(len(resource.spots) for resource in added):
         return
-    solid = shapely.union_all([Polygon(polygon) for polygon in world.solid_polygons()])
+    solid = shapely.union_all(polygons(world.solid_polygons()))
     low, high = world.bounds[:2], world.bounds[2:]
     for resource in added:
         for k, spot in enumerate(resource.spots):

@@ -12,6 +12,7 @@ from shapely.geometry import LineString
 from shapely.strtree import STRtree
 
 from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import World
 from simulator_interface.formats.fleet_log import FleetLog, RobotLog
 
@@ -53,7 +54,7 @@ def legs_of(log: FleetLog, floor: World) -> tuple[tuple[Leg, ...], ...]:
         floor: walls, for what is ahead.
     """
     halts = [_halts(robot) for robot in log.robots]
-    solids = STRtree([shapely.Polygon(polygon) for polygon in floor.solid_polygons()])
+    solids = STRtree(polygons(floor.solid_polygons()))
     known = [(stops[k].place, stops[k + 1].place) for stops in halts for k in range(len(stops) - 1)]
     found = []
     for number, robot in enumerate(log.robots):
