@@ -22,8 +22,9 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.feedback import LOADS, Cube, Feedback, cube_of
 from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
 from mrta_falsify.verbs.stored_trials import open_campaign
-from samplers import surrogate
+from samplers.margin_models import NUGGET, Parts, likeliest, loads_of, margins_of
 from samplers.rehearsals import Rehearsals, standardised
+from samplers.scene_features import Features, as_coordinates
 
 
 def correlations(
@@ -39,14 +40,14 @@ def correlations(
     """
     points = np.array([result.u for result in results])
     if demands is not None:
-        points = np.hstack([points, surrogate.as_coordinates(demands)])
-    features = surrogate._Features(cube, demands=0 if demands is None else demands.shape[1])
+        points = np.hstack([points, as_coordinates(demands)])
+    features = Features(cube, demands=0 if demands is None else demands.shape[1])
     points = features.of(points)
-    whole = surrogate._Parts.between(points, points)
+    whole = Parts.between(points, points)
     of_kinds = [whole.only(kind, points, points) for kind in features.kinds if kinds]
     found = {}
-    for margin in (*surrogate._varying(results), *surrogate._loads_of(results)):
-        (model,) = surrogate._likeliest(whole, of_kinds, [margin]).values()
+    for margin in (*margins_of(results), *loads_of(results)):
+        (model,) = likeliest(whole, of_kinds, [margin]).values()
         parts = whole if model.kind < 0 else of_kinds[model.kind]
         foretold = _left_out(model.kernel(parts), margin.noise, margin.values)
         found[margin.name] = float(np.corrcoef(foretold, margin.values)[0, 1])
@@ -55,7 +56,7 @@ def correlations(
 
 def _left_out(kernel: Array, noise: Array, values: Array) -> Array:
     """Foretell each of n values from the others, ``(n,)``."""
-    inverse = np.linalg.inv(kernel + np.diag(surrogate.NUGGET + noise))
+    inverse = np.linalg.inv(kernel + np.diag(NUGGET + noise))
     return np.asarray(values - inverse @ values / np.diag(inverse))
 
 
