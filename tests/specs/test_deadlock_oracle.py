@@ -600,6 +600,22 @@ def test_who_stays_on_a_balance_is_stuck_unless_most_of_several_copies_go_free()
     assert not judged(shown(freed={0: 40.0, 1: 40.0})).violated
 
 
+def test_whom_most_copies_free_is_asked_about_again_halfway_to_what_they_foretell():
+    asked_at: dict[float, set[int]] = {}
+
+    def fate(watch, without, nudge):
+        if nudge:
+            return shown(freed={0: 43.0, 1: 63.0})
+        asked_at.setdefault(watch.question.time, set()).update(watch.question.asked)
+        return shown({0: 3.0, 1: 3.0})
+
+    assert not foretold(head_on(seconds=30.0), fate).verdict().violated
+    together = [time for time, asked in asked_at.items() if asked == {0, 1}]
+    first, second = together[:2]
+    assert second == pytest.approx(0.5 * (first + 43.0), abs=0.3)
+    assert len(asked_at) <= 3
+
+
 def test_an_engine_that_cannot_move_robots_leaves_it_to_the_first_continuation():
     def fate(watch, without, nudge):
         if without >= 0:

@@ -33,6 +33,7 @@ from mrta_falsify.specs.deadlock.watches import (
 COPIES = 5  # of the run that vote at most, all but the first with poses moved by millimetres
 #: s between two questions about a robot; doubled, to a minute, while it makes no progress
 ASK_SOONEST = 1.0
+HALFWAY = 0.5  # of the time to what copies foretell, after which they vote again
 AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
 LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
@@ -53,6 +54,13 @@ class Prospect(NamedTuple):
     last: dict[int, float]  #: last progress of each robot that is stuck at its end [s]
     driven: dict[int, float]  #: way of each robot in question [m]
     edges: EdgesByRobot  #: at the end
+
+
+class _Vote(NamedTuple):
+    """What copies with small differences say."""
+
+    stuck: dict[int, bool]  #: of each robot in doubt
+    freed: dict[int, float]  #: first progress in a copy, of each robot that makes any [s]
 
 
 class _Span(NamedTuple):
@@ -245,12 +253,14 @@ class CounterfactualTest:
         # Robots that stay, or get going late, may do so only because nothing pushes them off a
         # balance; only copies with small differences tell.
         doubtful = _late_ones(seen, asked, span) | set(last)
-        for i, is_stuck in self._vote(forecast, asked, doubtful, set(last), span).items():
+        vote = self._vote(forecast, asked, doubtful, set(last), span)
+        for i, is_stuck in vote.stuck.items():
             if is_stuck:
                 last.setdefault(i, float(self._progress.on_the_way()[i]))
             else:
                 last.pop(i, None)
         self._note_free(asked, last, freed, time)
+        self._note_outvoted(asked & set(vote.freed) - set(last) - set(freed), vote.freed, time)
         return Prospect(last, {int(i): way for i, way in seen.driven.items()}, edges)
 
     def _continue(
@@ -283,13 +293,14 @@ class CounterfactualTest:
         doubtful: set[int],
         stuck: set[int],
         span: _Span,
-    ) -> dict[int, bool]:
+    ) -> _Vote:
         """Decide which of ``doubtful`` are stuck in most copies; no more are made than it takes.
 
         None are made once all of ``asked`` are free: the others do not matter then. Where a copy
         cannot be made, the first continuation alone decides.
         """
         votes = {i: int(i in stuck) for i in doubtful}
+        freed: dict[int, float] = {}
         for nudge in range(1, COPIES):
             free = {i for i in doubtful if 2 * (nudge - votes[i]) > COPIES}
             open_ = {i for i in doubtful - free if 2 * votes[i] < COPIES}
@@ -298,10 +309,12 @@ class CounterfactualTest:
             first = asked & open_ or open_
             seen = self._continue(forecast, first, span, others=open_ - first, nudge=nudge)
             if seen is None:
-                return {i: i in stuck for i in doubtful}
+                return _Vote({i: i in stuck for i in doubtful}, {})
             for i in open_ & {int(i) for i in seen.stuck}:
                 votes[i] += 1
-        return {i: 2 * votes[i] > COPIES for i in doubtful}
+            for name, progress in seen.freed.items():
+                freed[int(name)] = min(progress, freed.get(int(name), np.inf))
+        return _Vote({i: 2 * votes[i] > COPIES for i in doubtful}, freed)
 
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
@@ -318,6 +331,19 @@ class CounterfactualTest:
             self.free_until[i] = max(self.free_until[i], known)
         for i, progress in last.items():
             self.free_until[i] = max(self.free_until[i], progress)
+
+    def _note_outvoted(self, robots: set[int], freed: Mapping[int, float], time: float) -> None:
+        """Note when to ask again about robots that the run itself does not free, but most copies.
+
+        The run shows nothing new for long: what the copies foretell is some way off. So all of them
+        are asked about again together, halfway to the first progress in a copy.
+        """
+        if not robots:
+            return
+        halfway = time + HALFWAY * (min(freed[i] for i in robots) - time)
+        again = max(halfway, time + float(self._pause[list(robots)].max()))
+        for i in robots:
+            self.free_until[i] = max(self.free_until[i], again)
 
     def _standing(
         self,
