@@ -19,7 +19,11 @@ from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.costly import CostMeter
 from mrta_falsify.specs.descriptors import Descriptors
-from mrta_falsify.specs.library import build_specifications, default_specifications
+from mrta_falsify.specs.library import (
+    build_specifications,
+    default_specifications,
+    specifications_of_copies,
+)
 from mrta_falsify.specs.objectives import objectives
 from simulator_interface.external.told import Told
 from simulator_interface.guard import Guard, current_guard
@@ -317,6 +321,12 @@ def _bounded(verdict: Verdict) -> Verdict:
         return verdict
     limit = UNBOUNDED if verdict.robustness > 0.0 else -UNBOUNDED
     return dataclasses.replace(verdict, robustness=limit)
+
+
+def of_copy(job: Job) -> Job:
+    """Judge by whether the run of a copy fails, and no more: a failure's copies vote on it."""
+    names = specifications_of_copies(job.specifications)
+    return dataclasses.replace(job, specifications=names)
 
 
 def quick_stack(config: StackConfig) -> StackConfig:

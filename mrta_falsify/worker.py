@@ -39,7 +39,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import why_impossible
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, quick_stack
+from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, of_copy, quick_stack
 from simulator_interface.external.told import TOLD_NAME, Told, write_told
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
@@ -160,7 +160,7 @@ class TrialRunner:
                 there = dataclasses.replace(config, engine=Choice(name))
                 run = self._judge(world, there, scene, keep_trace=False)
                 copies = settings.jittered or CONFIRMING_COPIES
-                again = functools.partial(self._judge, config=there, scene=scene)
+                again = functools.partial(self._judge_copy, config=there, scene=scene)
                 said = judged_by_copies(world, run, copies, again)
             runs.append(engine_run(name, run, failed=run.is_sought, jittered=said.jittered))
         return tuple(runs)
@@ -175,7 +175,7 @@ class TrialRunner:
             world,
             judged,
             self._settings.jittered,
-            lambda copy: self._judge(copy, config, scene),
+            functools.partial(self._judge_copy, config=config, scene=scene),
             None if against is None else lambda copy: self._judge_other(copy, against, scene),
         )
 
@@ -212,6 +212,10 @@ class TrialRunner:
         self, world: World, config: StackConfig, scene: Any, *, keep_trace: bool = True
     ) -> Judged:
         return judge(trial_job(self._settings, world, config, scene), keep_trace=keep_trace)
+
+    def _judge_copy(self, copy: World, config: StackConfig, scene: Any) -> Judged:
+        """Run a copy of a failing world; only whether it fails counts."""
+        return judge(of_copy(trial_job(self._settings, copy, config, scene)), keep_trace=False)
 
     def _finish(
         self,

@@ -64,15 +64,15 @@ class AutoSampler:
                 loads=LOADS_SHARE if options.loads else 0.0,
             )
         )
-        self._demanding = DemandingSampler(DemandingSampler.Options(cube=cube, seed=options.seed))
-        self._rehearses = False
+        self._demanding: DemandingSampler | None = None  # where scenes can be rehearsed
+        self._of_demanding = DemandingSampler.Options(cube=cube, seed=options.seed)
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
         if self._options.rehearse:
-            self._rehearses = True
             shared = Rehearsals(rehearsal)
             self._model.rehearse_by(shared)
+            self._demanding = DemandingSampler(self._of_demanding)
             self._demanding.rehearse_by(shared)
 
     def ask(self) -> Proposal:
@@ -91,7 +91,8 @@ class AutoSampler:
         """Take in a result, also of an even draw."""
         feedback = self._seen(feedback)
         self._model.tell(feedback)
-        self._demanding.tell(feedback)
+        if self._demanding is not None:
+            self._demanding.tell(feedback)
 
     def _is_uniform(self) -> bool:
         """Whether the next proposal is uniform; that hangs on its number alone."""
@@ -100,7 +101,7 @@ class AutoSampler:
 
     def _next(self) -> DemandingSampler | SurrogateSampler:
         """Choose whose the next proposal is."""
-        if self._rehearses and self._counter.stream().random() < DEMANDING:
+        if self._demanding is not None and self._counter.stream().random() < DEMANDING:
             return self._demanding
         return self._model
 

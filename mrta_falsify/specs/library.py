@@ -6,7 +6,9 @@ safer, below zero is a violation.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from typing import Any
 
 import yaml
 
@@ -14,6 +16,10 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.protocols import Specification
+
+#: options of specifications that judge a copy of a failing world, by name: copies are the vote
+#: on that failure, so that none votes on them, and only whether one fails counts
+OF_COPIES: dict[str, dict[str, Any]] = {"no_deadlock": {"copies": 1, "members": False}}
 
 
 def default_specifications() -> tuple[str, ...]:
@@ -57,6 +63,17 @@ def specification_choice(text: str) -> Choice:
     if not isinstance(data, dict):
         raise ConfigError(f"--spec {text}: options must read NAME{{option: value, ...}}")
     return Choice(name.strip(), data)
+
+
+def specifications_of_copies(names: Sequence[str]) -> tuple[str, ...]:
+    """Name the specifications that judge copies of a failing world; the user's options stay."""
+    return tuple(map(_of_copies, names))
+
+
+def _of_copies(text: str) -> str:
+    choice = specification_choice(text)
+    added = OF_COPIES.get(choice.name)
+    return text if added is None else choice.name + json.dumps({**added, **choice.options})
 
 
 def build_specifications(

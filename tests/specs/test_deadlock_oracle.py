@@ -423,9 +423,9 @@ def test_shifting_the_map_does_not_change_robustness(dx, dy):
 # --- with forecasts --------------------------------------------------------------------------
 
 
-def foretold(script: Script, fate) -> NoDeadlock:
+def foretold(script: Script, fate, **options) -> NoDeadlock:
     """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
-    world, judged = script.world(), oracle()
+    world, judged = script.world(), oracle(**options)
     judged.start(world, DT)
     judged.foresee(lambda watch, *, without=(), nudge=0: fate(watch, *without or (-1,), nudge))
     for frame in script.frames(world):
@@ -614,6 +614,20 @@ def test_whom_most_copies_free_is_asked_about_again_halfway_to_what_they_foretel
     first, second = together[:2]
     assert second == pytest.approx(0.5 * (first + 43.0), abs=0.3)
     assert len(asked_at) <= 3
+
+
+def test_a_run_that_decides_alone_asks_no_other_copy():
+    asked = []
+
+    def fate(watch, without, nudge):
+        asked.append((without, nudge))
+        return shown({0: 3.0, 1: 90.0})  # the second one gets stuck later
+
+    script = head_on(seconds=8.0)
+    alone = foretold(script, fate, copies=1, members=False).verdict()
+    assert alone.violated
+    assert set(asked) == {(-1, 0)}
+    assert alone.who == ("robot1",)
 
 
 def test_an_engine_that_cannot_move_robots_leaves_it_to_the_first_continuation():

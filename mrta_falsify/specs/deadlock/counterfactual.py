@@ -120,10 +120,24 @@ class CounterfactualTest:
         dt: control period [s].
         progress: of the run so far; kept up to date by its owner.
         look_ahead: how long the robots may stand once no event is awaited [s].
+        copies: of the run that vote at most, the run itself among them; 1: it decides alone.
+        members: whether copies without a robot each tell members and victims; otherwise all who
+            are stuck are members.
     """
 
-    def __init__(self, world: World, dt: float, progress: ProgressClock, look_ahead: float) -> None:
+    def __init__(
+        self,
+        world: World,
+        dt: float,
+        progress: ProgressClock,
+        look_ahead: float,
+        *,
+        copies: int = COPIES,
+        members: bool = True,
+    ) -> None:
         robots = len(world.robots)
+        self._copies = copies
+        self._tells_members = members
         self._world = world
         self._stride = look_stride(dt)
         self._future: object | None = None  # one as long as nothing comes from outside
@@ -175,12 +189,16 @@ class CounterfactualTest:
                 self._before[i] = self._progress.last[i]
                 self.free_until[i] = max(self.free_until[i], time + self._pause[i])
             return []
-        if self._is_incomplete(seen, asked, removals, time):
+        if self._tells_members and self._is_incomplete(seen, asked, removals, time):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
         if not any(last[i] <= time for i in asked & set(last)):
             return []
-        freed_by = removals.freed_by(set(last))
+        if self._tells_members:
+            freed_by = removals.freed_by(set(last))
+        else:
+            last = {i: progress for i, progress in last.items() if progress <= time}
+            freed_by = {i: set(last) - {i} for i in last}
         return self._standing(last, freed_by, edges, time)
 
     def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
@@ -301,9 +319,9 @@ class CounterfactualTest:
         """
         votes = {i: int(i in stuck) for i in doubtful}
         freed: dict[int, float] = {}
-        for nudge in range(1, COPIES):
-            free = {i for i in doubtful if 2 * (nudge - votes[i]) > COPIES}
-            open_ = {i for i in doubtful - free if 2 * votes[i] < COPIES}
+        for nudge in range(1, self._copies):
+            free = {i for i in doubtful if 2 * (nudge - votes[i]) > self._copies}
+            open_ = {i for i in doubtful - free if 2 * votes[i] < self._copies}
             if not open_ or not asked & doubtful - free:
                 break
             first = asked & open_ or open_
@@ -314,7 +332,7 @@ class CounterfactualTest:
                 votes[i] += 1
             for name, progress in seen.freed.items():
                 freed[int(name)] = min(progress, freed.get(int(name), np.inf))
-        return _Vote({i: 2 * votes[i] > COPIES for i in doubtful}, freed)
+        return _Vote({i: 2 * votes[i] > self._copies for i in doubtful}, freed)
 
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:

@@ -24,6 +24,7 @@ from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY, look_stride
 from mrta_falsify.specs.deadlock.counterfactual import (
+    COPIES,
     LOOK_AHEAD,
     CounterfactualTest,
     FoundDeadlock,
@@ -59,9 +60,13 @@ class NoDeadlock:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """How far a continuation goes."""
+        """How far a continuation goes, and how many there are."""
 
         look_ahead: float = quantity(above=0.0, unit="s", default=LOOK_AHEAD)  #: at most
+        #: copies of the run that vote at most, the run itself among them; 1: it decides alone
+        copies: int = quantity(low=1, default=COPIES)
+        #: whether members are told from victims; otherwise all who are stuck are members
+        members: bool = True
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -72,7 +77,14 @@ class NoDeadlock:
         self._stride = look_stride(dt)
         self._progress = ProgressClock(world)
         self._suspects = SuspectClock(world, self._progress)
-        self._test = CounterfactualTest(world, dt, self._progress, self._options.look_ahead)
+        self._test = CounterfactualTest(
+            world,
+            dt,
+            self._progress,
+            self._options.look_ahead,
+            copies=self._options.copies,
+            members=self._options.members,
+        )
         self._dt = dt
         self._untold: UntoldGoals | None = None  # made where it is needed
         self._forecast: Forecast | None = None

@@ -31,7 +31,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import Job, Judged, judge
+from mrta_falsify.trial import Job, Judged, judge, of_copy
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.minimize.edits import GROUPS
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
@@ -212,10 +212,11 @@ def minimize_job(
 def _ask_both(job: Job, judged: Judged, other: StackConfig) -> Comparison:
     """Judge a smallest world by copies under both stacks, to see whether it is a knife edge."""
 
-    def run(config: StackConfig) -> Callable[[World], Judged]:
-        return lambda copy: judge(dataclasses.replace(job, config=config, world=copy))
+    def run(job: Job) -> Callable[[World], Judged]:
+        return lambda copy: judge(dataclasses.replace(job, world=copy))
 
-    return judged_by_copies(job.world, judged, AGAINST_COPIES, run(job.config), run(other))
+    theirs = dataclasses.replace(job, config=other)
+    return judged_by_copies(job.world, judged, AGAINST_COPIES, run(of_copy(job)), run(theirs))
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:
