@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+STOPS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE = 0.6  # s for a process to end after SIGTERM
 LAST_LINES = 3  # of a build's output, that say why it failed
 
@@ -33,18 +35,27 @@ def run_to_end(
     Raises:
         OSError: there is no such program, or it cannot be run.
     """
-    process = subprocess.Popen(
-        words,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        cwd=folder,
-        env=env,
-        start_new_session=True,
-    )
+    # A stop in between would leave a process that nobody knows of; it comes a moment later.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+    allow = functools.partial(signal.pthread_sigmask, signal.SIG_SETMASK, before)
     try:
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            cwd=folder,
+            env=env,
+            start_new_session=True,
+            preexec_fn=allow,  # noqa: PLW1509 - one system call, and no lock is taken
+        )
+    except BaseException:
+        allow()
+        raise
+    try:
+        allow()
         said, complaint = process.communicate()
     finally:
         if process.poll() is None:
