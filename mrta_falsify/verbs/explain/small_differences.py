@@ -12,7 +12,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.findings import CopyCount
 from mrta_falsify.core.inevitability import EVEN
 from mrta_falsify.core.probability import Probability
-from mrta_falsify.trial import Job, judge
+from mrta_falsify.trial import Job, judge, of_copy
 from mrta_falsify.verbs.explain.continuing import Failure, go_on, run_until
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.whole_runs import looking_for
@@ -94,7 +94,8 @@ def _runs(job: Job, failure: Failure, most: int, journal: RunJournal[CopyRun]) -
 
 def _fails(copy: Job, failure: Failure) -> bool:
     if copy.config.stack is not None or copy.scene is not None:  # no copy of it may go on
-        verdicts = judge(looking_for(copy, failure.verdict), keep_trace=False).verdicts
+        alone = of_copy(looking_for(copy, failure.verdict))
+        verdicts = judge(alone, keep_trace=False).verdicts
         return any(v.violated and v.spec == failure.verdict.spec for v in verdicts)
     try:
         with run_until(copy, failure, 0.0) as running:
