@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import NEAR_DEADLOCK, Cube, Feedback
+from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal
 from samplers.asking import Counter
 from samplers.demanding import DemandingSampler
@@ -16,9 +16,6 @@ from samplers.surrogate import SurrogateSampler
 
 DEMANDING = 0.5  # share of what is not uniform, where scenes can be rehearsed
 LOADS_SHARE = 0.5  # of what the model of all results proposes
-SLOPE = 0.3  # of the score of a run that passes
-LEAST = 0.05  # margin to a deadlock of a run without one
-DEADLOCK = "no_deadlock"
 
 
 class AutoSampler:
@@ -29,8 +26,7 @@ class AutoSampler:
     stack, but learns nothing. All others are of the model of all results
     (:class:`~samplers.surrogate.SurrogateSampler`), which knows what scenes ask for, too.
 
-    How near a run came to a deadlock is a margin of its own, and part of the score, so that there
-    is a slope where no specification has one. Where no margin leads, loads are driven up.
+    Where no margin leads, loads are driven up.
 
     The first proposal is uniform, and so is one in five after it, whatever has been found: they
     say what a search cannot, how probable a failure is and how much is still unseen.
@@ -44,8 +40,6 @@ class AutoSampler:
         seed: int = quantity(low=0, default=0)
         uniform_every: int = quantity(low=0, default=5)  #: one in so many is uniform, 0: none
         robust: bool = False  #: whether knife edges are not wanted
-        slope: bool = True  #: whether how near a run came to a deadlock counts
-        blame: bool = True  #: whether children change first who took part
         loads: bool = True  #: whether loads are driven up
         kin: bool = True  #: whether coincidences are proposed and learnt
         rehearse: bool = True  #: whether scenes are looked at, where they can be
@@ -89,7 +83,6 @@ class AutoSampler:
 
     def tell(self, feedback: Feedback) -> None:
         """Take in a result, also of an even draw."""
-        feedback = self._seen(feedback)
         self._model.tell(feedback)
         if self._demanding is not None:
             self._demanding.tell(feedback)
@@ -104,20 +97,3 @@ class AutoSampler:
         if self._demanding is not None and self._counter.stream().random() < DEMANDING:
             return self._demanding
         return self._model
-
-    def _seen(self, feedback: Feedback) -> Feedback:
-        """Add the margin to a deadlock, and leave out what is switched off."""
-        if not self._options.blame:
-            feedback = dataclasses.replace(feedback, blamed=())
-        if not self._options.slope or feedback.fate != "judged":
-            return feedback
-        margin = max(1.0 - feedback.nearness, LEAST)
-        known = feedback.objectives.get(DEADLOCK, margin)
-        objectives = {**feedback.objectives, NEAR_DEADLOCK: min(margin, known)}
-        noise = dict(feedback.noise)
-        if known < margin and DEADLOCK in noise:
-            noise[NEAR_DEADLOCK] = noise[DEADLOCK]
-        score = feedback.score
-        if not feedback.failed:
-            score = (1.0 - SLOPE) * score + SLOPE * margin
-        return dataclasses.replace(feedback, objectives=objectives, noise=noise, score=score)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -85,13 +85,14 @@ class Model:
             return far
         return far + self.rough * np.exp(-parts.apart / (2.0 * CLOSE**2))
 
-    def factor(self, inside: Parts, noise: Array) -> Array:
+    def factor(self, inside: Parts) -> Array:
         """Factor the covariance of results: lower Cholesky factor ``(n, n)``."""
-        return np.asarray(np.linalg.cholesky(self.kernel(inside) + np.diag(NUGGET + noise)))
+        covariance = self.kernel(inside)
+        return np.asarray(np.linalg.cholesky(covariance + NUGGET * np.eye(len(covariance))))
 
     def log_likelihood(self, inside: Parts, margins: Sequence[Margin]) -> Array:
-        """Compute log marginal likelihoods ``(v,)`` of margins of one noise, up to constants."""
-        lower = self.factor(inside, margins[0].noise)
+        """Compute log marginal likelihoods ``(v,)`` of margins, up to constants."""
+        lower = self.factor(inside)
         solved = solve_triangular(lower, _columns(margins), lower=True)
         likelihood: Array = -0.5 * (solved**2).sum(axis=0) - np.log(np.diag(lower)).sum()
         return likelihood
@@ -105,7 +106,6 @@ class Margin(NamedTuple):
 
     name: str
     values: Array  #: (n,)
-    noise: Array  #: (n,) variances of the values
     centre: float
     scale: float
 
@@ -136,12 +136,12 @@ class Outlook:
 
         Args:
             model: of all the margins.
-            margins: of the results, v, all of one noise.
+            margins: of the results, v.
             robust: leave the rough part out of what is predicted.
         """
         inside, across, prior = self._parts(model.kind)
         solved = solve_triangular(
-            model.factor(inside, margins[0].noise),
+            model.factor(inside),
             np.column_stack([model.kernel(across, robust=robust), _columns(margins)]),
             lower=True,
         )
@@ -167,37 +167,28 @@ class Outlook:
 
 def margins_of(results: Sequence[Feedback]) -> list[Margin]:
     """Collect the margins of the specifications that tell results apart, in order of names."""
-    margins = []
-    for name in sorted({name for feedback in results for name in feedback.objectives}):
-        told = np.array([feedback.objectives.get(name, 1.0) for feedback in results])
-        if np.ptp(told) > SPARE:
-            noise = np.array([feedback.noise.get(name, 0.0) for feedback in results])
-            margins.append(_margin(name, told, noise))
-    return margins
+    names = sorted({name for feedback in results for name in feedback.objectives})
+    return _told_apart(
+        {name: [feedback.objectives.get(name, 1.0) for feedback in results] for name in names}
+    )
 
 
 def loads_of(results: Sequence[Feedback]) -> list[Margin]:
     """Collect the loads that tell results apart, in order of ``LOADS``."""
-    nothing = np.zeros(len(results))
-    told = {
-        name: np.array([feedback.descriptors.get(name, 0.0) for feedback in results])
-        for name in LOADS
-    }
-    return [_margin(name, of, nothing) for name, of in told.items() if np.ptp(of) > SPARE]
+    return _told_apart(
+        {name: [feedback.descriptors.get(name, 0.0) for feedback in results] for name in LOADS}
+    )
 
 
-def _margin(name: str, told: Array, noise: Array) -> Margin:
-    """Shift and scale values ``(n,)`` with their variances ``(n,)``."""
-    centre, scale = float(told.mean()), float(told.std())
-    return Margin(name, (told - centre) / scale, noise / scale**2, centre, scale)
-
-
-def grouped(margins: Iterable[Margin], key: Callable[[Margin], Hashable]) -> list[list[Margin]]:
-    """Put margins together that need one factor."""
-    groups: dict[Hashable, list[Margin]] = {}
-    for margin in margins:
-        groups.setdefault(key(margin), []).append(margin)
-    return list(groups.values())
+def _told_apart(told: Mapping[str, Sequence[float]]) -> list[Margin]:
+    """Shift and scale what varies."""
+    found = []
+    for name, of in told.items():
+        values = np.array(of)
+        if np.ptp(values) > SPARE:
+            centre, scale = float(values.mean()), float(values.std())
+            found.append(Margin(name, (values - centre) / scale, centre, scale))
+    return found
 
 
 def _columns(margins: Sequence[Margin]) -> Array:
@@ -208,7 +199,15 @@ def _columns(margins: Sequence[Margin]) -> Array:
 def likeliest(
     inside: Parts, of_kinds: Sequence[Parts], margins: Sequence[Margin]
 ) -> dict[str, Model]:
-    """Choose the model of largest marginal likelihood for each of margins of one noise."""
+    """Choose the model of largest marginal likelihood for each margin.
+
+    Args:
+        inside: parts between the results.
+        of_kinds: those that one kind of object makes, of each kind.
+        margins: of the results.
+    """
+    if not margins:
+        return {}
     kins = KINS if inside.kin.any() else KINS[:1]
     models = [
         Model(*weights) for weights in itertools.product(LINEAR, LENGTHS, ROUGHS, kins, DEGREES)

@@ -23,7 +23,6 @@ from samplers.margin_models import (
     Model,
     Outlook,
     Parts,
-    grouped,
     likeliest,
     loads_of,
     margins_of,
@@ -54,7 +53,7 @@ class SurrogateSampler:
     Gonzalez et al. 2016), and the less the more often that specification was violated already. Of
     failures with one signature only the first has children, so that other ones are looked for.
     Where robust failures are wanted the rough part is noise: what only it violates is a knife
-    edge. A margin that few copies tell has a variance, which is noise of that result alone.
+    edge.
 
     Where scenes can be rehearsed, what they ask of a stack are coordinates like the others, and one
     more kind that alone may explain a margin. The most promising candidates are looked at.
@@ -179,12 +178,11 @@ class SurrogateSampler:
                 rows.append(self._gathering.one_gathered(parent.u, random))
                 continue
             first, second = random.integers(len(parents), size=2)
-            parent = parents[int(min(first, second))]
-            u = parent.u
+            u = parents[int(min(first, second))].u
             if random.random() < 0.3:
                 u = self._mutator.crossed(u, parents[int(max(first, second))].u, random)
             step = evenly_in_logarithm(random, *STEPS)
-            rows.append(self._mutator.child(u, step, random, blamed=parent.blamed))
+            rows.append(self._mutator.child(u, step, random))
         return np.array(rows)
 
     def _points(
@@ -211,10 +209,8 @@ class SurrogateSampler:
         seen = self._points(np.array([feedback.u for feedback in results]), results)
         inside = Parts.between(seen, seen)
         insides = [inside.only(kind, seen, seen) for kind in self._features.kinds]
-        self._models = {}
         told = [*margins_of(results), *(loads_of(results) if self._options.loads else ())]
-        for alike in grouped(told, lambda margin: margin.noise.tobytes()):
-            self._models |= likeliest(inside, insides, alike)
+        self._models = likeliest(inside, insides, told)
 
     def _outlook(
         self, results: Sequence[Feedback], candidates: Array, *, looked_at: bool
@@ -235,11 +231,11 @@ class SurrogateSampler:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""
         results = self.results()
         outlook = self._outlook(results, candidates, looked_at=looked_at)
-        margins = margins_of(results)
-        models = {margin.name: self._models.get(margin.name, DEFAULT) for margin in margins}
+        by_model: dict[Model, list[Margin]] = {}  # one factor serves all of them
+        for margin in margins_of(results):
+            by_model.setdefault(self._models.get(margin.name, DEFAULT), []).append(margin)
         chances = [np.full(len(candidates), -50.0)]
-        for alike in grouped(margins, lambda of: (models[of.name], of.noise.tobytes())):
-            model = models[alike[0].name]
+        for model, alike in by_model.items():
             mean, deviation = outlook.predict(model, alike, robust=self._options.robust)
             z = -(np.array([of.centre / of.scale for of in alike]) + mean) / deviation[:, None]
             known = np.array([self._violations[of.name] for of in alike])

@@ -49,14 +49,14 @@ def correlations(
     for margin in (*margins_of(results), *loads_of(results)):
         (model,) = likeliest(whole, of_kinds, [margin]).values()
         parts = whole if model.kind < 0 else of_kinds[model.kind]
-        foretold = _left_out(model.kernel(parts), margin.noise, margin.values)
+        foretold = _left_out(model.kernel(parts), margin.values)
         found[margin.name] = float(np.corrcoef(foretold, margin.values)[0, 1])
     return found
 
 
-def _left_out(kernel: Array, noise: Array, values: Array) -> Array:
+def _left_out(kernel: Array, values: Array) -> Array:
     """Foretell each of n values from the others, ``(n,)``."""
-    inverse = np.linalg.inv(kernel + np.diag(NUGGET + noise))
+    inverse = np.linalg.inv(kernel + NUGGET * np.eye(len(values)))
     return np.asarray(values - inverse @ values / np.diag(inverse))
 
 

@@ -11,8 +11,6 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import SearchSpace
 from mrta_falsify.core.codec import later, quantity
 
-#: an objective that no specification has: how near a run came to a deadlock
-NEAR_DEADLOCK = "near_deadlock"
 #: descriptors of how much a run asked of the stack, see :mod:`mrta_falsify.specs.loads`
 LOADS = ("queue", "waiting", "chain", "crowd", "waited", "rerouted")
 #: what a scene asks of any stack before it runs, see :mod:`mrta_falsify.rehearsal`

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.candidate import Proposal
-from mrta_falsify.core.feedback import DEMANDS, NEAR_DEADLOCK, Cube, Feedback, Rehearsed
+from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
 from samplers.asking import BLAMED, Mutator
 from samplers.auto import AutoSampler
 from samplers.situations import SituationsSampler
@@ -38,33 +38,6 @@ def test_the_first_proposal_and_one_in_five_are_uniform_whatever_was_told():
             np.testing.assert_array_equal(one.u, other.u)
 
 
-@pytest.mark.parametrize("slope", [True, False])
-def test_how_near_a_run_came_to_a_deadlock_is_a_margin_and_part_of_the_score(slope):
-    sampler = auto(slope=slope)
-    heard = []
-    sampler._model.tell = heard.append
-    proposal = sampler.ask()
-    for cycle in (0.0, 0.8):
-        sampler.tell(told(proposal, descriptors={"cycle": cycle}, objectives={"a": 0.5}))
-    far, near = heard
-    if slope:
-        assert near.objectives == {"a": 0.5, NEAR_DEADLOCK: pytest.approx(0.2)}
-        assert near.score < far.score
-    else:
-        assert near.objectives == {"a": 0.5}
-        assert near.score == far.score
-
-
-def test_a_knife_edge_with_a_deadlock_is_near_and_a_robust_one_is_beyond():
-    sampler = auto()
-    proposal = sampler.ask()
-    run = told(proposal, failed=True, descriptors={"cycle": 1.0})
-    for mean, expected in ((0.4, 0.05), (-0.7, -0.7)):
-        seen = sampler._seen(dataclasses.replace(run, objectives={"no_deadlock": mean}))
-        assert seen.objectives[NEAR_DEADLOCK] == expected
-        assert seen.score == run.score
-
-
 def test_children_change_objects_that_took_part_more_often():
     mutator = Mutator(Cube(dimensions=10), mean_blocks=1.0)
     random, parent = np.random.default_rng(0), np.full(10, 0.5)
@@ -73,12 +46,6 @@ def test_children_change_objects_that_took_part_more_often():
         changed += mutator.child(parent, 0.1, random, blamed=(3,)) != parent
     others = np.delete(changed, 3).mean()
     assert changed[3] / others == pytest.approx(BLAMED, rel=0.2)
-
-
-def test_blame_can_be_switched_off():
-    run = Feedback(number=0, u=np.zeros(6), blamed=(1,))
-    assert auto()._seen(run).blamed == (1,)
-    assert auto(blame=False)._seen(run).blamed == ()
 
 
 def test_half_of_what_is_not_uniform_are_demanding_scenes():

@@ -121,26 +121,6 @@ def test_other_failures_are_looked_for_once_one_is_known(seed):
     assert set(found) == {"often", "seldom", "together"}
 
 
-def test_a_margin_that_is_uncertain_bends_the_model_less():
-    """A result far below what those around it say, told for certain, by few copies, not at all."""
-    dip, beside = np.array([0.5, 0.5]), np.array([[0.55, 0.5]])
-
-    def promise(*told: tuple[float, float]) -> float:
-        sampler = SurrogateSampler(SurrogateSampler.Options(cube=Cube(dimensions=2), seed=0))
-        random = stream(0, "test/uncertain")
-        points = [*random.random((20, 2)), *(dip for _ in told)]
-        margins = [*((0.3 + 0.1 * random.normal(), 0.0) for _ in range(20)), *told]
-        for number, (u, (margin, noise)) in enumerate(zip(points, margins, strict=True)):
-            told_of = {"no_deadlock": margin}
-            sampler.tell(
-                Feedback(number=number, u=u, objectives=told_of, noise={"no_deadlock": noise})
-            )
-        return float(sampler._promise(beside)[0])
-
-    certain, uncertain, absent = promise((-0.2, 0.0)), promise((-0.2, 0.1)), promise()
-    assert absent < uncertain < certain
-
-
 def robust_failures(seed: int) -> int:
     """Search ten waves and five of their products under a rough field that copies do not share."""
     dimensions = 48
@@ -181,7 +161,6 @@ def robust_failures(seed: int) -> int:
             fate="judged",
             score=-chance_of_failure(failed, 4).mean if margins[0] < 0.0 else margins[0],
             objectives={"deadlines": told.mean},
-            noise={"deadlines": told.variance},
             failed=failed > 2,
             signature="deadlines/1" if failed > 2 else "",
         )
