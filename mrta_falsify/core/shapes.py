@@ -12,7 +12,11 @@ from mrta_falsify.core.arrays import Array
 
 
 def polygons(outlines: Sequence[Array]) -> NDArray[np.object_]:
-    """Build the polygons of n outlines ``(V, 2)`` [m] of at least three corners, ``(n,)``."""
+    """Build the polygons of n outlines ``(V, 2)`` [m], ``(n,)``.
+
+    Raises:
+        ValueError: an outline has fewer than three corners.
+    """
     if not len(outlines):
         return np.empty(0, dtype=np.object_)
     owners = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
