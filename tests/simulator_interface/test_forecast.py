@@ -167,7 +167,9 @@ def head_on_in_a_lane():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "engine", ["bullet", "kinematic", pytest.param("mujoco", marks=pytest.mark.long)]
+)
 def test_a_creeping_pair_is_claimed_at_once_with_both_members_and_a_closed_cycle(engine):
     world, config = head_on_in_a_lane()
     outcome = simulate(
