@@ -23,7 +23,10 @@ def run(*arguments: str) -> str:
     return result.output
 
 
-@pytest.mark.parametrize("language", ["python", "cpp"])
+@pytest.mark.parametrize(
+    "language",
+    [pytest.param("python", marks=pytest.mark.long), "cpp"],  # the tutorial follows the other
+)
 def test_a_newcomers_stack_passes_its_first_campaign(language, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run("init", "first", "--stack", language)

@@ -95,7 +95,7 @@ def test_a_robot_whose_way_opens_again_is_none(end):
     assert not found.is_borderline
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_stands_only_until_the_next_task_comes_is_seen_before_it_comes():
     """An idle robot in the way leaves when a task of its own arrives."""
     world = two_rooms(box(-2.0, -0.4, 2.0, 0.4), side=0.8, gap=4.0)
