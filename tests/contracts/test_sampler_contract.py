@@ -74,7 +74,7 @@ def drive(sampler, count, *, window=1, flat=False):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("window", [1, 8])
 def test_proposals_are_numbered_frozen_and_in_the_cube(name, window):
-    for i, proposal in enumerate(drive(build(name), 60, window=window)):
+    for i, proposal in enumerate(drive(build(name), 90, window=window)):
         assert proposal.number == i
         assert proposal.u.shape == (7,)
         assert proposal.u.min() >= 0.0
@@ -86,10 +86,10 @@ def test_proposals_are_numbered_frozen_and_in_the_cube(name, window):
 def test_asking_and_telling_again_gives_the_same_proposals(name):
     random.seed(1)
     np.random.seed(1)  # noqa: NPY002 - proves that global state plays no part
-    first = [proposal.u for proposal in drive(build(name), 50, window=4)]
+    first = [proposal.u for proposal in drive(build(name), 70, window=4)]
     random.seed(2)
     np.random.seed(2)  # noqa: NPY002
-    second = [proposal.u for proposal in drive(build(name), 50, window=4)]
+    second = [proposal.u for proposal in drive(build(name), 70, window=4)]
     np.testing.assert_array_equal(first, second)
 
 
@@ -102,7 +102,7 @@ def test_seeds_differ(name):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("dimensions", [0, 1, 300])
 def test_any_number_of_dimensions_will_do(name, dimensions):
-    proposals = drive(build(name, {"dimensions": dimensions}), 30, window=3)
+    proposals = drive(build(name, {"dimensions": dimensions}), 45, window=3)
     assert all(proposal.u.shape == (dimensions,) for proposal in proposals)
 
 
@@ -197,13 +197,13 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
 
 @pytest.mark.parametrize("name", [n for n in NAMES if isinstance(build(n), SkippingSampler)])
 def test_skipped_proposals_change_nothing_in_later_ones(name):
-    asked = drive(build(name), 50)
+    asked = drive(build(name), 70)
     skipping = build(name)
-    for proposal in asked[:40]:
+    for proposal in asked[:60]:
         skipping.skip()
         skipping.tell(result(proposal))
-    later = [proposal.u for proposal in drive_on(skipping, asked[40:])]
-    np.testing.assert_array_equal(later, [proposal.u for proposal in asked[40:]])
+    later = [proposal.u for proposal in drive_on(skipping, asked[60:])]
+    np.testing.assert_array_equal(later, [proposal.u for proposal in asked[60:]])
 
 
 def drive_on(sampler, expected):

@@ -71,15 +71,13 @@ def outside(world, config: StackConfig, folder: Path, branch: str) -> StackConfi
     return dataclasses.replace(config, stack=stack)
 
 
+@pytest.mark.parametrize("branch", ["fork", "replay"])
 @pytest.mark.parametrize(
-    ("name", "engine", "branch"),
+    ("name", "engine"),
     [
-        ("narrow_pair", "kinematic", "fork"),
-        ("narrow_pair", "kinematic", "replay"),
-        pytest.param("closing_doors", "bullet", "fork", marks=pytest.mark.long),
-        pytest.param("closing_doors", "bullet", "replay", marks=pytest.mark.long),
-        ("costmap_blind_to_furniture", "kinematic", "fork"),
-        pytest.param("costmap_blind_to_furniture", "kinematic", "replay", marks=pytest.mark.long),
+        ("narrow_pair", "kinematic"),
+        pytest.param("closing_doors", "bullet", marks=pytest.mark.long),
+        ("costmap_blind_to_furniture", "kinematic"),
     ],
 )
 def test_the_same_stack_through_the_door_gives_the_same_run(

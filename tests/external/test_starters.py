@@ -23,10 +23,7 @@ def run(*arguments: str) -> str:
     return result.output
 
 
-@pytest.mark.parametrize(
-    "language",
-    [pytest.param("python", marks=pytest.mark.long), "cpp"],  # the tutorial follows the other
-)
+@pytest.mark.parametrize("language", ["python", "cpp"])
 def test_a_newcomers_stack_passes_its_first_campaign(language, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run("init", "first", "--stack", language)

@@ -167,9 +167,7 @@ def head_on_in_a_lane():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "engine", ["bullet", "kinematic", pytest.param("mujoco", marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_creeping_pair_is_claimed_at_once_with_both_members_and_a_closed_cycle(engine):
     world, config = head_on_in_a_lane()
     outcome = simulate(

@@ -88,14 +88,14 @@ def test_a_robot_that_is_cut_off_for_good_is_a_deadlock_by_itself():
     assert found.onset < 10.0
 
 
-@pytest.mark.parametrize("end", [20.0, pytest.param(400.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("end", [20.0, pytest.param(400.0, marks=pytest.mark.slow)])
 def test_a_robot_whose_way_opens_again_is_none(end):
     found = label(cut_off(end), stack())
     assert found.deadlocks == ()
     assert not found.is_borderline
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_what_stands_only_until_the_next_task_comes_is_seen_before_it_comes():
     """An idle robot in the way leaves when a task of its own arrives."""
     world = two_rooms(box(-2.0, -0.4, 2.0, 0.4), side=0.8, gap=4.0)
@@ -126,7 +126,7 @@ def test_of_a_chain_the_root_is_the_member_and_the_others_are_victims():
     assert found.victims == (1, 2)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_who_only_waits_for_a_blocked_pair_is_its_victim():
     """Robot 0 wants out of its niche, robot 2 wants in; robot 1 brakes behind its leader."""
     (found,) = label(*niches()).deadlocks
@@ -171,7 +171,7 @@ def test_a_continuation_ends_once_the_poses_repeat_themselves():
     run.close()
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_early_end_of_a_continuation_does_not_change_its_outcome():
     fates = []
     for thorough in (False, True):

@@ -87,7 +87,7 @@ class Case:
     over: str = ""  #: file whose being there makes the next call another one
 
 
-QUICK = ("campaign", "replay")  # in every run of CI; `make long` has all
+QUICK = ("run", "campaign", "replay", "minimize")  # in every run of CI; `make long` has all
 CASES = {
     "run": Case(("run", "c/trials/{id}/world.json", *STACK, "-o", "out"), ("out/verdicts.json",)),
     "campaign": Case(
