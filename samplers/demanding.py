@@ -115,11 +115,15 @@ def _weights(
         random: decides between demands that were heavy equally often.
         run: scenes that were run.
         usual: demands of scenes drawn evenly, ``(a, m)``; more than most of them is heavy.
-        among: demands of all that is known; those that do not vary have no weight.
+        among: demands of all that is known; those that do not vary have no weight, and as much as
+            the most of it is heavy, too. Else a demand that many scenes bring to its most would be
+            driven up for ever.
     """
     varies = np.ptp(among, axis=0) > LEAST_SPREAD
-    bounds = np.quantile(usual, HEAVY, axis=0)
-    heavy = sum((scene.demands > bounds for scene in run), start=np.zeros(len(bounds)))
+    bounds, most = np.quantile(usual, HEAVY, axis=0), among.max(axis=0)
+    heavy = np.zeros(len(most))
+    for scene in run:
+        heavy += (scene.demands > bounds) | (scene.demands >= most)
     least = heavy + random.random(len(varies))
     weights = random.random(len(varies)) * (random.random(len(varies)) < BESIDES)
     weights[np.argmin(np.where(varies, least, np.inf))] = 1.0

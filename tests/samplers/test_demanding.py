@@ -68,6 +68,24 @@ def test_all_demands_that_vary_are_driven_up_about_equally_often():
     assert heavy.max() < 2.5 * heavy.min()
 
 
+def test_a_demand_that_many_scenes_bring_to_its_most_does_not_hold_up_the_others():
+    def limited(u):
+        found = rehearsal(u)
+        if found is not None:
+            found.demands[5] = float(u[6] > 0.6)
+        return found
+
+    sampler = built("demanding", by=limited)
+    usual = uniform_demands()[:, VARYING]
+    heavy = []
+    for _ in range(40):
+        proposal = sampler.ask()
+        sampler.tell(told(proposal))
+        demands = rehearsal(proposal.u).demands[list(VARYING)]
+        heavy.append((usual < demands).mean(axis=0) > 0.9)
+    assert np.any(heavy[20:], axis=1).mean() > 0.6
+
+
 def test_children_of_what_was_run_ask_for_more_than_was_ever_drawn():
     sampler = built("demanding")
     most = 0.0
