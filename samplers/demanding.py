@@ -13,7 +13,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import Rehearsal
 from mrta_falsify.core.seeding import stream
-from samplers.asking import STEPS, Counter, Mutator, evenly_in_logarithm
+from samplers.asking import Counter, Mutator
 from samplers.gathering import Gathering
 from samplers.rehearsals import LEAST_SPREAD, Rehearsals, standardised
 
@@ -21,18 +21,17 @@ USUAL = 48  # scenes drawn evenly that say what is heavy
 HEAVY = 0.9  # share of them that ask for less of what is heavy
 BESIDES = 0.03  # chance of each other demand to be driven up, too
 ANEW = 0.5  # chance that what was run has no children
-PARENTS = 4  # of the second half
 
 
 class DemandingSampler:
     """Takes the demand that was heavy in fewest runs, and looks for a scene heavy in it.
 
     Nothing is learnt from how runs end; so it works from the first proposal, and where no margin
-    leads. Half of the scenes it looks at are drawn evenly or gathered
-    (:class:`~samplers.gathering.Gathering`), half are children of the most demanding ones,
-    now and then of those that have been run. So all heavy tails are run about equally often, as
-    novelty search visits what few have visited (Lehman and Stanley 2011). Without a rehearsal it
-    draws evenly.
+    leads. A third of the scenes it looks at are drawn evenly or gathered
+    (:class:`~samplers.gathering.Gathering`), the others are children of the most demanding ones
+    and of their children, now and then also of those that have been run. So all heavy tails are run
+    about equally often, as novelty search visits what few have visited (Lehman and Stanley 2011).
+    Without a rehearsal it draws evenly.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +40,7 @@ class DemandingSampler:
 
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
-        looked_at: int = quantity(low=2, default=32)  #: scenes for each proposal
+        looked_at: int = quantity(low=2, default=48)  #: scenes for each proposal
         memory: int = quantity(low=0, default=256)  #: results that count
 
     def __init__(self, options: Options) -> None:
@@ -63,19 +62,28 @@ class DemandingSampler:
         random = self._counter.stream()
         if self._rehearsals is None or not self._options.cube.dimensions:
             return self._counter.uniform(self._options.cube.dimensions)
-        half = self._options.looked_at // 2
-        drawn = self._rehearsals.of(self._drawn(random, half))
+        first = max(1, self._options.looked_at // 3)
+        drawn = self._rehearsals.of(self._drawn(random, first))
         if not drawn:
             return self._counter.uniform(self._options.cube.dimensions)
         run = self._rehearsals.of(self._told)
         usual = _demands(self._rehearsals.of(self._usual) or drawn)
         among = np.vstack([usual, _demands(drawn), *(scene.demands for scene in run)])
         weights = _weights(random, run, usual, among)
-        known = [*drawn, *run]
-        parents = _heaviest(drawn if random.random() < ANEW else known, among, weights)[:PARENTS]
-        children = self._rehearsals.of(self._children(parents, random, half))
+
+        def worth(scenes: Sequence[Rehearsed]) -> Array:
+            value: Array = standardised(_demands(scenes), among) @ weights
+            return value
+
+        children = self._rehearsals.climb(
+            drawn if random.random() < ANEW else [*drawn, *run],
+            worth,
+            self._mutator,
+            random=random,
+            looks=self._options.looked_at - first,
+        )
         looked_at = [*drawn, *children]
-        return self._counter.proposal(_heaviest(looked_at, among, weights)[0].u)
+        return self._counter.proposal(looked_at[int(np.argmax(worth(looked_at)))].u)
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
@@ -89,21 +97,11 @@ class DemandingSampler:
 
     def _drawn(self, random: np.random.Generator, count: int) -> list[Array]:
         """Draw points evenly, and gather every other one."""
-        points = [random.random(self._options.cube.dimensions) for _ in range(count)]
+        points = random.random((count, self._options.cube.dimensions))
         return [
             self._gathering.gathered(u, random) if number % 2 else u
             for number, u in enumerate(points)
         ]
-
-    def _children(
-        self, parents: Sequence[Rehearsed], random: np.random.Generator, count: int
-    ) -> list[Array]:
-        children = []
-        for _ in range(count):
-            parent = parents[int(random.integers(len(parents)))]
-            step = evenly_in_logarithm(random, *STEPS)
-            children.append(self._mutator.child(parent.u, step, random))
-        return children
 
 
 def _weights(
@@ -133,10 +131,3 @@ def _weights(
 def _demands(scenes: Sequence[Rehearsed]) -> Array:
     """Stack what scenes ask for, ``(n, m)``."""
     return np.array([scene.demands for scene in scenes])
-
-
-def _heaviest(scenes: Sequence[Rehearsed], among: Array, weights: Array) -> list[Rehearsed]:
-    """Sort scenes by weighted demands ``(m,)``, heaviest first."""
-    worth = standardised(_demands(scenes), among) @ weights
-    order = np.argsort(-worth, kind="stable")
-    return [scenes[i] for i in order]

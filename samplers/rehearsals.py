@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.feedback import DEMANDS, Rehearsed
 from mrta_falsify.core.protocols import Rehearsal
+from samplers.asking import STEPS, Mutator, evenly_in_logarithm
 
 KEPT = 4096  # scenes
 LEAST_SPREAD = 1e-9  # demands that vary less say nothing
+PARENTS = 4  # best scenes that have children
+CHILDREN = 8  # that are looked at before parents are chosen anew
 
 
 class Rehearsals:
@@ -37,11 +40,48 @@ class Rehearsals:
                 self._known[np.asarray(found.u, dtype=np.float64).tobytes()] = found
             while len(self._known) > KEPT:
                 self._known.popitem(last=False)
+        self._known.move_to_end(key)
         return self._known[key]
 
     def of(self, points: Iterable[Array]) -> list[Rehearsed]:
         """Look at the scenes of points ``(k,)``; those without a scene are left out."""
         return [found for found in map(self, points) if found is not None]
+
+    def climb(
+        self,
+        scenes: Sequence[Rehearsed],
+        worth: Callable[[Sequence[Rehearsed]], Array],
+        mutator: Mutator,
+        *,
+        random: np.random.Generator,
+        looks: int,
+    ) -> list[Rehearsed]:
+        """Look at children of the best scenes, of their children, and so on.
+
+        Args:
+            scenes: to begin with, at least one.
+            worth: of scenes, ``(n,)``.
+            mutator: makes the children.
+            random: drawn from.
+            looks: children looked at in all.
+
+        Returns:
+            The children, in the order they were looked at.
+        """
+        children: list[Rehearsed] = []
+        known, values = list(scenes), worth(scenes)
+        for begin in range(0, looks, CHILDREN):
+            best = np.argsort(-values, kind="stable")[:PARENTS]
+            parents = random.choice(best, size=min(CHILDREN, looks - begin))
+            new = self.of(
+                mutator.child(known[i].u, evenly_in_logarithm(random, *STEPS), random)
+                for i in parents
+            )
+            if new:
+                children += new
+                known += new
+                values = np.concatenate([values, worth(new)])
+        return children
 
     def demands(self, points: Iterable[Array]) -> Array:
         """Measure what points ``(k,)`` ask for, ``(n, m)``; nan where there is no scene."""

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, logsumexp
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback
+from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import Rehearsal
 from samplers.asking import ALIKE, STEPS, BestResults, Counter, Mutator, evenly_in_logarithm
 from samplers.gathering import Gathering
@@ -34,7 +34,8 @@ PARENTS = 8  # best scenes that have children
 REFIT = 10  # weights are chosen anew when a tenth more results are known
 BESIDE = 0.1  # distance in the cube within which a known failure repels
 TIRED = 10  # results without success after which something is tried half as often
-REHEARSED = 32  # candidates that are looked at for one proposal
+REHEARSED = 16  # candidates that are looked at for one proposal
+CLIMBING = 32  # children of these that are looked at after them
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
@@ -115,7 +116,15 @@ class SurrogateSampler:
         if self._rehearsals is not None:
             first = np.argsort(-promise(candidates, looked_at=False), kind="stable")[:REHEARSED]
             scenes = self._rehearsals.of(candidates[first])
-            candidates = np.array([scene.u for scene in scenes]) if scenes else candidates
+            if scenes:
+                scenes += self._rehearsals.climb(
+                    scenes,
+                    lambda scenes: promise(_points_of(scenes)),
+                    self._mutator,
+                    random=random,
+                    looks=CLIMBING,
+                )
+                candidates = _points_of(scenes)
         return self._counter.proposal(candidates[int(np.argmax(promise(candidates)))])
 
     def _share_of_loads(self) -> float:
@@ -246,3 +255,8 @@ class SurrogateSampler:
             beside = np.exp(-outlook.apart[failed].min(axis=0) / (2.0 * BESIDE**2))
             promise = promise + np.log1p(-np.minimum(beside, 1.0 - 1e-9))
         return promise
+
+
+def _points_of(scenes: Sequence[Rehearsed]) -> Array:
+    """Stack the points of scenes, ``(n, k)``."""
+    return np.array([scene.u for scene in scenes])
