@@ -9,6 +9,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import RehearsingSampler
+from samplers.asking import Mutator
 from samplers.auto import AutoSampler
 from samplers.demanding import DemandingSampler
 from samplers.rehearsals import Rehearsals, standardised
@@ -210,6 +211,22 @@ def test_each_scene_is_looked_at_once():
     for _ in range(3):
         assert known.demands(points).shape == (5, len(DEMANDS))
     assert len(asked) == 5
+
+
+def test_climbing_comes_higher_with_each_generation_of_children():
+    def worth(scenes):
+        return np.array([scene.demands[0] for scene in scenes])
+
+    known = Rehearsals(rehearsal)
+    halves = np.zeros(2)
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        first = known.of(random.random((16, K)))
+        children = known.climb(first, worth, Mutator(CUBE), random=random, looks=60)
+        assert 30 < len(children) <= 60  # some have no scene
+        assert worth(children).max() > worth(first).max()
+        halves += [worth(children[:20]).mean(), worth(children[-20:]).mean()]
+    assert halves[1] > halves[0] + 5.0  # one more coordinate each time
 
 
 def test_demands_are_scaled_by_those_known_and_what_says_nothing_is_zero():
