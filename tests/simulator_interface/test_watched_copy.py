@@ -1,5 +1,6 @@
 """Copies of a process that are watched: what comes back, what is killed, what is an error."""
 
+import mmap
 import os
 import time
 
@@ -14,8 +15,7 @@ from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
 
 LIMITS = StackLimits(tick=0.2, memory=0.25)
-# 48 MB are more than malloc takes from memory that is there already, and are filled between two
-# looks even by a slow machine.
+# 48 MB are taken up between two looks even by a slow machine.
 LITTLE_MEMORY = StackLimits(tick=10.0, memory=2**-5)
 
 
@@ -23,6 +23,14 @@ def burn(seconds: float) -> None:
     until = time.process_time() + seconds
     while time.process_time() < until:
         pass
+
+
+def fresh(size: int) -> mmap.mmap:
+    """Take up memory that this process has not had: an allocator may keep what was freed."""
+    block = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    for begin in range(0, size, mmap.PAGESIZE):
+        block[begin] = 1
+    return block
 
 
 def asked(call, limits=LIMITS):
@@ -216,7 +224,7 @@ def test_memory_may_be_found_within_a_call_and_after_it(megabytes):
     def call():
         is_first = os.read(reader, 1)[0]
         post().enter(7, 0.35)
-        block = b"x" * ((48 if is_first else megabytes) * 2**20)
+        block = fresh((48 if is_first else megabytes) * 2**20)
         if is_first:
             burn(30.0)
         return len(block) > 0 and post().leave() > 0.0
