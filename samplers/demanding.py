@@ -75,15 +75,15 @@ class DemandingSampler:
             value: Array = standardised(_demands(scenes), among) @ weights
             return value
 
-        children = self._rehearsals.climb(
-            drawn if random.random() < ANEW else [*drawn, *run],
+        best = self._rehearsals.climb(
+            drawn,
             worth,
             self._mutator,
             random=random,
             looks=self._options.looked_at - first,
+            others=() if random.random() < ANEW else run,
         )
-        looked_at = [*drawn, *children]
-        return self._counter.proposal(looked_at[int(np.argmax(worth(looked_at)))].u)
+        return self._counter.proposal(best.u)
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""

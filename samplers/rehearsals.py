@@ -55,7 +55,8 @@ class Rehearsals:
         *,
         random: np.random.Generator,
         looks: int,
-    ) -> list[Rehearsed]:
+        others: Sequence[Rehearsed] = (),
+    ) -> Rehearsed:
         """Look at children of the best scenes, of their children, and so on.
 
         Args:
@@ -64,24 +65,25 @@ class Rehearsals:
             mutator: makes the children.
             random: drawn from.
             looks: children looked at in all.
+            others: scenes that may have children, too, but are not sought.
 
         Returns:
-            The children, in the order they were looked at.
+            The best of the scenes and of all children.
         """
-        children: list[Rehearsed] = []
-        known, values = list(scenes), worth(scenes)
+        known = [*scenes, *others]
+        values = worth(known)
         for begin in range(0, looks, CHILDREN):
             best = np.argsort(-values, kind="stable")[:PARENTS]
             parents = random.choice(best, size=min(CHILDREN, looks - begin))
-            new = self.of(
+            children = self.of(
                 mutator.child(known[i].u, evenly_in_logarithm(random, *STEPS), random)
                 for i in parents
             )
-            if new:
-                children += new
-                known += new
-                values = np.concatenate([values, worth(new)])
-        return children
+            if children:
+                known += children
+                values = np.concatenate([values, worth(children)])
+        values[len(scenes) : len(scenes) + len(others)] = -np.inf
+        return known[int(np.argmax(values))]
 
     def demands(self, points: Iterable[Array]) -> Array:
         """Measure what points ``(k,)`` ask for, ``(n, m)``; nan where there is no scene."""

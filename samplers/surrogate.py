@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, logsumexp
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback, Rehearsed
+from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal
 from samplers.asking import ALIKE, STEPS, BestResults, Counter, Mutator, evenly_in_logarithm
 from samplers.gathering import Gathering
@@ -117,14 +117,14 @@ class SurrogateSampler:
             first = np.argsort(-promise(candidates, looked_at=False), kind="stable")[:REHEARSED]
             scenes = self._rehearsals.of(candidates[first])
             if scenes:
-                scenes += self._rehearsals.climb(
+                best = self._rehearsals.climb(
                     scenes,
-                    lambda scenes: promise(_points_of(scenes)),
+                    lambda scenes: promise(np.array([scene.u for scene in scenes])),
                     self._mutator,
                     random=random,
                     looks=CLIMBING,
                 )
-                candidates = _points_of(scenes)
+                return self._counter.proposal(best.u)
         return self._counter.proposal(candidates[int(np.argmax(promise(candidates)))])
 
     def _share_of_loads(self) -> float:
@@ -255,8 +255,3 @@ class SurrogateSampler:
             beside = np.exp(-outlook.apart[failed].min(axis=0) / (2.0 * BESIDE**2))
             promise = promise + np.log1p(-np.minimum(beside, 1.0 - 1e-9))
         return promise
-
-
-def _points_of(scenes: Sequence[Rehearsed]) -> Array:
-    """Stack the points of scenes, ``(n, k)``."""
-    return np.array([scene.u for scene in scenes])

@@ -214,19 +214,43 @@ def test_each_scene_is_looked_at_once():
 
 
 def test_climbing_comes_higher_with_each_generation_of_children():
+    seen = []
+
     def worth(scenes):
+        seen.extend(scenes)
+        return values(scenes)
+
+    def values(scenes):
         return np.array([scene.demands[0] for scene in scenes])
 
     known = Rehearsals(rehearsal)
     halves = np.zeros(2)
     for seed in range(5):
+        seen.clear()
         random = np.random.default_rng(seed)
         first = known.of(random.random((16, K)))
-        children = known.climb(first, worth, Mutator(CUBE), random=random, looks=60)
+        best = known.climb(first, worth, Mutator(CUBE), random=random, looks=60)
+        assert seen[: len(first)] == first
+        children = seen[len(first) :]
         assert 30 < len(children) <= 60  # some have no scene
-        assert worth(children).max() > worth(first).max()
-        halves += [worth(children[:20]).mean(), worth(children[-20:]).mean()]
+        assert values(children).max() > values(first).max()
+        assert best.demands[0] == values(children).max()
+        halves += [values(children[:20]).mean(), values(children[-20:]).mean()]
     assert halves[1] > halves[0] + 5.0  # one more coordinate each time
+
+
+def test_scenes_that_were_run_have_children_but_are_not_found_again():
+    def worth(scenes):
+        return np.array([scene.demands[0] for scene in scenes])
+
+    known = Rehearsals(rehearsal)
+    random = np.random.default_rng(0)
+    first = known.of(random.random((4, K)))
+    run = known.of([np.full(K, 0.5)])  # nothing is worth more
+    for looks in (0, 40):
+        best = known.climb(first, worth, Mutator(CUBE), random=random, looks=looks, others=run)
+        assert best is not run[0]
+    assert worth([best])[0] > worth(first).max()
 
 
 def test_demands_are_scaled_by_those_known_and_what_says_nothing_is_zero():
