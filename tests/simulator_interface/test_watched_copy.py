@@ -232,7 +232,7 @@ def test_memory_may_be_found_within_a_call_and_after_it(megabytes):
     if megabytes == 48:
         assert run(call, LITTLE_MEMORY)
     else:
-        with pytest.raises(HarnessError, match=r"took up more than 0.03125 GiB .* it did not"):
+        with pytest.raises(HarnessError, match=r"took up more than 0\.03125 GiB .* it did not"):
             run(call, LITTLE_MEMORY)
 
 
