@@ -29,8 +29,8 @@ def _program(path):
 
 
 def test_there_are_at_least_ten_pairs_each_and_five_hard_ones():
-    for pairs in PAIRS.values():
-        halves = [pair.half for pair in pairs.values()]
+    for version in ("v1", "v2"):
+        halves = [pair.half for pair in PAIRS[version].values()]
         assert len(halves) >= 10
         assert halves.count("hard") >= 5
 
@@ -49,6 +49,12 @@ def test_each_pair_of_v2_has_one_fault_and_late_work_is_none_of_its_failures():
     assert all(len(pair.defects) + len(pair.settings) == 1 for pair in pairs)
     assert len({(*pair.defects, *pair.settings) for pair in pairs}) >= 6
     assert all("deadlines" in pair.judged_by[1] for pair in pairs)
+
+
+def test_no_pair_of_the_tuning_set_is_in_a_suite():
+    tuning = {(pair.scenario, pair.defects, pair.settings) for pair in PAIRS["tuning"].values()}
+    frozen = [pair for version in ("v1", "v2") for pair in PAIRS[version].values()]
+    assert tuning.isdisjoint((pair.scenario, pair.defects, pair.settings) for pair in frozen)
 
 
 @pytest.mark.slow

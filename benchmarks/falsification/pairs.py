@@ -20,7 +20,11 @@ from mrta_falsify.verbs.stacks import load_stack
 
 HERE = Path(__file__).parent
 #: the lists of pairs by version
-SUITES = {"v1": HERE / "suite.yaml", "v2": HERE / "suite_v2.yaml"}
+SUITES = {
+    "v1": HERE / "suite.yaml",
+    "v2": HERE / "suite_v2.yaml",
+    "tuning": HERE / "suite_tuning.yaml",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,13 +7,14 @@
     python -m benchmarks.falsification.suite confirm DIR
     python -m benchmarks.falsification.suite table DIR [-o OUT]
 
-``--suite v2`` is the larger suite. ``rates`` draws uniform worlds and counts failures: what makes a
-pair easy or hard, and the searches of ``random`` in the table. ``dead`` looks for dimensions that
-change no run. ``search`` is ``mrta-falsify compare`` on each pair, on the kinematic engine;
-``modes`` one search per sampler that runs its budget out, with ``--jittered`` going for robust
-failures; ``confirm`` runs each search's first failure, and its first robust one, again in PyBullet;
-``table`` sums up what is in DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs,
-by default all of the hard half. ``--samplers`` also takes the names of ``ablation``.
+``--suite v2`` is the larger suite, ``--suite tuning`` what samplers may be tuned on. ``rates``
+draws uniform worlds and counts failures: what makes a pair easy or hard, and the searches of
+``random`` in the table. ``dead`` looks for dimensions that change no run. ``search`` is
+``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
+that runs its budget out, with ``--jittered`` going for robust failures; ``confirm`` runs each
+search's first failure, and its first robust one, again in PyBullet; ``table`` sums up what is in
+DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default all of the hard
+half. ``--samplers`` also takes the names of ``ablation``.
 """
 
 from __future__ import annotations
