@@ -14,16 +14,17 @@ from samplers.demanding import DemandingSampler
 from samplers.rehearsals import Rehearsals
 from samplers.surrogate import SurrogateSampler
 
-DEMANDING = 0.5  # share of what is not uniform, where scenes can be rehearsed
+DEMANDING = 0.8  # share of what is not uniform, where scenes can be rehearsed
 LOADS_SHARE = 0.5  # of what the model of all results proposes
 
 
 class AutoSampler:
-    """Draws one proposal in five evenly; ``demanding`` and a model have half of the rest each.
+    """Draws one proposal in five evenly; the rest are demanding scenes and a model's.
 
-    Where scenes can be rehearsed, half of the proposals are scenes that ask for much
+    Where scenes can be rehearsed, four in five of the rest are scenes that ask for much
     (:class:`~samplers.demanding.DemandingSampler`): that leads from the first one, whatever the
-    stack, but learns nothing. All others are of the model of all results
+    stack. In three in four of these a model of all results chooses among scenes that ask for much
+    of one thing or another. The rest are of that model alone
     (:class:`~samplers.surrogate.SurrogateSampler`), which knows what scenes ask for, too.
 
     Where no margin leads, loads are driven up.
@@ -43,6 +44,7 @@ class AutoSampler:
         loads: bool = True  #: whether loads are driven up
         kin: bool = True  #: whether coincidences are proposed and learnt
         rehearse: bool = True  #: whether scenes are looked at, where they can be
+        weigh: bool = True  #: whether the model chooses among demanding scenes
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -68,6 +70,8 @@ class AutoSampler:
             self._model.rehearse_by(shared)
             self._demanding = DemandingSampler(self._of_demanding)
             self._demanding.rehearse_by(shared)
+            if self._options.weigh:
+                self._demanding.weigh_by(self._model.promise)
 
     def ask(self) -> Proposal:
         """Make the next proposal."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
@@ -21,6 +22,9 @@ USUAL = 48  # scenes drawn evenly that say what is heavy
 HEAVY = 0.9  # share of them that ask for less of what is heavy
 BESIDES = 0.03  # chance of each other demand to be driven up, too
 ANEW = 0.5  # chance that what was run has no children
+WEIGHED = 0.75  # share of the proposals that are chosen, where somebody weighs scenes
+CHOICE = 4  # scenes that one is chosen from
+WISE = 10  # results without which nobody can weigh a scene
 
 
 class DemandingSampler:
@@ -32,6 +36,10 @@ class DemandingSampler:
     and of their children, now and then also of those that have been run. So all heavy tails are run
     about equally often, as novelty search visits what few have visited (Lehman and Stanley 2011).
     Without a rehearsal it draws evenly.
+
+    Who learns from runs may weigh scenes (:meth:`weigh_by`). From the tenth result on three in four
+    proposals are then the best of four scenes: this one, and three that are heavy in demands drawn
+    by lot, the more likely the fewer runs they were heavy in.
     """
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +48,7 @@ class DemandingSampler:
 
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)
-        looked_at: int = quantity(low=2, default=48)  #: scenes for each proposal
+        looked_at: int = quantity(low=2, default=48)  #: scenes for each heavy one
         memory: int = quantity(low=0, default=256)  #: results that count
 
     def __init__(self, options: Options) -> None:
@@ -49,6 +57,7 @@ class DemandingSampler:
         self._gathering = Gathering(options.cube)
         self._mutator = Mutator(options.cube)
         self._rehearsals: Rehearsals | None = None
+        self._weigh: Callable[[Array], Array] | None = None
         draws = stream(options.seed, "sampler/demanding/usual")
         self._usual = draws.random((USUAL, options.cube.dimensions))
         self._told: list[Array] = []
@@ -56,6 +65,10 @@ class DemandingSampler:
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
         self._rehearsals = Rehearsals.remembering(rehearsal)
+
+    def weigh_by(self, promise: Callable[[Array], Array]) -> None:
+        """Let ``promise`` of points ``(n, k)``, larger being better, choose among scenes."""
+        self._weigh = promise
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
@@ -69,21 +82,46 @@ class DemandingSampler:
         run = self._rehearsals.of(self._told)
         usual = _demands(self._rehearsals.of(self._usual) or drawn)
         among = np.vstack([usual, _demands(drawn), *(scene.demands for scene in run)])
-        weights = _weights(random, run, usual, among)
+        varies = np.ptp(among, axis=0) > LEAST_SPREAD
+        heavy = _times_heavy(run, usual, among)
+        best = [
+            self._rehearsals.climb(
+                drawn,
+                functools.partial(_worth, weights=weights * varies, among=among),
+                self._mutator,
+                random=random,
+                looks=self._options.looked_at - first,
+                others=() if random.random() < ANEW else run,
+            )
+            for weights in self._weights(random, heavy, varies)
+        ]
+        if self._weigh is None or len(best) == 1:
+            return self._counter.proposal(best[0].u)
+        points = np.array([scene.u for scene in best])
+        return self._counter.proposal(points[int(np.argmax(self._weigh(points)))])
 
-        def worth(scenes: Sequence[Rehearsed]) -> Array:
-            value: Array = standardised(_demands(scenes), among) @ weights
-            return value
+    def _weights(
+        self, random: np.random.Generator, heavy: Array, varies: BoolArray
+    ) -> Iterator[Array]:
+        """Weigh one demand and few others ``(m,)``, once or for each scene of a choice.
 
-        best = self._rehearsals.climb(
-            drawn,
-            worth,
-            self._mutator,
-            random=random,
-            looks=self._options.looked_at - first,
-            others=() if random.random() < ANEW else run,
-        )
-        return self._counter.proposal(best.u)
+        Args:
+            random: decides between demands that were heavy equally often.
+            heavy: runs in which each demand was heavy, ``(m,)``.
+            varies: which demands do.
+        """
+        least = int(np.argmin(np.where(varies, heavy + random.random(len(heavy)), np.inf)))
+        others = np.setdiff1d(np.flatnonzero(varies), least)
+        is_wise = self._weigh is not None and len(self._told) >= WISE
+        driven_up = [least]
+        if is_wise and len(others) and random.random() < WEIGHED:
+            chances = 1.0 / (1.0 + heavy[others])
+            count = min(CHOICE - 1, len(others))
+            driven_up += list(random.choice(others, count, False, chances / chances.sum()))
+        for demand in driven_up:
+            weights = random.random(len(heavy)) * (random.random(len(heavy)) < BESIDES)
+            weights[demand] = 1.0
+            yield weights
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
@@ -104,28 +142,26 @@ class DemandingSampler:
         ]
 
 
-def _weights(
-    random: np.random.Generator, run: Sequence[Rehearsed], usual: Array, among: Array
-) -> Array:
-    """Weigh the demand that was heavy in fewest runs, and few others, ``(m,)``.
+def _times_heavy(run: Sequence[Rehearsed], usual: Array, among: Array) -> Array:
+    """Count the runs in which each demand was heavy, ``(m,)``.
 
     Args:
-        random: decides between demands that were heavy equally often.
         run: scenes that were run.
         usual: demands of scenes drawn evenly, ``(a, m)``; more than most of them is heavy.
-        among: demands of all that is known; those that do not vary have no weight, and as much as
-            the most of it is heavy, too. Else a demand that many scenes bring to its most would be
-            driven up for ever.
+        among: demands of all that is known; as much as the most of it is heavy, too. Else a demand
+            that many scenes bring to its most would be driven up for ever.
     """
-    varies = np.ptp(among, axis=0) > LEAST_SPREAD
     bounds, most = np.quantile(usual, HEAVY, axis=0), among.max(axis=0)
     heavy = np.zeros(len(most))
     for scene in run:
         heavy += (scene.demands > bounds) | (scene.demands >= most)
-    least = heavy + random.random(len(varies))
-    weights = random.random(len(varies)) * (random.random(len(varies)) < BESIDES)
-    weights[np.argmin(np.where(varies, least, np.inf))] = 1.0
-    return np.where(varies, weights, 0.0)
+    return heavy
+
+
+def _worth(scenes: Sequence[Rehearsed], *, weights: Array, among: Array) -> Array:
+    """Weigh what scenes ask for, ``(n,)``, in deviations of what is known."""
+    worth: Array = standardised(_demands(scenes), among) @ weights
+    return worth
 
 
 def _demands(scenes: Sequence[Rehearsed]) -> Array:

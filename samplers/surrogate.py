@@ -174,6 +174,13 @@ class SurrogateSampler:
         known = {feedback.number: feedback for feedback in (*self._kept.best, *self._recent)}
         return [known[number] for number in sorted(known)]
 
+    def promise(self, points: Array) -> Array:
+        """Estimate the logarithm of the chance of a new violation at points ``(n, k)``, ``(n,)``.
+
+        All are alike as long as nothing is known.
+        """
+        return self._promise(points) if self._recent else np.zeros(len(points))
+
     def _candidates(self, random: np.random.Generator, parents: Sequence[Feedback]) -> Array:
         """Draw children of ``parents``, and one in five anew; gather half of these, and parents."""
         rows = []

@@ -12,4 +12,5 @@ PARTS = {
     "auto_without_loads": Choice("auto", {"loads": False}),
     "auto_without_kin": Choice("auto", {"kin": False}),
     "auto_without_rehearsals": Choice("auto", {"rehearse": False}),
+    "auto_without_weighing": Choice("auto", {"weigh": False}),
 }

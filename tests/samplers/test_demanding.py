@@ -97,6 +97,32 @@ def test_children_of_what_was_run_ask_for_more_than_was_ever_drawn():
     assert most > uniform_demands()[:, 0].max()
 
 
+def test_who_weighs_scenes_chooses_three_in_four_of_them_once_there_are_results():
+    sampler = built("demanding")
+    asked = []
+
+    def weigh(points):
+        asked.append(points)
+        return points[:, 1]
+
+    sampler.weigh_by(weigh)
+    for _ in range(60):
+        before = len(asked)
+        proposal = sampler.ask()
+        if len(asked) > before:
+            np.testing.assert_array_equal(proposal.u, max(asked[-1], key=lambda u: u[1]))
+        sampler.tell(told(proposal))
+    assert 28 <= len(asked) <= 46
+    assert {points.shape for points in asked} == {(len(VARYING), K)}
+
+
+def test_there_is_no_choice_where_no_demand_varies():
+    sampler = built("demanding", by=lambda u: Rehearsed(u, np.zeros(len(DEMANDS))))
+    sampler.weigh_by(lambda points: pytest.fail("asked"))
+    for _ in range(30):
+        sampler.tell(told(sampler.ask()))
+
+
 def test_without_a_rehearsal_or_any_scene_proposals_are_uniform_and_say_so():
     for by in (None, lambda u: None):
         proposals = [built("demanding", seed=seed, by=by).ask() for seed in range(200)]
