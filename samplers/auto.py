@@ -23,9 +23,9 @@ class AutoSampler:
 
     Where scenes can be rehearsed, four in five of the rest are scenes that ask for much
     (:class:`~samplers.demanding.DemandingSampler`): that leads from the first one, whatever the
-    stack. In three in four of these a model of all results chooses among scenes that ask for much
-    of one thing or another. The rest are of that model alone
-    (:class:`~samplers.surrogate.SurrogateSampler`), which knows what scenes ask for, too.
+    stack. Once there are results, a model of all of them
+    (:class:`~samplers.surrogate.SurrogateSampler`) chooses three in four of these scenes. All other
+    proposals are the model's own; it knows what scenes ask for, too.
 
     Where no margin leads, loads are driven up.
 
