@@ -322,7 +322,8 @@ class _Loop:
             if asked is not None and stored.proposal_digest != point_digest(asked):
                 raise StoreError(
                     f"{self._store.directory}: trial {stored.id} was asked for at another point "
-                    "than these settings and this version ask for; it cannot be resumed"
+                    "than these settings and this version ask for, so the campaign cannot go on; "
+                    "it can still be read: begin one in another directory, or delete this one"
                 )
             self._on_record(stored, False)
 
