@@ -11,10 +11,12 @@ from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal
 from samplers.asking import Counter
 from samplers.demanding import DemandingSampler
+from samplers.knife_edges import KnifeEdgesSampler
 from samplers.rehearsals import Rehearsals
 from samplers.surrogate import SurrogateSampler
 
 DEMANDING = 0.8  # share of what is not uniform, where scenes can be rehearsed
+BESIDE = 0.5  # share of what is not uniform, while a knife edge may have children
 LOADS_SHARE = 0.5  # of what the model of all results proposes
 
 
@@ -28,6 +30,9 @@ class AutoSampler:
     proposals are the model's own; it knows what scenes ask for, too.
 
     Where no margin leads, loads are driven up.
+
+    While there is a knife edge that half of its copies share, half of all that is not uniform are
+    children of it (:class:`~samplers.knife_edges.KnifeEdgesSampler`).
 
     The first proposal is uniform, and so is one in five after it, whatever has been found: they
     say what a search cannot, how probable a failure is and how much is still unseen.
@@ -45,6 +50,7 @@ class AutoSampler:
         kin: bool = True  #: whether coincidences are proposed and learnt
         rehearse: bool = True  #: whether scenes are looked at, where they can be
         weigh: bool = True  #: whether the model chooses among demanding scenes
+        edges: bool = True  #: whether knife edges have children
 
     def __init__(self, options: Options) -> None:
         self._options = options
@@ -62,6 +68,9 @@ class AutoSampler:
         )
         self._demanding: DemandingSampler | None = None  # where scenes can be rehearsed
         self._of_demanding = DemandingSampler.Options(cube=cube, seed=options.seed)
+        self._knife_edges = KnifeEdgesSampler(
+            KnifeEdgesSampler.Options(cube=options.cube, seed=options.seed)
+        )
 
     def rehearse_by(self, rehearsal: Rehearsal) -> None:
         """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
@@ -88,6 +97,7 @@ class AutoSampler:
     def tell(self, feedback: Feedback) -> None:
         """Take in a result, also of an even draw."""
         self._model.tell(feedback)
+        self._knife_edges.tell(feedback)
         if self._demanding is not None:
             self._demanding.tell(feedback)
 
@@ -96,8 +106,12 @@ class AutoSampler:
         every = self._options.uniform_every
         return every > 0 and self._counter.next % every == 0
 
-    def _next(self) -> DemandingSampler | SurrogateSampler:
+    def _next(self) -> DemandingSampler | KnifeEdgesSampler | SurrogateSampler:
         """Choose whose the next proposal is."""
-        if self._demanding is not None and self._counter.stream().random() < DEMANDING:
+        random = self._counter.stream()
+        whose = random.random()
+        if self._options.edges and self._knife_edges.has_any and random.random() < BESIDE:
+            return self._knife_edges
+        if self._demanding is not None and whose < DEMANDING:
             return self._demanding
         return self._model

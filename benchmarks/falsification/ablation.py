@@ -13,4 +13,5 @@ PARTS = {
     "auto_without_kin": Choice("auto", {"kin": False}),
     "auto_without_rehearsals": Choice("auto", {"rehearse": False}),
     "auto_without_weighing": Choice("auto", {"weigh": False}),
+    "auto_without_edges": Choice("auto", {"edges": False}),
 }

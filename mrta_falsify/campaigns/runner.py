@@ -165,6 +165,7 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         descriptors=record.descriptors,
         failed=record.is_sought,
         signature=_kind(record) if record.is_sought else "",
+        mode=record.signature if record.is_sought else "",
         situations=record.situations,
         blamed=cube.blocks_of(record.blamed),
     )

@@ -142,7 +142,8 @@ class Feedback:
     noise: dict[str, float] = field(default_factory=dict)  #: variance of an objective, absent: 0
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
     failed: bool = False  #: a specification is violated that the search is for
-    signature: str = ""  #: of the failure mode, empty: no failure
+    signature: str = ""  #: of the failure mode, told apart by its copies; empty: no failure
+    mode: str = ""  #: of the failure, whatever its copies do
     situations: tuple[str, ...] = ()  #: what happened, by name
     blamed: tuple[
         int, ...
