@@ -5,6 +5,7 @@
     python -m benchmarks.falsification.suite search DIR [--samplers random auto ...] [--repeats 10]
     python -m benchmarks.falsification.suite modes DIR [--budget 200] [--jittered 4]
     python -m benchmarks.falsification.suite confirm DIR
+    python -m benchmarks.falsification.suite keep DIR --code VERSION [-o OUT]
     python -m benchmarks.falsification.suite table DIR [-o OUT]
 
 ``--suite v2`` is the larger suite, ``--suite tuning`` what samplers may be tuned on. ``rates``
@@ -12,8 +13,9 @@ draws uniform worlds and counts failures: what makes a pair easy or hard, and th
 ``random`` in the table. ``dead`` looks for dimensions that change no run. ``search`` is
 ``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
 that runs its budget out, with ``--jittered`` going for robust failures; ``confirm`` runs each
-search's first failure, and its first robust one, again in PyBullet; ``table`` sums up what is in
-DIR. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default all of the hard
+search's first failure, and its first robust one, again in PyBullet. ``keep`` adds what the searches
+in DIR came to to a file in OUT, so that machines and sessions may share a suite; ``table`` sums up
+both. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default all of the hard
 half. ``--samplers`` also takes the names of ``ablation``.
 """
 
@@ -29,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.falsification.dead import dead
+from benchmarks.falsification.kept import keep
 from benchmarks.falsification.pairs import HERE, SUITES, Pair, read_suite
 from benchmarks.falsification.pools import rates
 from benchmarks.falsification.tables import CONFIRMED, table
@@ -109,6 +112,7 @@ def main() -> None:
         "search": search,
         "modes": lambda pairs, options: search(pairs, options, modes=True),
         "confirm": confirm,
+        "keep": keep,
         "table": table,
     }
     parser.add_argument("what", choices=does)
@@ -122,6 +126,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the first repeat")
     parser.add_argument("--jittered", type=int, default=0, help="copies of each failing world")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--code", default="", help="of keep: the version that proposed")
     parser.add_argument("-o", "--output", type=Path, default=HERE / "results")
     options = parser.parse_args()
     suite = read_suite(options.suite)

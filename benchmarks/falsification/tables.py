@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import holm
+from benchmarks.falsification.kept import RANDOM, all_searches
 from benchmarks.falsification.pairs import Pair
-from benchmarks.falsification.pools import pool_folder, pool_outcomes, rate_row
+from benchmarks.falsification.pools import pool_folder, rate_row
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.core import codec
@@ -20,13 +21,11 @@ from mrta_falsify.verbs.search_outcomes import (
     sampler_rows,
     survival_curves,
 )
-from mrta_falsify.verbs.searches import outcomes
 from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.figure_searches import Curve, write_searches
 
 CONFIRMED = "confirmed.jsonl"
 ALL = "all pairs"
-RANDOM = "random"
 Rows = dict[str, tuple[SamplerRow, ...]]
 
 
@@ -67,25 +66,25 @@ def searches_table(
 ) -> tuple[Rows, dict[str, dict[str, Curve]]]:
     """Rows and survival curves of the searches, per pair and of all pairs together.
 
-    The searches of ``random`` are those of its pool where there is one.
+    The directory's searches and those that were kept count; draws of a pool are those of
+    ``random``, which comes first.
     """
     rows: Rows = {}
     panels: dict[str, dict[str, Curve]] = {}
     pooled: dict[str, list[SearchOutcome]] = {}
+    known = [of for of in all_searches(pairs, options).values() if of.knife_edges == knife_edges]
     for pair in pairs:
-        plan = pair.plan(options.directory, options)
-        found = outcomes(plan, options.directory / "searches" / pair.name, knife_edges=knife_edges)
-        drawn = pool_outcomes(
-            options.directory, pair, budget=options.budget, knife_edges=knife_edges
-        )
-        if drawn:
-            found = {RANDOM: drawn} | {name: of for name, of in found.items() if name != RANDOM}
+        found: dict[str, list[SearchOutcome]] = {}
+        for of in sorted(known, key=lambda of: (of.sampler != RANDOM, of.sampler, of.seed)):
+            if of.pair == pair.name:
+                found.setdefault(of.sampler, []).append(of.within(options.budget))
         if not found:
             continue
         rows[pair.name] = sampler_rows(found, options.budget)
         panels[pair.name] = survival_curves(found)
         for name, told in found.items():
             pooled.setdefault(name, []).extend(told)
+    pooled = dict(sorted(pooled.items(), key=lambda of: of[0] != RANDOM))  # tests are against it
     rows[ALL] = sampler_rows(pooled, options.budget)
     panels[ALL] = survival_curves(pooled)
     return rows, panels

@@ -18,7 +18,7 @@ class SearchOutcome:
     simulations: SearchCost
     seconds: SearchCost  #: of computing
     trials: int  #: simulated, those after the first failure included
-    modes: frozenset[str]  #: signatures of its failures
+    modes: tuple[str, ...]  #: signatures of its failures, each once
 
 
 def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False) -> SearchOutcome:
@@ -48,7 +48,7 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
         simulations=by_simulations,
         seconds=by_seconds,
         trials=simulations,
-        modes=frozenset(signatures),
+        modes=tuple(sorted(signatures)),
     )
 
 

@@ -1,0 +1,98 @@
+"""What searches came to, kept when their directories are gone.
+
+A suite takes more hours than one machine or session has. ``suite keep`` writes rows of what there
+is in a directory into a file of the repository; ``suite table`` counts these, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from benchmarks.falsification.pairs import Pair
+from benchmarks.falsification.pools import pool_outcomes
+from mrta_falsify.campaigns.journal import read_rows
+from mrta_falsify.campaigns.store import SETTINGS
+from mrta_falsify.campaigns.survival import SearchCost
+from mrta_falsify.core import codec
+from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
+from mrta_falsify.verbs.stored_trials import open_campaign
+
+KEPT = "searches.jsonl"
+RANDOM = "random"
+Key = tuple[str, str, bool, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """What one search came to."""
+
+    pair: str
+    sampler: str
+    knife_edges: bool  #: whether they count as failures
+    seed: int  #: of the search; of ``random`` its place in the pool
+    code: str  #: version that proposed
+    outcome: SearchOutcome
+
+    @property
+    def key(self) -> Key:
+        """What tells searches apart; a pool has so many, hence their seeds come last."""
+        return self.pair, self.sampler, self.knife_edges, self.seed
+
+    def within(self, budget: int) -> SearchOutcome:
+        """Say what it came to in ``budget`` simulations."""
+        if self.outcome.simulations.spent <= budget:
+            return self.outcome
+        cut = SearchCost(spent=budget, found=False)
+        return dataclasses.replace(self.outcome, simulations=cut, trials=budget, modes=())
+
+
+def keep(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
+    """Write rows of the directory's searches; those of the same searches are replaced."""
+    options.output.mkdir(parents=True, exist_ok=True)
+    path = options.output / KEPT
+    found = all_searches(pairs, options)
+    path.write_text("".join(f"{json.dumps(codec.encode(found[key]))}\n" for key in sorted(found)))
+    print(f"{path}: {len(found)} rows")
+
+
+def all_searches(pairs: Iterable[Pair], options: argparse.Namespace) -> dict[Key, Search]:
+    """Read the searches that were kept, and those of the directory.
+
+    Raises:
+        InputError: a row has other fields.
+    """
+    path = options.output / KEPT
+    found = {
+        of.key: of for of in (codec.decode(Search, r, where=str(path)) for r in read_rows(path))
+    }
+    found.update({of.key: of for pair in pairs for of in _searches_of(pair, options)})
+    return found
+
+
+def _searches_of(pair: Pair, options: argparse.Namespace) -> Iterator[Search]:
+    """Read a pair's searches; pools are cut into searches of ``random``."""
+    root = options.directory / "searches" / pair.name
+    campaigns = {
+        (path.parent.parent.name, int(path.parent.name)): open_campaign(path.parent)
+        for path in sorted(root.glob(f"*/*/{SETTINGS}"))
+    }
+    for knife_edges in (False, True):
+        how = {"budget": options.budget, "knife_edges": knife_edges}
+        found = {key: search_outcome(of, **how) for key, of in campaigns.items() if of.records}
+        drawn = pool_outcomes(options.directory, pair, **how)
+        for (sampler, seed), outcome in (
+            *found.items(),
+            *(((RANDOM, place), of) for place, of in enumerate(drawn)),
+        ):
+            yield Search(
+                pair=pair.name,
+                sampler=sampler,
+                knife_edges=knife_edges,
+                seed=seed,
+                code=options.code,
+                outcome=outcome,
+            )
