@@ -31,8 +31,8 @@ class AutoSampler:
 
     Where no margin leads, loads are driven up.
 
-    While there is a knife edge that half of its copies share, half of all that is not uniform are
-    children of it (:class:`~samplers.knife_edges.KnifeEdgesSampler`).
+    While there is a knife edge that half of its copies share, half of all that is not uniform is a
+    child of it (:class:`~samplers.knife_edges.KnifeEdgesSampler`).
 
     The first proposal is uniform, and so is one in five after it, whatever has been found: they
     say what a search cannot, how probable a failure is and how much is still unseen.

@@ -31,6 +31,14 @@ def options(folder, **changed) -> argparse.Namespace:
     return argparse.Namespace(**(known | changed))
 
 
+def tables(folder):
+    """Rows without knife edges and with them."""
+    searches = all_searches(PAIRS, options(folder)).values()
+    for edges in (False, True):
+        known = [search for search in searches if search.knife_edges == edges]
+        yield searches_table(PAIRS, known, 40)[0]
+
+
 @pytest.fixture
 def ran(tmp_path):
     """Two searches of one pair, one of another, and a pool."""
@@ -42,15 +50,21 @@ def ran(tmp_path):
 
 def test_searches_that_were_kept_count_as_those_of_a_directory(ran):
     before = all_searches(PAIRS, options(ran))
-    tables = [searches_table(PAIRS, options(ran), knife_edges=edges)[0] for edges in (False, True)]
-    assert [row.sampler for row in tables[0]["lift_line"]] == ["random", "auto"]
-    assert [(row.sampler, row.searches) for row in tables[0][ALL]][1] == ("auto", 3)
+    rows = list(tables(ran))
+    assert [row.sampler for row in rows[0]["lift_line"]] == ["random", "auto"]
+    assert [(row.sampler, row.searches) for row in rows[0][ALL]][1] == ("auto", 3)
     keep(PAIRS, options(ran))
     for gone in ("searches", "rates"):
         shutil.rmtree(ran / gone)
     assert all_searches(PAIRS, options(ran)) == before
-    after = [searches_table(PAIRS, options(ran), knife_edges=edges)[0] for edges in (False, True)]
-    assert after == tables
+    assert list(tables(ran)) == rows
+
+
+def test_a_pool_takes_the_place_of_searches_of_random(ran):
+    run(ran / "searches" / "lift_line" / "random" / "9", seed=9)
+    seeds = {seed for pair, name, _, seed in all_searches(PAIRS, options(ran)) if name == "random"}
+    assert seeds
+    assert 9 not in seeds
 
 
 def test_keeping_again_replaces_the_same_searches_and_adds_others(ran):

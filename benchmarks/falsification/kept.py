@@ -83,11 +83,10 @@ def _searches_of(pair: Pair, options: argparse.Namespace) -> Iterator[Search]:
     for knife_edges in (False, True):
         how = {"budget": options.budget, "knife_edges": knife_edges}
         found = {key: search_outcome(of, **how) for key, of in campaigns.items() if of.records}
-        drawn = pool_outcomes(options.directory, pair, **how)
-        for (sampler, seed), outcome in (
-            *found.items(),
-            *(((RANDOM, place), of) for place, of in enumerate(drawn)),
-        ):
+        if drawn := pool_outcomes(options.directory, pair, **how):
+            found = {key: of for key, of in found.items() if key[0] != RANDOM}
+            found |= {(RANDOM, place): of for place, of in enumerate(drawn)}
+        for (sampler, seed), outcome in found.items():
             yield Search(
                 pair=pair.name,
                 sampler=sampler,

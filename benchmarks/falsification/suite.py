@@ -129,6 +129,8 @@ def main() -> None:
     parser.add_argument("--code", default="", help="of keep: the version that proposed")
     parser.add_argument("-o", "--output", type=Path, default=HERE / "results")
     options = parser.parse_args()
+    if options.what == "keep" and not options.code:
+        parser.error("keep: --code is missing; it says which version proposed, as a commit")
     suite = read_suite(options.suite)
     names = options.pairs or [name for name, pair in suite.items() if pair.half == "hard"]
     if unknown := set(names) - set(suite):

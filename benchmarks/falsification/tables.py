@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import holm
-from benchmarks.falsification.kept import RANDOM, all_searches
+from benchmarks.falsification.kept import RANDOM, Search, all_searches
 from benchmarks.falsification.pairs import Pair
 from benchmarks.falsification.pools import pool_folder, rate_row
 from mrta_falsify.campaigns.journal import read_rows
@@ -38,8 +38,10 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     out: dict[str, Any] = {"budget": options.budget, "rates": rate_rows(pairs, options.directory)}
     kinds = {"searches": False} | ({"searches_with_knife_edges": True} if options.jittered else {})
+    searches = all_searches(pairs, options).values()
     for kind, knife_edges in kinds.items():
-        rows, panels = searches_table(pairs, options, knife_edges=knife_edges)
+        known = [search for search in searches if search.knife_edges == knife_edges]
+        rows, panels = searches_table(pairs, known, options.budget)
         out[kind], corrected = rows, corrected_p(rows)
         out[f"{kind}_holm_p"] = corrected
         write_searches(panels, options.budget, options.output / f"{kind}.png")
@@ -62,30 +64,29 @@ def rate_rows(pairs: Iterable[Pair], directory: Path) -> list[dict[str, Any]]:
 
 
 def searches_table(
-    pairs: Iterable[Pair], options: argparse.Namespace, *, knife_edges: bool
+    pairs: Iterable[Pair], searches: Iterable[Search], budget: int
 ) -> tuple[Rows, dict[str, dict[str, Curve]]]:
     """Rows and survival curves of the searches, per pair and of all pairs together.
 
-    The directory's searches and those that were kept count; draws of a pool are those of
-    ``random``, which comes first.
+    Each search counts as far as it went within ``budget`` simulations; ``random`` comes first.
     """
     rows: Rows = {}
     panels: dict[str, dict[str, Curve]] = {}
     pooled: dict[str, list[SearchOutcome]] = {}
-    known = [of for of in all_searches(pairs, options).values() if of.knife_edges == knife_edges]
+    known = sorted(searches, key=lambda of: (of.sampler != RANDOM, of.sampler, of.seed))
     for pair in pairs:
         found: dict[str, list[SearchOutcome]] = {}
-        for of in sorted(known, key=lambda of: (of.sampler != RANDOM, of.sampler, of.seed)):
+        for of in known:
             if of.pair == pair.name:
-                found.setdefault(of.sampler, []).append(of.within(options.budget))
+                found.setdefault(of.sampler, []).append(of.within(budget))
         if not found:
             continue
-        rows[pair.name] = sampler_rows(found, options.budget)
+        rows[pair.name] = sampler_rows(found, budget)
         panels[pair.name] = survival_curves(found)
         for name, told in found.items():
             pooled.setdefault(name, []).extend(told)
     pooled = dict(sorted(pooled.items(), key=lambda of: of[0] != RANDOM))  # tests are against it
-    rows[ALL] = sampler_rows(pooled, options.budget)
+    rows[ALL] = sampler_rows(pooled, budget)
     panels[ALL] = survival_curves(pooled)
     return rows, panels
 
