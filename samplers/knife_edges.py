@@ -14,6 +14,14 @@ HALF = 0.05  # score of a knife edge, at most: about half of its copies fail
 CHILDREN = 6  # of each knife edge
 
 
+@dataclass(slots=True)
+class _Parent:
+    """A knife edge, and how many children it has."""
+
+    edge: Feedback
+    children: int = 0
+
+
 class KnifeEdgesSampler:
     """Gives knife edges that about half of their copies share a few children each.
 
@@ -34,27 +42,26 @@ class KnifeEdgesSampler:
         self._dimensions = options.cube.dimensions
         self._counter = Counter("knife_edges", options.seed)
         self._mutator = Mutator(options.cube)
-        self._edges: list[Feedback] = []  # from the latest to the first
-        self._children: dict[int, int] = {}  # of a knife edge, by its number
+        self._parents: list[_Parent] = []  # from the latest to the first
         self._robust: set[str] = set()  # modes
 
     @property
     def has_any(self) -> bool:
         """Whether a knife edge may have one more child."""
-        return any(self._children[edge.number] < CHILDREN for edge in self._edges)
+        return any(parent.children < CHILDREN for parent in self._parents)
 
     def ask(self) -> Proposal:
         """Make the next proposal."""
-        if not self._edges:
+        if not self._parents:
             return self._counter.uniform(self._dimensions)
         random = self._counter.stream()
         step = evenly_in_logarithm(random, *STEPS)
-        return self._counter.proposal(self._mutator.child(self._parent().u, step, random))
+        return self._counter.proposal(self._mutator.child(self._next_parent().u, step, random))
 
     def skip(self) -> None:
         """See :class:`~mrta_falsify.core.protocols.SkippingSampler`."""
-        if self._edges:
-            self._parent()
+        if self._parents:
+            self._next_parent()
         self._counter.next += 1
 
     def tell(self, feedback: Feedback) -> None:
@@ -63,13 +70,12 @@ class KnifeEdgesSampler:
             return
         if feedback.score < 0.0:
             self._robust.add(feedback.mode)
-            self._edges = [edge for edge in self._edges if edge.mode not in self._robust]
+            self._parents = [p for p in self._parents if p.edge.mode not in self._robust]
         elif feedback.score <= HALF and feedback.mode not in self._robust:
-            self._edges.insert(0, feedback)
-            self._children[feedback.number] = 0
+            self._parents.insert(0, _Parent(feedback))
 
-    def _parent(self) -> Feedback:
+    def _next_parent(self) -> Feedback:
         """Choose whose the next child is, and count it."""
-        edge = min(self._edges, key=lambda of: self._children[of.number])
-        self._children[edge.number] += 1
-        return edge
+        parent = min(self._parents, key=lambda of: of.children)
+        parent.children += 1
+        return parent.edge

@@ -7,6 +7,7 @@ import functools
 import pytest
 
 from benchmarks import holm
+from benchmarks.falsification import suite
 from benchmarks.falsification.ablation import PARTS
 from benchmarks.falsification.pairs import HERE, SUITES, read_suite
 from mrta_falsify.core import registry
@@ -88,6 +89,19 @@ def test_every_scenario_file_is_of_some_pair():
 def test_auto_without_a_part_can_be_built(name):
     sampler = registry.build("sampler", PARTS[name], where=name)
     assert sampler.ask().number == 0
+
+
+def test_a_directory_of_other_searches_is_one_sentence_and_exit_code_2(
+    tmp_path, monkeypatch, capsys
+):
+    mark = tmp_path / "searches/narrow_pair/comparison.json"
+    mark.parent.mkdir(parents=True)
+    mark.write_text("{}")
+    monkeypatch.setattr("sys.argv", ["suite", "search", str(tmp_path), "--pairs", "narrow_pair"])
+    with pytest.raises(SystemExit) as exited:
+        suite.main()
+    assert exited.value.code == 2
+    assert "compares samplers with other" in capsys.readouterr().err
 
 
 def test_p_values_are_corrected_for_how_many_there_are():

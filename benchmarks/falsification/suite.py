@@ -38,6 +38,7 @@ from benchmarks.falsification.tables import CONFIRMED, table
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.searches import run_searches
@@ -137,6 +138,8 @@ def main() -> None:
         parser.error(f"{', '.join(sorted(unknown))}: no such pair; there are {', '.join(suite)}")
     try:
         does[options.what]([suite[name] for name in names], options)
+    except InputError as error:
+        parser.error(str(error))
     except KeyboardInterrupt:
         sys.exit(130)
 
