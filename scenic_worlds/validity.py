@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.core.soundness import is_sound
 from mrta_falsify.core.world import World
 from simulator_interface import starts
-
-#: fields of a world that are its floor; all but the furniture are the same object in each scene
-_FLOOR = ("walls", "lanes", "resources")
 
 
 class WorldValidity:
@@ -36,34 +32,16 @@ class WorldValidity:
             WorldError: the first value that is not allowed, and whose it is; or a robot's
                 start that is taken.
         """
-        try:
-            self._check_values(self._without_known(world))
-        except InputError:
-            self._check_values(world)  # names things by their place in the whole world
-            raise
+        if not is_sound(world, self._passed):
+            try:
+                codec.decode(World, codec.encode(world), where=self._where)
+            except InputError as error:
+                raise WorldError(_with_name(str(error), world)) from None
         try:
             starts.check_starts(world)
         except WorldError as error:
             raise WorldError(f"{self._where}: {error}") from None
         self._passed = world
-
-    def _check_values(self, world: World) -> None:
-        try:
-            codec.decode(World, codec.encode(world), where=self._where)
-        except InputError as error:
-            raise WorldError(_with_name(str(error), world)) from None
-
-    def _without_known(self, world: World) -> World:
-        """Leave out the parts of the floor that have passed before."""
-        passed = self._passed
-        if passed is None:
-            return world
-        changes: dict[str, Any] = {
-            name: () for name in _FLOOR if getattr(world, name) is getattr(passed, name)
-        }
-        known = {id(piece) for piece in passed.furniture}
-        changes["furniture"] = tuple(p for p in world.furniture if id(p) not in known)
-        return dataclasses.replace(world, **changes)
 
 
 def _with_name(text: str, world: World) -> str:
