@@ -2,18 +2,23 @@
 
 import argparse
 import json
+import math
 import shutil
 
 import pytest
 
-from benchmarks.falsification.kept import KEPT, all_searches, keep
+from benchmarks.falsification.kept import KEPT, KEPT_POOLS, Search, all_pools, all_searches, keep
 from benchmarks.falsification.pairs import read_suite
-from benchmarks.falsification.tables import ALL, searches_table
+from benchmarks.falsification.pools import Pool
+from benchmarks.falsification.tables import searches_table
+from benchmarks.falsification.uniform import ALL, beside_uniform
 from mrta_falsify.campaigns.executors import SerialExecutor
 from mrta_falsify.campaigns.runner import run_campaign
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Store
+from mrta_falsify.campaigns.survival import SearchCost
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.verbs.search_outcomes import SearchOutcome
 from tests.campaigns.standin import settings
 
 PAIRS = [read_suite("v2")[name] for name in ("two_doors", "lift_line")]
@@ -50,6 +55,7 @@ def ran(tmp_path):
 
 def test_searches_that_were_kept_count_as_those_of_a_directory(ran):
     before = all_searches(PAIRS, options(ran))
+    pools = all_pools(PAIRS, options(ran))
     rows = list(tables(ran))
     assert [row.sampler for row in rows[0]["lift_line"]] == ["random", "auto"]
     assert [(row.sampler, row.searches) for row in rows[0][ALL]][1] == ("auto", 3)
@@ -58,6 +64,8 @@ def test_searches_that_were_kept_count_as_those_of_a_directory(ran):
         shutil.rmtree(ran / gone)
     assert all_searches(PAIRS, options(ran)) == before
     assert list(tables(ran)) == rows
+    assert pools["lift_line"].trials == 60
+    assert all_pools(PAIRS, options(ran)) == pools
 
 
 def test_a_pool_takes_the_place_of_searches_of_random(ran):
@@ -88,10 +96,59 @@ def test_what_was_found_after_the_budget_was_not_found_in_it(ran):
     assert (cut.simulations.spent, cut.simulations.found, cut.modes) == (spent - 1, False, ())
 
 
-def test_a_row_with_other_fields_is_told_of(ran):
+@pytest.mark.parametrize("name", [KEPT, KEPT_POOLS])
+def test_a_row_with_other_fields_is_told_of(ran, name):
     keep(PAIRS, options(ran))
-    path = ran / "kept" / KEPT
+    path = ran / "kept" / name
     row = json.loads(path.read_text().splitlines()[0])
     path.write_text(json.dumps(row | {"luck": 1}))
-    with pytest.raises(InputError, match=r"searches\.jsonl: luck is not a known field"):
-        all_searches(PAIRS, options(ran))
+    with pytest.raises(InputError, match=f"{name}: luck is not a known field"):
+        (all_searches if name == KEPT else all_pools)(PAIRS, options(ran))
+
+
+def searched(pair, *costs, sampler="auto"):
+    """Searches of a pair by what they spent; those below 0 found nothing."""
+    for seed, spent in enumerate(costs):
+        cost = SearchCost(spent=abs(spent), found=spent > 0)
+        outcome = SearchOutcome(simulations=cost, seconds=cost, trials=abs(spent), modes=())
+        yield Search(
+            pair=pair, sampler=sampler, knife_edges=False, seed=seed, code="", outcome=outcome
+        )
+
+
+def pool(pair, wanted, trials) -> Pool:
+    share = (0.0, 0.0, 1.0)
+    return Pool(
+        pair=pair, k=3, trials=trials, not_run=0, failed=2 * wanted, share=share, wanted=wanted,
+        wanted_share=share, modes=1, by={}, best=0.0, sim_s=1.0, wall_s=1.0,
+    )  # fmt: skip
+
+
+def test_searches_are_compared_with_pools_by_their_shares():
+    searches = [
+        *searched("a", 5, 10, 5, -20),
+        *searched("b", 40, 60),
+        *searched("c", 3),
+        *searched("a", 1, 1, sampler="random"),
+    ]
+    pools = [pool("a", 10, 1000), pool("b", 4, 200), pool("d", 1, 10)]
+    a, b, both = beside_uniform(searches, pools, knife_edges=False)
+    assert [row.pair for row in (a, b, both)] == ["a", "b", ALL]
+    assert (a.failures, a.simulations, a.drawn_failures, a.draws) == (3, 40.0, 10, 1000)
+    assert a.times == pytest.approx((1000 / 10) / (40 / 3))
+    assert a.low < a.times < a.high
+    share = 40 / 1040  # of the 13 failures that is to be expected
+    at_least = [math.comb(13, k) * share**k * (1 - share) ** (13 - k) for k in range(3, 14)]
+    assert a.p == pytest.approx(sum(at_least))
+    assert a.holm_p == pytest.approx(2 * a.p)
+    assert b.times == pytest.approx(1.0)
+    assert b.low < 1.0 < b.high
+    assert b.p == b.holm_p == pytest.approx(1.0)
+    assert both.times == pytest.approx((100 + 50) / (40 / 3 + 50))
+    assert both.low < both.times < both.high
+
+
+def test_where_nothing_has_failed_nothing_is_told():
+    (row, _) = beside_uniform(searched("a", -50), [pool("a", 0, 100)], knife_edges=True)
+    assert (row.failures, row.drawn_failures, row.p) == (0, 0, 1.0)
+    assert (row.low, row.high) == (0.0, float("inf"))

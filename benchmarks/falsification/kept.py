@@ -1,7 +1,7 @@
-"""What searches came to, kept when their directories are gone.
+"""What searches and pools came to, kept when their directories are gone.
 
 A suite takes more hours than one machine or session has. ``suite keep`` writes rows of what there
-is in a directory into a file of the repository; ``suite table`` counts these, too.
+is in a directory into files of the repository; ``suite table`` counts these, too.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from benchmarks.falsification.pairs import Pair
-from benchmarks.falsification.pools import pool_outcomes
+from benchmarks.falsification.pools import Pool, pool_outcomes, read_pool
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.campaigns.survival import SearchCost
@@ -22,6 +22,7 @@ from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
 from mrta_falsify.verbs.stored_trials import open_campaign
 
 KEPT = "searches.jsonl"
+KEPT_POOLS = "pools.jsonl"
 RANDOM = "random"
 Key = tuple[str, str, bool, int]
 
@@ -51,12 +52,28 @@ class Search:
 
 
 def keep(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
-    """Write rows of the directory's searches; those of the same searches are replaced."""
+    """Write rows of the directory's searches and pools; those of the same ones are replaced."""
+    pairs = list(pairs)
     options.output.mkdir(parents=True, exist_ok=True)
-    path = options.output / KEPT
-    found = all_searches(pairs, options)
-    path.write_text("".join(f"{json.dumps(codec.encode(found[key]))}\n" for key in sorted(found)))
-    print(f"{path}: {len(found)} rows")
+    searches, pools = all_searches(pairs, options), all_pools(pairs, options)
+    for name, found in ((KEPT, searches), (KEPT_POOLS, pools)):
+        rows = [json.dumps(codec.encode(row)) for _, row in sorted(found.items())]
+        (options.output / name).write_text("".join(f"{row}\n" for row in rows))
+        print(f"{options.output / name}: {len(rows)} rows")
+
+
+def all_pools(pairs: Iterable[Pair], options: argparse.Namespace) -> dict[str, Pool]:
+    """Read the pools that were kept, and those of the directory in their place, by pair.
+
+    Raises:
+        InputError: a row has other fields.
+    """
+    path = options.output / KEPT_POOLS
+    kept = (codec.decode(Pool, row, where=str(path)) for row in read_rows(path))
+    found = {pool.pair: pool for pool in kept}
+    drawn = (read_pool(options.directory, pair) for pair in pairs)
+    found.update({pool.pair: pool for pool in drawn if pool is not None})
+    return found
 
 
 def all_searches(pairs: Iterable[Pair], options: argparse.Namespace) -> dict[Key, Search]:

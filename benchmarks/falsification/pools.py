@@ -11,13 +11,14 @@ import dataclasses
 import json
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from benchmarks.falsification.pairs import Pair
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import SETTINGS, Campaign
+from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign import open_store, run_store
@@ -46,36 +47,66 @@ def rates(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
             result = run_store(store, Limits(budget=options.trials), local_workers(options.workers))
         if result.ended == "interrupted":
             raise KeyboardInterrupt
-        print(json.dumps(rate_row(pair.name, result.campaign.records)), flush=True)
+        pool = pool_of(pair.name, result.campaign.records)
+        print(json.dumps(codec.encode(pool)), flush=True)
 
 
-def rate_row(name: str, records: Sequence[TrialRecord]) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pool:
+    """What the draws of a pair came to."""
+
+    pair: str
+    k: int  #: dimensions
+    trials: int  #: judged
+    not_run: int
+    failed: int
+    share: tuple[float, ...]  #: that fails, low and high end of its 95 % interval
+    wanted: int  #: failures that most copies share
+    wanted_share: tuple[float, ...]
+    modes: int
+    by: dict[str, int]  #: failures by specification
+    best: float  #: lowest score
+    sim_s: float  #: median [s]
+    wall_s: float  #: median of a trial, scene included [s]
+
+
+def read_pool(directory: Path, pair: Pair) -> Pool | None:
+    """Sum up the draws of a pair that are in a directory; None: there are none."""
+    folder = pool_folder(directory, pair)
+    return pool_of(pair.name, open_campaign(folder).records) if _is_there(folder) else None
+
+
+def pool_of(name: str, records: Sequence[TrialRecord]) -> Pool:
     """Sum up draws: shares that fail, with intervals, and what a trial took."""
     judged = [record for record in records if record.status == "ok"]
     failed = [record for record in judged if record.is_sought]
     wanted = [record for record in judged if record.wanted]
     specs = [v.spec for record in failed for v in record.verdicts if v.violated]
-    return {
-        "pair": name,
-        "k": len(judged[0].candidate.u),
-        "trials": len(judged),
-        "not_run": len(records) - len(judged),
-        "failed": len(failed),
-        "share": _share(len(failed), len(judged)),
-        "wanted": len(wanted),
-        "wanted_share": _share(len(wanted), len(judged)),
-        "modes": len({record.signature for record in failed}),
-        "by": {spec: specs.count(spec) for spec in sorted(set(specs))},
-        "best": round(min(record.score for record in judged), 4),
-        "sim_s": round(statistics.median(record.sim_time for record in judged), 1),
-        "wall_s": round(statistics.median(r.scene_s + r.wall_s for r in judged), 2),
-    }
+    return Pool(
+        pair=name,
+        k=len(judged[0].candidate.u),
+        trials=len(judged),
+        not_run=len(records) - len(judged),
+        failed=len(failed),
+        share=_share(len(failed), len(judged)),
+        wanted=len(wanted),
+        wanted_share=_share(len(wanted), len(judged)),
+        modes=len({record.signature for record in failed}),
+        by={spec: specs.count(spec) for spec in sorted(set(specs))},
+        best=round(min(record.score for record in judged), 4),
+        sim_s=round(statistics.median(record.sim_time for record in judged), 1),
+        wall_s=round(statistics.median(r.scene_s + r.wall_s for r in judged), 2),
+    )
 
 
-def _share(failed: int, trials: int) -> list[float]:
+def _is_there(folder: Path) -> bool:
+    return (folder / SETTINGS).exists()
+
+
+def _share(failed: int, trials: int) -> tuple[float, ...]:
     """Estimate a share, low and high end of its 95 % interval."""
     share = failure_probability(failed, trials)
-    return [round(value or 0.0, 4) for value in (share.estimate, share.low, share.high)]
+    return tuple(round(value or 0.0, 4) for value in (share.estimate, share.low, share.high))
 
 
 def pool_outcomes(
@@ -83,7 +114,7 @@ def pool_outcomes(
 ) -> list[SearchOutcome]:
     """Cut a pair's draws into searches of ``random``; none if there is no pool."""
     folder = pool_folder(directory, pair)
-    if not (folder / SETTINGS).exists():
+    if not _is_there(folder):
         return []
     campaign = open_campaign(folder)
     return [

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import holm
-from benchmarks.falsification.kept import RANDOM, Search, all_searches
+from benchmarks.falsification.kept import RANDOM, Search, all_pools, all_searches
 from benchmarks.falsification.pairs import Pair
-from benchmarks.falsification.pools import pool_folder, rate_row
+from benchmarks.falsification.uniform import ALL, beside_uniform, print_compared
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.core import codec
@@ -25,18 +25,20 @@ from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.figure_searches import Curve, write_searches
 
 CONFIRMED = "confirmed.jsonl"
-ALL = "all pairs"
 Rows = dict[str, tuple[SamplerRow, ...]]
 
 
 def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
     """Rows per pair and for all pairs together, as JSON, and survival curves.
 
-    Where copies were run once for robust failures and once for all.
+    Where copies were run once for robust failures and once for all. Searches are also compared with
+    the pools of uniform draws, of which more is kept than searches of ``random`` can be cut from.
     """
     pairs = list(pairs)
     options.output.mkdir(parents=True, exist_ok=True)
-    out: dict[str, Any] = {"budget": options.budget, "rates": rate_rows(pairs, options.directory)}
+    pools = all_pools(pairs, options)
+    rates = [pools[pair.name] for pair in pairs if pair.name in pools]
+    out: dict[str, Any] = {"budget": options.budget, "rates": rates}
     kinds = {"searches": False} | ({"searches_with_knife_edges": True} if options.jittered else {})
     searches = all_searches(pairs, options).values()
     for kind, knife_edges in kinds.items():
@@ -46,21 +48,15 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
         out[f"{kind}_holm_p"] = corrected
         write_searches(panels, options.budget, options.output / f"{kind}.png")
         print_rows(rows, corrected)
+        compared = beside_uniform(known, rates, knife_edges=knife_edges)
+        out[f"{kind}_beside_uniform_draws"] = compared
+        print_compared(compared)
     out["modes"] = modes_table(pairs, options)
     out["confirmation"] = confirmation(options.directory)
     path = options.output / "results.json"
-    path.write_text(json.dumps(codec.finite(codec.encode(out)), indent=1) + "\n", encoding="utf-8")
-    print(json.dumps({name: out[name] for name in ("rates", "modes", "confirmation")}, indent=1))
-
-
-def rate_rows(pairs: Iterable[Pair], directory: Path) -> list[dict[str, Any]]:
-    """Sum up the pools that there are."""
-    folders = {pair.name: pool_folder(directory, pair) for pair in pairs}
-    return [
-        rate_row(name, open_campaign(folder).records)
-        for name, folder in folders.items()
-        if (folder / SETTINGS).exists()
-    ]
+    told = codec.finite(codec.encode(out))
+    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps({name: told[name] for name in ("rates", "modes", "confirmation")}, indent=1))
 
 
 def searches_table(
