@@ -11,7 +11,7 @@ from benchmarks.falsification.kept import KEPT, KEPT_POOLS, Search, all_pools, a
 from benchmarks.falsification.pairs import read_suite
 from benchmarks.falsification.pools import Pool
 from benchmarks.falsification.tables import searches_table
-from benchmarks.falsification.uniform import ALL, beside_uniform
+from benchmarks.falsification.uniform import ALL, beside_uniform, expected_curve
 from mrta_falsify.campaigns.executors import SerialExecutor
 from mrta_falsify.campaigns.runner import run_campaign
 from mrta_falsify.campaigns.settings import Limits
@@ -152,3 +152,11 @@ def test_where_nothing_has_failed_nothing_is_told():
     (row, _) = beside_uniform(searched("a", -50), [pool("a", 0, 100)], knife_edges=True)
     assert (row.failures, row.drawn_failures, row.p) == (0, 0, 1.0)
     assert (row.low, row.high) == (0.0, float("inf"))
+
+
+def test_searches_of_uniform_draws_are_expected_to_fail_as_the_pools_did():
+    times, share = expected_curve([pool("a", 1, 2), pool("b", 0, 2)], 2, knife_edges=False)
+    assert times.tolist() == [0, 1, 2]
+    assert share.tolist() == [1.0, (0.5 + 0.75) / 2, (0.25 + 0.5625) / 2]
+    _, with_edges = expected_curve([pool("a", 1, 2)], 1, knife_edges=True)
+    assert with_edges.tolist() == [1.0, 0.0]

@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks import holm
 from benchmarks.falsification.kept import RANDOM, Search, all_pools, all_searches
 from benchmarks.falsification.pairs import Pair
-from benchmarks.falsification.uniform import ALL, beside_uniform, print_compared
+from benchmarks.falsification.uniform import ALL, beside_uniform, expected_curve, print_compared
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.core import codec
@@ -25,6 +25,7 @@ from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.figure_searches import Curve, write_searches
 
 CONFIRMED = "confirmed.jsonl"
+EXPECTED = "uniform draws, by the share of the pool that fails"
 Rows = dict[str, tuple[SamplerRow, ...]]
 
 
@@ -45,6 +46,10 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
         known = [search for search in searches if search.knife_edges == knife_edges]
         rows, panels = searches_table(pairs, known, options.budget)
         out[kind], corrected = rows, corrected_p(rows)
+        for name, curves in panels.items():
+            of_panel = [pool for pool in rates if name in (pool.pair, ALL) and pool.pair in rows]
+            if of_panel and RANDOM not in curves:
+                curves[EXPECTED] = expected_curve(of_panel, options.budget, knife_edges=knife_edges)
         out[f"{kind}_holm_p"] = corrected
         write_searches(panels, options.budget, options.output / f"{kind}.png")
         print_rows(rows, corrected)

@@ -13,6 +13,7 @@ from benchmarks import holm
 from benchmarks.falsification.kept import RANDOM, Search
 from benchmarks.falsification.pools import Pool
 from mrta_falsify.core.seeding import stream
+from reports.figure_searches import Curve
 
 ALL = "all pairs"
 RESAMPLES = 4000
@@ -57,9 +58,8 @@ def beside_uniform(
             of_pair = [s.outcome.simulations for s in own if s.pair == pool.pair]
             if not of_pair:
                 continue
-            failures = pool.failed if knife_edges else pool.wanted
             costs.append(np.array([(cost.spent, cost.found) for cost in of_pair]))
-            drawn.append((failures, pool.trials))
+            drawn.append((_failures(pool, knife_edges), pool.trials))
             rows.append(_of_pair(pool.pair, sampler, costs[-1], drawn[-1]))
         corrected = holm.adjusted([row.p for row in rows])
         found += [
@@ -68,6 +68,21 @@ def beside_uniform(
         if rows:
             found.append(_of_all(sampler, costs, drawn))
     return found
+
+
+def expected_curve(pools: Sequence[Pool], budget: int, *, knife_edges: bool) -> Curve:
+    """Say which share of searches of uniform draws has no failure yet, from what pools show.
+
+    Returns:
+        Simulations ``(budget + 1,)`` and the share ``(budget + 1,)``, the mean over the pools.
+    """
+    times = np.arange(budget + 1.0)
+    chances = [max(_failures(pool, knife_edges), NONE_FOUND) / pool.trials for pool in pools]
+    return times, np.mean([(1.0 - chance) ** times for chance in chances], axis=0)
+
+
+def _failures(pool: Pool, knife_edges: bool) -> int:
+    return pool.failed if knife_edges else pool.wanted
 
 
 def _of_pair(pair: str, sampler: str, costs: np.ndarray, drawn: tuple[int, int]) -> Compared:
