@@ -13,10 +13,10 @@ draws uniform worlds and counts failures: what makes a pair easy or hard, and th
 ``random`` in the table. ``dead`` looks for dimensions that change no run. ``search`` is
 ``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
 that runs its budget out, with ``--jittered`` going for robust failures; ``confirm`` runs each
-search's first failure, and its first robust one, again in PyBullet. ``keep`` adds what the searches
-in DIR came to to a file in OUT, so that machines and sessions may share a suite; ``table`` sums up
-both. Each goes on where it was interrupted; ``--pairs`` chooses pairs, by default all of the hard
-half. ``--samplers`` also takes the names of ``ablation``.
+search's first failure, and its first robust one, again in PyBullet. ``keep`` adds what searches
+and pools in DIR came to to files in OUT, so that machines and sessions may share a suite; ``table``
+sums up both, and compares searches with pools. Each goes on where it was interrupted; ``--pairs``
+chooses pairs, by default all of the hard half. ``--samplers`` also takes the names of ``ablation``.
 """
 
 from __future__ import annotations
