@@ -53,7 +53,7 @@ def table(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
         out[f"{kind}_holm_p"] = corrected
         write_searches(panels, options.budget, options.output / f"{kind}.png")
         print_rows(rows, corrected)
-        compared = beside_uniform(known, rates, knife_edges=knife_edges)
+        compared = beside_uniform(known, rates, options.budget, knife_edges=knife_edges)
         out[f"{kind}_beside_uniform_draws"] = compared
         print_compared(compared)
     out["modes"] = modes_table(pairs, options)

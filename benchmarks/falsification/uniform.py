@@ -38,10 +38,11 @@ class Compared:
 
 
 def beside_uniform(
-    searches: Iterable[Search], pools: Sequence[Pool], *, knife_edges: bool
+    searches: Iterable[Search], pools: Sequence[Pool], budget: int, *, knife_edges: bool
 ) -> list[Compared]:
     """Compare each sampler with the pools, per pair and with all pairs counted alike.
 
+    Each search counts as far as it went within ``budget`` simulations.
     A pair's trials are taken as independent: both counts of failures as Poisson, so that given
     their sum one of them is binomial (Przyborowski and Wilenski, "Homogeneity of results in testing
     samples from Poisson series", 1940); the interval is Clopper and Pearson's. Over all pairs the
@@ -55,7 +56,7 @@ def beside_uniform(
     for sampler, own in by_sampler.items():
         rows, costs, drawn = [], [], []
         for pool in pools:
-            of_pair = [s.outcome.simulations for s in own if s.pair == pool.pair]
+            of_pair = [s.within(budget).simulations for s in own if s.pair == pool.pair]
             if not of_pair:
                 continue
             costs.append(np.array([(cost.spent, cost.found) for cost in of_pair]))
