@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)  # that stop a command
@@ -81,11 +83,29 @@ def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
 def signals_held(*signals: signal.Signals) -> Iterator[None]:
     """Hold signals back; processes and threads that are started inside never hear them.
 
+    This thread hears what came meanwhile at the end. Threads that others have started may hear it
+    before, and Python then acts in the main thread: there its handlers wait for the end, too. (In
+    the middle of a fork what a handler raises would be lost.)
+
     Args:
         signals: by default all that stop a command.
     """
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals or STOP_SIGNALS)
+    held = signals or STOP_SIGNALS
+    owner = os.getpid()
+    came: list[int] = []
+    handlers = {}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, held)
     try:
+        if threading.current_thread() is threading.main_thread():
+            for number in held:
+                if callable(signal.getsignal(number)):
+                    handlers[number] = signal.signal(number, lambda of, frame: came.append(of))
         yield
     finally:
+        if os.getpid() == owner:  # copies have handlers of their own
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if os.getpid() == owner:
+            for late in set(came):
+                signal.raise_signal(late)

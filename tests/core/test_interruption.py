@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+import time
+
 import pytest
 
-from mrta_falsify.core.interruption import Interrupted, heard, is_interruption, telling
+from mrta_falsify.core.interruption import (
+    STOP_SIGNALS,
+    Interrupted,
+    heard,
+    is_interruption,
+    signals_held,
+    telling,
+)
 
 
 def _as_compiled_code_has_it(cause: BaseException) -> SystemError:
@@ -34,3 +46,43 @@ def test_it_says_what_is_kept_and_the_innermost_knows_best(error):
     outer, inner = (lambda: ("nothing", "all")), (lambda: ("2 runs", "1 run"))
     with pytest.raises(Interrupted, match="1 run; kept: 2 runs"), telling(outer), telling(inner):
         raise error
+
+
+@pytest.fixture
+def another_thread():
+    """A thread of this process that hears signals, as those of compiled libraries do."""
+    over = threading.Event()
+    thread = threading.Thread(target=over.wait)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
+@pytest.mark.usefixtures("another_thread")
+def test_held_signals_are_heard_at_the_end_though_another_thread_takes_them():
+    handlers = [signal.getsignal(number) for number in STOP_SIGNALS]
+    reached = []
+
+    def interrupted():
+        with signals_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.2)  # the other thread has heard it
+            reached.append("the end")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert reached == ["the end"]
+    assert [signal.getsignal(number) for number in STOP_SIGNALS] == handlers
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, []) & set(STOP_SIGNALS)
+
+
+def test_a_copy_made_while_signals_are_held_keeps_its_own_handlers():
+    with signals_held():
+        copy = os.fork()
+        if copy == 0:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if copy == 0:
+        os._exit(0 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1]) == 0
+    assert signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
