@@ -125,7 +125,7 @@ def _of_all(
         return float(np.mean([_per_failure(of[1], of[0]) for of in drawn]) / searched)
 
     random = stream(0, "beside uniform draws")
-    values = [
+    resampled = [
         times(
             [of[random.integers(len(of), size=len(of))] for of in costs],
             [
@@ -135,8 +135,8 @@ def _of_all(
         )
         for _ in range(RESAMPLES)
     ]
-    low, high = np.quantile(values, [0.025, 0.975])
-    share = float(np.mean(np.array(values) <= 1.0))
+    low, high = np.quantile(resampled, [0.025, 0.975])
+    share = float(np.mean(np.array(resampled) <= 1.0))
     spent, failures = np.concatenate(costs).sum(axis=0)
     return Compared(
         pair=ALL,

@@ -46,6 +46,16 @@ class Rule:
     unit: str = ""  #: written after the value in messages
     allow_infinite: bool = False
 
+    def fits(self, shape: tuple[int, ...]) -> bool:
+        """Whether an array may have this shape; an empty one need not have all dimensions."""
+        wanted = shape if self.shape is None else self.shape
+        if 0 in shape and any(isinstance(length, str) for length in wanted):
+            return True
+        return len(shape) == len(wanted) and all(
+            isinstance(length, str) or length == given
+            for length, given in zip(wanted, shape, strict=True)
+        )
+
     def violation(self, value: Array | float) -> str:
         """Say why ``value`` is not allowed; empty if it is."""
         if isinstance(value, np.ndarray):
@@ -343,11 +353,7 @@ def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
         if array.size == 0 and any(isinstance(n, str) for n in rule.shape):
             empty = tuple(0 if isinstance(n, str) else n for n in rule.shape)
             array = frozen_array(np.zeros(empty))
-        fits = len(array.shape) == len(rule.shape) and all(
-            isinstance(wanted, str) or wanted == given
-            for wanted, given in zip(rule.shape, array.shape, strict=False)
-        )
-        if not fits:
+        if not rule.fits(array.shape):
             wanted = "(" + ", ".join(map(str, rule.shape)) + ("," * (len(rule.shape) == 1)) + ")"
             _fail(where, path, f"has shape {array.shape}; it must be {wanted}")
     problem = rule.violation(array)

@@ -102,10 +102,11 @@ def signals_held(*signals: signal.Signals) -> Iterator[None]:
                     handlers[number] = signal.signal(number, lambda of, frame: came.append(of))
         yield
     finally:
-        if os.getpid() == owner:  # copies have handlers of their own
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
+        if os.getpid() != owner:  # copies have handlers of their own, and nothing came for them
+            handlers.clear()
+            came.clear()
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        if os.getpid() == owner:
-            for late in set(came):
-                signal.raise_signal(late)
+        for late in set(came):
+            signal.raise_signal(late)

@@ -99,12 +99,5 @@ def _check_of_union(options: tuple[Any, ...], rule: Rule) -> Check:
 
 
 def _is_sound_array(rule: Rule, value: Any) -> bool:
-    if type(value) is not np.ndarray or value.dtype != np.float64:
-        return False
-    shape = value.shape if rule.shape is None else rule.shape
-    is_empty = not value.size and any(type(length) is str for length in shape)
-    fits = len(shape) == value.ndim and all(
-        type(wanted) is str or wanted == length
-        for wanted, length in zip(shape, value.shape, strict=False)
-    )
-    return (is_empty or fits) and not rule.violation(value)
+    is_read_so = type(value) is np.ndarray and value.dtype == np.float64
+    return is_read_so and rule.fits(value.shape) and not rule.violation(value)
