@@ -10,7 +10,8 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-STOPS = (signal.SIGINT, signal.SIGTERM)
+from mrta_falsify.core.interruption import signals_held
+
 PATIENCE = 0.6  # s for a process to end after SIGTERM
 LAST_LINES = 3  # of a build's output, that say why it failed
 
@@ -35,30 +36,27 @@ def run_to_end(
     Raises:
         OSError: there is no such program, or it cannot be run.
     """
-    # A stop in between would leave a process that nobody knows of; it comes a moment later.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
-    allow = functools.partial(signal.pthread_sigmask, signal.SIG_SETMASK, before)
+    hear = functools.partial(
+        signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    )
+    process: subprocess.Popen[str] | None = None
     try:
-        process = subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            cwd=folder,
-            env=env,
-            start_new_session=True,
-            preexec_fn=allow,  # noqa: PLW1509 - one system call, and no lock is taken
-        )
-    except BaseException:
-        allow()
-        raise
-    try:
-        allow()
+        with signals_held():  # a stop in between would leave a process that nobody knows of
+            process = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                cwd=folder,
+                env=env,
+                start_new_session=True,
+                preexec_fn=hear,  # noqa: PLW1509 - one system call, and no lock is taken
+            )
         said, complaint = process.communicate()
     finally:
-        if process.poll() is None:
+        if process is not None and process.poll() is None:
             os.killpg(process.pid, signal.SIGTERM)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(PATIENCE)
