@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from benchmarks.falsification.pairs import Pair
-from benchmarks.falsification.pools import Pool, pool_outcomes, read_pool
+from benchmarks.falsification.pools import Pool, pool_of, pool_outcomes, read_draws
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.campaigns.survival import SearchCost
@@ -71,8 +71,9 @@ def all_pools(pairs: Iterable[Pair], options: argparse.Namespace) -> dict[str, P
     path = options.output / KEPT_POOLS
     kept = (codec.decode(Pool, row, where=str(path)) for row in read_rows(path))
     found = {pool.pair: pool for pool in kept}
-    drawn = (read_pool(options.directory, pair) for pair in pairs)
-    found.update({pool.pair: pool for pool in drawn if pool is not None})
+    for pair in pairs:
+        if draws := read_draws(options.directory, pair):
+            found[pair.name] = pool_of(pair.name, draws.records)
     return found
 
 
@@ -97,12 +98,13 @@ def _searches_of(pair: Pair, options: argparse.Namespace) -> Iterator[Search]:
         (path.parent.parent.name, int(path.parent.name)): open_campaign(path.parent)
         for path in sorted(root.glob(f"*/*/{SETTINGS}"))
     }
+    draws = read_draws(options.directory, pair)
     for knife_edges in (False, True):
         how = {"budget": options.budget, "knife_edges": knife_edges}
         found = {key: search_outcome(of, **how) for key, of in campaigns.items() if of.records}
-        if drawn := pool_outcomes(options.directory, pair, **how):
+        if draws is not None:
             found = {key: of for key, of in found.items() if key[0] != RANDOM}
-            found |= {(RANDOM, place): of for place, of in enumerate(drawn)}
+            found |= {(RANDOM, place): of for place, of in enumerate(pool_outcomes(draws, **how))}
         for (sampler, seed), outcome in found.items():
             yield Search(
                 pair=pair.name,

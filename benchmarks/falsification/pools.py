@@ -70,10 +70,11 @@ class Pool:
     wall_s: float  #: median of a trial, scene included [s]
 
 
-def read_pool(directory: Path, pair: Pair) -> Pool | None:
-    """Sum up the draws of a pair that are in a directory; None: there are none."""
+def read_draws(directory: Path, pair: Pair) -> Campaign | None:
+    """Read the draws of a pair that are in a directory; None: none has been judged."""
     folder = pool_folder(directory, pair)
-    return pool_of(pair.name, open_campaign(folder).records) if _is_there(folder) else None
+    draws = open_campaign(folder) if (folder / SETTINGS).exists() else None
+    return draws if draws and any(of.status == "ok" for of in draws.records) else None
 
 
 def pool_of(name: str, records: Sequence[TrialRecord]) -> Pool:
@@ -99,27 +100,17 @@ def pool_of(name: str, records: Sequence[TrialRecord]) -> Pool:
     )
 
 
-def _is_there(folder: Path) -> bool:
-    return (folder / SETTINGS).exists()
-
-
 def _share(failed: int, trials: int) -> tuple[float, ...]:
     """Estimate a share, low and high end of its 95 % interval."""
     share = failure_probability(failed, trials)
     return tuple(round(value or 0.0, 4) for value in (share.estimate, share.low, share.high))
 
 
-def pool_outcomes(
-    directory: Path, pair: Pair, *, budget: int, knife_edges: bool
-) -> list[SearchOutcome]:
-    """Cut a pair's draws into searches of ``random``; none if there is no pool."""
-    folder = pool_folder(directory, pair)
-    if not _is_there(folder):
-        return []
-    campaign = open_campaign(folder)
+def pool_outcomes(draws: Campaign, *, budget: int, knife_edges: bool) -> list[SearchOutcome]:
+    """Cut a pair's draws into searches of ``random``."""
     return [
         search_outcome(search, budget=budget, knife_edges=knife_edges)
-        for search in _searches(campaign, budget, knife_edges=knife_edges)
+        for search in _searches(draws, budget, knife_edges=knife_edges)
     ]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import holm
+from benchmarks import holm, markdown
 from benchmarks.falsification.kept import RANDOM, Search, all_pools, all_searches
 from benchmarks.falsification.pairs import Pair
 from benchmarks.falsification.uniform import ALL, beside_uniform, expected_curve, print_compared
@@ -146,17 +146,20 @@ def confirmation(directory: Path) -> dict[str, Any]:
 def print_rows(rows: Rows, corrected: dict[str, dict[str, float]]) -> None:
     """Print the searches as a table in Markdown."""
     heads = ("Pair", "Sampler", "Found", "Simulations", "Per failure", "Seconds", "p", "Holm")
-    print(f"| {' | '.join(heads)} |")
-    print("|---" * len(heads) + "|")
+    print(markdown.heads(*heads))
     for pair, of in rows.items():
         for row in of:
             rate, mean = row.falsification_rate, row.simulations_to_failure.restricted_mean
             per = row.simulations_per_failure
             adjusted = corrected.get(row.sampler, {}).get(pair)
-            print(
-                f"| {pair} | `{row.sampler}` | {rate.value:.0%} of {row.searches} "
-                f"[{rate.low:.0%}, {rate.high:.0%}] | {mean.value:.1f} "
-                f"[{mean.low:.1f}, {mean.high:.1f}] | {per.value:.0f} "
-                f"[{per.low:.0f}, {per.high:.0f}] | {row.seconds_to_failure:.0f} | "
-                f"{row.log_rank_p:.2g} | {'' if adjusted is None else f'{adjusted:.2g}'} |"
+            told = markdown.row(
+                pair,
+                f"`{row.sampler}`",
+                f"{rate.value:.0%} of {row.searches} [{rate.low:.0%}, {rate.high:.0%}]",
+                f"{mean.value:.1f} [{mean.low:.1f}, {mean.high:.1f}]",
+                f"{per.value:.0f} [{per.low:.0f}, {per.high:.0f}]",
+                f"{row.seconds_to_failure:.0f}",
+                f"{row.log_rank_p:.2g}",
+                "" if adjusted is None else f"{adjusted:.2g}",
             )
+            print(told)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from benchmarks import holm
+from benchmarks import holm, markdown
 from benchmarks.falsification.kept import RANDOM, Search
 from benchmarks.falsification.pools import Pool
 from mrta_falsify.core.seeding import stream
@@ -155,11 +155,15 @@ def _of_all(
 def print_compared(rows: Iterable[Compared]) -> None:
     """Print the comparison as a table in Markdown."""
     heads = ("Pair", "Sampler", "Found in", "Uniform draws", "Times fewer", "p", "Holm")
-    print(f"| {' | '.join(heads)} |")
-    print("|---" * len(heads) + "|")
+    print(markdown.heads(*heads))
     for row in rows:
-        print(
-            f"| {row.pair} | `{row.sampler}` | {row.failures} in {row.simulations:.0f} | "
-            f"{row.drawn_failures} in {row.draws} | {row.times:.1f} [{row.low:.1f}, "
-            f"{row.high:.1f}] | {row.p:.2g} | {'' if row.pair == ALL else f'{row.holm_p:.2g}'} |"
+        told = markdown.row(
+            row.pair,
+            f"`{row.sampler}`",
+            f"{row.failures} in {row.simulations:.0f}",
+            f"{row.drawn_failures} in {row.draws}",
+            f"{row.times:.1f} [{row.low:.1f}, {row.high:.1f}]",
+            f"{row.p:.2g}",
+            "" if row.pair == ALL else f"{row.holm_p:.2g}",
         )
+        print(told)

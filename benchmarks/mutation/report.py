@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+from benchmarks import markdown
 from benchmarks.mutation.killing import Hunted
 from benchmarks.mutation.mutants import Mutant
 from benchmarks.mutation.searching import Searched
@@ -52,7 +53,7 @@ def _shares(searches: Mapping[str, Sequence[Searched]]) -> str:
         *("Sampler", "Killed", "by behaviour", "Trials to a kill", "Layer right"),
         *("right by the trace alone", "right of crashes and hangs"),
     )
-    rows = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    rows = [markdown.heads(*heads)]
     for sampler, of in sorted(searches.items()):
         killed = [row for row in of if row.found_at]
         trials = sorted(row.found_at for row in killed)
@@ -68,7 +69,7 @@ def _shares(searches: Mapping[str, Sequence[Searched]]) -> str:
             _share(sum(row.guess == row.layer for row in named), len(named)),
             _share(sum(row.named == row.layer for row in other), len(other)),
         ]
-        rows.append(f"| {' | '.join(cells)} |")
+        rows.append(markdown.row(*cells))
     return "## Searches for killable mutants\n\n" + "\n".join(rows)
 
 
@@ -87,7 +88,7 @@ def _killable(
     samplers = sorted(searches)
     by = {(row.sampler, row.mutant): row for of in searches.values() for row in of}
     heads = ("Mutant", "Where", "Change", "Layer", "Killed in", "By", "Copies", *samplers)
-    rows = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    rows = [markdown.heads(*heads)]
     for mutant in mutants:
         row = hunted.get(mutant.id)
         if row is None or row.status != "killable":
@@ -95,8 +96,8 @@ def _killable(
         cells = [mutant.id, place_of(mutant), f"`{_short(mutant.what)}`", mutant.layer or "several"]
         cells += [row.case, ", ".join(row.why), row.copies]
         cells += [_found(by.get((sampler, mutant.id))) for sampler in samplers]
-        rows.append(f"| {' | '.join(cells)} |")
-    return "## Killable\n\n" + "\n".join(rows) if len(rows) > 2 else ""
+        rows.append(markdown.row(*cells))
+    return "## Killable\n\n" + "\n".join(rows) if len(rows) > 1 else ""
 
 
 def _found(row: Searched | None) -> str:
@@ -110,13 +111,13 @@ def _found(row: Searched | None) -> str:
 
 
 def _survivors(mutants: Sequence[Mutant], hunted: Mapping[str, Hunted]) -> str:
-    rows = ["| Mutant | Where | Change | Why it lives |", "|---|---|---|---|"]
+    rows = [markdown.heads("Mutant", "Where", "Change", "Why it lives")]
     for mutant in mutants:
         row = hunted.get(mutant.id)
         if row is not None and row.status != "killable":
             cells = (mutant.id, place_of(mutant), f"`{_short(mutant.what)}`", explained(row))
-            rows.append(f"| {' | '.join(cells)} |")
-    return "## Survivors\n\n" + "\n".join(rows) if len(rows) > 2 else ""
+            rows.append(markdown.row(*cells))
+    return "## Survivors\n\n" + "\n".join(rows) if len(rows) > 1 else ""
 
 
 def explained(row: Hunted) -> str:
@@ -134,7 +135,7 @@ def explained(row: Hunted) -> str:
 
 def _times(hunted: Mapping[str, Hunted], searches: Mapping[str, Sequence[Searched]]) -> str:
     heads = ("Part", "Mutants", "Minutes of workers", "CPU of mutants", "CPU compiling")
-    rows = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    rows = [markdown.heads(*heads)]
     parts: dict[str, Sequence[Hunted | Searched]] = {"killable": list(hunted.values())}
     parts |= {f"`{sampler}`": of for sampler, of in sorted(searches.items())}
     for name, of in parts.items():
@@ -146,7 +147,7 @@ def _times(hunted: Mapping[str, Hunted], searches: Mapping[str, Sequence[Searche
                 [row.compile_s for row in of],
             )
         ]
-        rows.append(f"| {name} | {len(of)} | {' | '.join(minutes)} |")
+        rows.append(markdown.row(name, len(of), *minutes))
     return "## Times [min]\n\n" + "\n".join(rows)
 
 
