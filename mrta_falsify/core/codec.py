@@ -294,7 +294,7 @@ def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
     for key in data:
         if key not in fields:
             nearest = difflib.get_close_matches(str(key), fields, n=1)
-            hint = f"; did you mean {nearest[0]!r}?" if nearest else ""
+            hint = f"; did you mean {nearest[0]!r}?" if nearest else "."
             known = ", ".join(fields)
             _fail(where, _join(path, str(key)), f"is not a known field{hint} Known: {known}")
     hints = _type_hints(cls)

@@ -43,7 +43,7 @@ def default_specifications() -> tuple[str, ...]:
     )
 
 
-def specification_choice(text: str) -> Choice:
+def specification_choice(text: str, *, where: str = "--spec") -> Choice:
     """Read ``--spec TEXT``: a registered name, ``module:Class`` or ``stl:FORMULA``.
 
     Options follow a name in braces, as in ``costly_way{factor: 2}``.
@@ -61,7 +61,7 @@ def specification_choice(text: str) -> Choice:
     except yaml.YAMLError:
         data = None
     if not isinstance(data, dict):
-        raise ConfigError(f"--spec {text}: options must read NAME{{option: value, ...}}")
+        raise ConfigError(f"{where} {text}: options must read NAME{{option: value, ...}}")
     return Choice(name.strip(), data)
 
 
@@ -86,5 +86,6 @@ def build_specifications(
     """
     chosen = names or default_specifications()
     return tuple(
-        registry.build("specification", specification_choice(name), where=where) for name in chosen
+        registry.build("specification", specification_choice(name, where=where), where=where)
+        for name in chosen
     )

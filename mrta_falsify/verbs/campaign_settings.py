@@ -99,7 +99,9 @@ def new_settings(
         memory_limit=memory_limit,
         directory=str(Path(output).resolve()),
     )
-    build_specifications(trials.specifications)
+    build_specifications([name for name in specifications if name not in last])
+    if last:
+        build_specifications(last, where="--then")
     program = open_program(trials)
     check_params(program, trials.scenario)
     _check_first_scene(program, trials)

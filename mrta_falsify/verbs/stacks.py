@@ -19,7 +19,9 @@ Stack = StackConfig | Place
 SHIPPED = "default"  # name of the stack that is taken unless another one is named
 
 
-def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> StackConfig:
+def load_stack(
+    stack: Stack | None = None, settings: Sequence[str] = (), *, where: str = "--stack"
+) -> StackConfig:
     """Read a stack (the default one if None) and apply ``--set`` texts to it.
 
     Every layer's name and options are checked here, so that a mistake is reported with
@@ -29,6 +31,7 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
         stack: a configuration, a YAML file, ``default``, or ``exec:CMD`` or ``connect:ADDRESS``
             for a stack in a process of its own.
         settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
+        where: option that names a stack in a process of its own, for messages.
 
     Raises:
         InputError: unknown layer, implementation or option, or a value not allowed.
@@ -38,7 +41,7 @@ def load_stack(stack: Stack | None = None, settings: Sequence[str] = ()) -> Stac
     elif stack is None or str(stack) == SHIPPED:
         config = StackConfig()
     elif str(stack).startswith((EXEC, CONNECT)):
-        config = StackConfig(stack=parse_stack(str(stack), where="--stack"))
+        config = StackConfig(stack=parse_stack(str(stack), where=where))
     else:
         config = read_config(Path(stack))
         check_stack(config, where=str(stack))
@@ -60,9 +63,8 @@ def load_other_stack(stack: Stack, tested: StackConfig) -> StackConfig:
     Raises:
         InputError: as of :func:`load_stack`, or both stacks are the same.
     """
-    config = dataclasses.replace(
-        load_stack(stack), human_model=tested.human_model, engine=tested.engine
-    )
+    config = load_stack(stack, where="--against")
+    config = dataclasses.replace(config, human_model=tested.human_model, engine=tested.engine)
     if config.digest() == tested.digest():
         raise ConfigError(
             "--against names the stack under test itself (engine and people aside); name another "

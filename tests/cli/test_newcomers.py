@@ -301,6 +301,9 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
 # --- what to try next -----------------------------------------------------------------------------
 
 
+CAMPAIGN = ("campaign", "my_ward.scenic", "-o", "found")
+
+
 @pytest.mark.parametrize(
     ("words", "hint"),
     [
@@ -311,6 +314,14 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
         (("check", "my_ward"), "did you mean 'my_ward.scenic'?"),
         (("run", "my_ward"), "did you mean 'my_ward.scenic'?"),
         (("run", "my_ward.scenic", "--spec", "no_deadlok"), "--spec: unknown specification"),
+        ((*CAMPAIGN, "--then", "deadlnes"), "--then: unknown specification 'deadlnes'"),
+        ((*CAMPAIGN, "--then", "costly_way{factor"), "--then costly_way{factor: options must"),
+        ((*CAMPAIGN, "--against", "exec:nowhere"), "--against: there is no program 'nowhere'"),
+        (
+            (*CAMPAIGN, "--set", "allocator.objectives=1"),
+            "objectives is not a known field; did you mean 'objective'? Known: objective, ",
+        ),
+        ((*CAMPAIGN, "--set", "allocator.zoo=1"), "zoo is not a known field. Known: objective, "),
     ],
 )
 def test_an_error_says_what_to_try_next(cli, tmp_path, words, hint):
