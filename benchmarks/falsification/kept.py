@@ -47,7 +47,7 @@ class Search:
         """Say what it came to in ``budget`` simulations."""
         if self.outcome.simulations.spent <= budget:
             return self.outcome
-        cut = SearchCost(spent=budget, found=False)
+        cut = SearchCost(spent=float(budget), found=False)
         return dataclasses.replace(self.outcome, simulations=cut, trials=budget, modes=())
 
 

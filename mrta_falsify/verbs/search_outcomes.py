@@ -28,7 +28,7 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
     knife edge counts as a failure only with ``knife_edges``.
     """
     simulations, seconds, signatures = 0, 0.0, set()
-    found: tuple[SearchCost, SearchCost] | None = None
+    first: tuple[int, float] | None = None
     for record in campaign.records:
         seconds += record.scene_s + record.wall_s
         if not record.was_run:
@@ -36,17 +36,14 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
         simulations += 1
         if record.is_sought if knife_edges else record.wanted:
             signatures.add(record.signature)
-            found = found or (
-                SearchCost(spent=simulations, found=True),
-                SearchCost(spent=seconds, found=True),
-            )
+            first = first or (simulations, seconds)
         if simulations >= budget:
             break
-    missed = (SearchCost(spent=simulations, found=False), SearchCost(spent=seconds, found=False))
-    by_simulations, by_seconds = found or missed
+    found = first is not None
+    spent = first or (simulations, seconds)
     return SearchOutcome(
-        simulations=by_simulations,
-        seconds=by_seconds,
+        simulations=SearchCost(spent=float(spent[0]), found=found),
+        seconds=SearchCost(spent=spent[1], found=found),
         trials=simulations,
         modes=tuple(sorted(signatures)),
     )
