@@ -75,6 +75,23 @@ def test_a_pool_takes_the_place_of_searches_of_random(ran):
     assert 9 not in seeds
 
 
+def test_a_pool_that_was_interrupted_before_its_first_draw_is_none(ran):
+    shutil.rmtree(ran / "rates")
+    with Store.create(ran / "rates" / "lift_line", settings(seed=7, jittered=1)):
+        pass
+    run(ran / "searches" / "lift_line" / "random" / "9", seed=9)
+    assert all_pools(PAIRS, options(ran)) == {}
+    assert ("lift_line", "random", False, 9) in all_searches(PAIRS, options(ran))
+
+
+def test_rows_are_the_same_when_they_are_kept_again(ran):
+    keep(PAIRS, options(ran))
+    rows = (ran / "kept" / KEPT).read_text()
+    shutil.rmtree(ran / "searches")
+    keep(PAIRS, options(ran))
+    assert (ran / "kept" / KEPT).read_text() == rows
+
+
 def test_keeping_again_replaces_the_same_searches_and_adds_others(ran):
     keep(PAIRS, options(ran))
     rows = len(all_searches(PAIRS, options(ran)))
