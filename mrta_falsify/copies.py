@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.core.probability import chance_of_failure
 from mrta_falsify.core.record import Jittered, OtherRun
 from mrta_falsify.core.world import World
@@ -138,6 +138,7 @@ def _other_run(judged: Judged, theirs: Judged) -> OtherRun:
         score=_their_score(judged, theirs),
         verdicts=theirs.verdicts,
         signature=signature(theirs.verdicts),
+        signature_before=signature_before(theirs.verdicts),
         trace_digest=outcome.trace.digest,
         ended=outcome.ended,
         sim_time=outcome.sim_time,
@@ -165,6 +166,8 @@ def fate_on_other(judged: Judged, theirs: Judged) -> Literal["passes", "fails", 
     """
     if theirs.is_sought:
         return "fails"
+    if theirs.is_shut:  # it could not show what it does
+        return "not judged"
     verdict = leading(judged.verdicts)
     wanted = verdict.spec if verdict is not None else ""
     unjudged = any(v.not_judged and v.spec == wanted for v in theirs.verdicts)
@@ -179,7 +182,7 @@ def _their_score(judged: Judged, theirs: Judged) -> float:
     """Score a run of the other stack: below 0 unless it passes."""
     if fate_on_other(judged, theirs) == "not judged":
         return -SMALLEST
-    return search_score(theirs.margins, theirs.then)
+    return search_score(theirs.margins, theirs.secondary)
 
 
 def run_copies(
@@ -212,7 +215,7 @@ def trial_score(judged: Judged, said: Comparison) -> float:
     Of a failure with copies it is the chance that a copy fails, negated. Where two stacks are
     compared, it is the smaller one of that chance and of the chance that the other one passes.
     """
-    score = search_score(judged.margins, judged.then)
+    score = search_score(judged.margins, judged.secondary)
     if said.jittered is None:
         if said.other is None:
             return score

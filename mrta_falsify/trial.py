@@ -17,6 +17,7 @@ from mrta_falsify.core.protocols import Comparing, Costs, Specification
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.causes import kind_of, primary, secondary
 from mrta_falsify.specs.costly import CostMeter
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import (
@@ -52,7 +53,7 @@ class Job:
     config: StackConfig
     specifications: tuple[str, ...] = default_specifications()
     early_stop: bool = False  #: end soon after the first violation
-    then: tuple[str, ...] = ()  #: specifications whose violation ends no run early
+    then: tuple[str, ...] = ()  #: specifications whose violation ends no run early, as a shut place
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
     told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
@@ -78,8 +79,18 @@ class Judged:
 
     @property
     def is_sought(self) -> bool:
-        """Whether a specification is violated that is not looked for last."""
-        return any(v.violated and v.spec not in self.then for v in self.verdicts)
+        """Whether a specification is violated that is looked for first."""
+        return bool(primary(self.verdicts, self.then))
+
+    @property
+    def is_shut(self) -> bool:
+        """Whether it fails only because the world shut a place during the run."""
+        return not self.is_sought and kind_of(self.verdicts) == "shut"
+
+    @property
+    def secondary(self) -> frozenset[str]:
+        """Specifications whose violation a search does not look for first."""
+        return secondary(self.verdicts, self.then)
 
 
 def run_job(
@@ -307,11 +318,9 @@ class TrialWatch:
         self.descriptors.update(frame)
         sensed = frame.sensed
         if sensed.tick % self._stride == 0 and self._decided == np.inf:
-            for specification in self._specifications:
-                verdict = specification.verdict()
-                if verdict.spec in self.then:
-                    continue
-                if verdict.violated and verdict.violated_at is not None:
+            verdicts = [specification.verdict() for specification in self._specifications]
+            for verdict in primary(verdicts, self.then):
+                if verdict.violated_at is not None:
                     self._decided = min(self._decided, verdict.violated_at)
         return "decided" if sensed.time >= self._decided + SETTLE else ""
 

@@ -18,7 +18,7 @@ from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import OTHER, trial_folder
 from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies, trial_score
@@ -237,9 +237,11 @@ class TrialRunner:
             descriptors=judged.descriptors,
             situations=judged.situations,
             blamed=blamed(judged),
-            is_afterthought=judged.failed and not judged.is_sought,
+            is_afterthought=judged.failed and not judged.is_sought and not judged.is_shut,
+            is_shut=judged.is_shut,
             score=trial_score(judged, said),
             signature=signature(judged.verdicts),
+            signature_before=signature_before(judged.verdicts),
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
             if judged.failed
             else "",

@@ -13,9 +13,10 @@ from markupsafe import Markup
 from PIL import Image
 
 from mrta_falsify.core import task_history
+from mrta_falsify.core.claims import leading_claim
 from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import WaitAccount, first_deadlock, tick_of, wait_account
+from mrta_falsify.core.wait_account import WaitAccount, tick_of, wait_account
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import cause_begins
 from reports import floor_drawings, packing, time_charts
@@ -189,7 +190,7 @@ class _Times:
 def _close_up_place(case: CaseContents, violated: Sequence[Verdict], who: Sequence[str]) -> str:
     """Find the place of the violation, or of the first robot concerned, as ``x,y`` [m]."""
     for verdict in violated[:1]:
-        place = first_deadlock(verdict.evidence).get("place")
+        place = leading_claim(verdict.evidence).get("place")
         if isinstance(place, dict) and "x" in place:
             return f"{float(place['x']):.2f},{float(place['y']):.2f}"
     if not who:

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.claims import leading_claim
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     PresentObject,
     WaitAccount,
     WaitsFor,
-    first_deadlock,
     wait_account,
 )
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
@@ -109,7 +109,7 @@ def _deadlock_sentence(verdict: Verdict, when: str) -> str:
     if alone:
         what = "is stuck for good"
     beside = _beside(account)
-    where = _place(first_deadlock(verdict.evidence).get("place"))
+    where = _place(leading_claim(verdict.evidence).get("place"))
     since = ""
     if account.onset is not None:
         stood = "it has" if alone else "they have"

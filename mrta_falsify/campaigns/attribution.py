@@ -1,9 +1,10 @@
 """Which layer a failure seems to belong to, by rules on what was seen of it.
 
 A first guess that costs no run; ``explain`` checks it by re-runs with one layer changed. The
-rules look at the violation that explains the others, at what held up the root of a deadlock, and
-at what blocked the robots that lost most time. They know no names of defects. Of what the stack
-says of itself they use its paths, and whether it gave a task away at all.
+rules look at the violation that explains the others, at what held up the root of robots that stand,
+and at what blocked the robots that lost most time. A place that the world shut is of no layer.
+They know no names of defects. Of what the stack says of itself they use its paths, and whether it
+gave a task away at all.
 """
 
 from __future__ import annotations
@@ -14,23 +15,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.claims import leading_claim
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     WaitsFor,
-    first_deadlock,
     is_kept,
     tick_of,
     wait_account,
 )
-from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, leading
+from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, is_shut, leading
 from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
 #: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
 DISPATCHER = "dispatcher"
 QUEUES = "queue_policy"
+WORLD = "world"  #: which shut a place during the run; no layer of the stack did
 WHOLE = "stack"  #: of which no layer is known: it runs in a process of its own
 #: layer that decides about what blocks a robot, by cause
 LAYER_OF_CAUSE = {
@@ -40,7 +42,7 @@ LAYER_OF_CAUSE = {
     "human": "controller",
     "wall": "costmap",
     "no-path": "planner",
-    "stalled": "waypoint_generator",  # where only time lost is known; see also _of_deadlock
+    "stalled": "waypoint_generator",  # where only time lost is known; see also _of_standing
 }
 #: layer that should have prevented the violation, by specification
 LAYER_OF_SPECIFICATION = {
@@ -78,9 +80,9 @@ def points_directly(verdict: Verdict, guess: str) -> bool:
 
 def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
     """Name the layer of a stack to look at first; see :func:`suspected_layer`."""
-    has_failed = any(verdict.violated for verdict in verdicts)
-    if config.stack is not None:
-        return WHOLE if has_failed else ""
+    verdict = leading(verdicts)
+    if config.stack is not None and verdict is not None and not is_shut(verdict):
+        return WHOLE
     return suspected_layer(verdicts, trace)
 
 
@@ -94,8 +96,10 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     verdict = leading(verdicts)
     if verdict is None:
         return ""
+    if is_shut(verdict):
+        return WORLD
     if verdict.spec == DEADLOCK:
-        return _of_deadlock(verdict, trace)
+        return _of_standing(verdict, trace)
     if first_claim(verdict.evidence) in CLAIMS_OF_QUEUES:
         return QUEUES
     if verdict.spec == "exclusive_use":
@@ -111,10 +115,10 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     return _of_lost_time(verdict, trace)
 
 
-# --- deadlocks -----------------------------------------------------------------------------
+# --- robots that stand ---------------------------------------------------------------------
 
 
-def _of_deadlock(verdict: Verdict, trace: Trace) -> str:
+def _of_standing(verdict: Verdict, trace: Trace) -> str:
     """Name the layer that decides about what holds up the root.
 
     Robots that queue for a robot that is held up by something else wait rightly. A queue is to
@@ -144,7 +148,7 @@ def _is_body(wait: WaitsFor) -> bool:
 
 
 def _is_at_waiting_spot(verdict: Verdict) -> bool:
-    place = first_deadlock(verdict.evidence).get("place")
+    place = leading_claim(verdict.evidence).get("place")
     return isinstance(place, Mapping) and place_kind(place) == WAITING_SPOT
 
 
@@ -245,7 +249,7 @@ def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
 
 
 def robots_concerned(verdict: Verdict, trace: Trace) -> list[str]:
-    """Name the robots whose waits count: the root of a deadlock, those with the late tasks."""
+    """Name the robots whose waits count: the root of those that stand, those with late tasks."""
     root = wait_account(verdict).root if verdict.spec == DEADLOCK else ""
     if root in trace.robots:
         return [root]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import time
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
@@ -29,6 +30,7 @@ from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
+from mrta_falsify.specs.causes import kind_of, secondary
 from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
@@ -61,6 +63,7 @@ class Progress:
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
+    kinds: Counter[str] = field(default_factory=Counter)  #: of the failures, by ``kind_of``
     on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
     #: simulated candidates until a failure that is sought, itself included
     first_failure: int | None = None
@@ -106,6 +109,7 @@ class Progress:
             self.failed += 1
             self.wanted += record.wanted
             self.afterthoughts += record.is_afterthought
+            self.kinds[kind_of(record.verdicts)] += 1
             self.on_both += record.fails_on_both
             if self.first_failure is None and record.is_sought:
                 self.first_failure = self.ran
@@ -149,18 +153,19 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
     What is looked for last (``then``) is no objective to it; a failure only in that is none. Nor
-    is one that the other stack shares where two are compared. Of a failure with copies it is told
-    the margins to expect: a knife edge looks like the passing worlds around it, and its score is
-    not below 0. Its signature differs from that of a robust failure, so a sampler that looks for
-    other kinds of failure leaves knife edges.
+    is a place that the world shut, or a failure that the other stack shares where two are
+    compared. Of a failure with copies it is told the margins to expect: a knife edge looks like the
+    passing worlds around it, and its score is not below 0. Its signature differs from that of a
+    robust failure, so a sampler that looks for other kinds of failure leaves knife edges.
     """
     judged = record.status == "ok"
+    last = secondary(record.verdicts, then)
     return Feedback(
         number=record.number,
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
         score=record.score if record.jittered is None else ROBUST_SHARE + record.score,
-        objectives={n: told for n, told in _margins_told(record).items() if n not in then},
+        objectives={n: told for n, told in _margins_told(record).items() if n not in last},
         noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
         failed=record.is_sought,

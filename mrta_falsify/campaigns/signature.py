@@ -1,23 +1,29 @@
 """What happened, in one canonical line: failures with the same signature are one mode.
 
-A signature names the violated specification that explains the others. For a deadlock it goes on
-with the canonical wait-for cycle over what blocks whom, the kind of place, and the kinds of
-things and people that took part: ``no_deadlock/2:barrier>barrier/corridor with furniture``. It has
-no names of robots, rooms or queues, and no parameters of the scenario: two very different worlds
-in which two robots meet beside a bed fail in the same mode, in whatever corridor that is.
+A signature names the violated specification that explains the others. For ``no_deadlock`` it goes
+on with what its leading claim is:
+
+- a deadlock: the canonical wait-for cycle over what blocks whom, the kind of place, and the kinds
+  of things and people that took part: ``no_deadlock/2:barrier>barrier/corridor with furniture``;
+- stuck: what holds each robot, and the same: ``no_deadlock/stuck:wall/doorway with furniture``;
+- shut by the world: the kinds of what shut the place, as in
+  ``no_deadlock/shut:pushed furniture/doorway``.
+
+It has no names of robots, rooms or queues, and no parameters of the scenario: two very different
+worlds in which two robots meet beside a bed fail in the same mode, in whatever corridor that is.
+
+Versions whose campaigns have rules 1 told no kinds apart. :func:`signature_before` signs as they
+did, so that what they stored is compared with what is found now.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
+from mrta_falsify.core.claims import Claim, claim_as_before, earliest_claim, leading_claim
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import (
-    PresentObject,
-    WaitAccount,
-    first_deadlock,
-    wait_account,
-)
+from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
 from mrta_falsify.specs.deadlock.place_kind import place_kind
 
@@ -40,16 +46,67 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     if verdict is None:
         return ""
     if verdict.spec != DEADLOCK:
-        told = [first_claim(verdict.evidence)]
-        told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
-        told += [_holders(verdict)] if verdict.spec == "progress" else []
-        return "/".join(part for part in (verdict.spec, *told) if part)
+        return _of_other(verdict, _holders(verdict) if verdict.spec == "progress" else "")
+    account, claim = wait_account(verdict), leading_claim(verdict.evidence)
+    if account.kind == "shut":
+        what = f"shut:{_object_kinds(_shutting(account, claim))}".rstrip(":")
+        return _joined(verdict.spec, what, _place_kind(claim))
+    what = canonical_cycle(account)
+    if account.kind == "stuck":
+        what = f"stuck:{what.partition(':')[2]}"
+    return _joined(verdict.spec, what, _where(account, claim))
+
+
+def signature_before(verdicts: Sequence[Verdict]) -> str:
+    """Write the signature of a run as versions did that told no kinds apart (rules 1).
+
+    Args:
+        verdicts: of one run, as judged or as stored by any version.
+
+    Returns:
+        For example ``no_deadlock/1:wall/doorway with furniture``; empty if nothing is violated.
+    """
+    verdict = leading([_as_before(verdict) for verdict in verdicts])
+    if verdict is None:
+        return ""
+    if verdict.spec != DEADLOCK:
+        return _of_other(verdict, _last_holders(verdict) if verdict.spec == "progress" else "")
     account = wait_account(verdict)
-    place = first_deadlock(verdict.evidence).get("place")
-    where = place_kind(place) if isinstance(place, Mapping) else ""
-    took_part = _object_kinds(account.objects)
-    where = f"{where} with {took_part}".strip() if took_part else where
-    return "/".join(part for part in (verdict.spec, canonical_cycle(account), where) if part)
+    return _joined(verdict.spec, canonical_cycle(account), _where(account, verdict.evidence))
+
+
+def _as_before(verdict: Verdict) -> Verdict:
+    if verdict.spec != DEADLOCK or not verdict.violated:
+        return verdict
+    return dataclasses.replace(verdict, evidence=claim_as_before(earliest_claim(verdict.evidence)))
+
+
+def _of_other(verdict: Verdict, holders: str) -> str:
+    """Sign a violation of any specification but ``no_deadlock``."""
+    told = [first_claim(verdict.evidence)]
+    told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+    return _joined(verdict.spec, *told, holders)
+
+
+def _joined(*parts: str) -> str:
+    return "/".join(part for part in parts if part)
+
+
+def _where(account: WaitAccount, claim: Claim) -> str:
+    """Write the kind of place, and the kinds of what took part there."""
+    where, took_part = _place_kind(claim), _object_kinds(account.objects)
+    return f"{where} with {took_part}".strip() if took_part else where
+
+
+def _place_kind(claim: Claim) -> str:
+    place = claim.get("place")
+    return place_kind(place) if isinstance(place, Mapping) else ""
+
+
+def _shutting(account: WaitAccount, claim: Claim) -> Sequence[PresentObject]:
+    """List what shut a place; all that took part where the evidence does not tell."""
+    names = set(claim.get("shut_by", ()))
+    return [item for item in account.objects if item.name in names] or account.objects
 
 
 def _holders(verdict: Verdict) -> str:
@@ -60,8 +117,16 @@ def _holders(verdict: Verdict) -> str:
     return "+".join(map(str, held_by)) or "nothing"
 
 
+def _last_holders(verdict: Verdict) -> str:
+    """Name the kinds of what held the robot at the last instant, as rules 1 did."""
+    held_by = verdict.evidence.get("held_by")
+    if not isinstance(held_by, Sequence) or isinstance(held_by, str):
+        return ""
+    return "+".join(map(str, held_by)) or "nothing"
+
+
 def canonical_cycle(account: WaitAccount) -> str:
-    """Write the wait-for cycle of a deadlock without names.
+    """Write the wait-for cycle of robots that stand without names.
 
     A member's label is the cause for which it waits for other members. If it waits for none of
     them, it has all its causes.

@@ -110,6 +110,7 @@ class OtherRun:
     score: float  #: smaller is closer to a violation, below 0 if it fails
     verdicts: tuple[Verdict, ...] = ()
     signature: str = ""  #: of its failure, empty if nothing is violated
+    signature_before: str = later("")  #: the same, as of a trial
     #: the same copies as of the stack under test; None where they would decide nothing
     jittered: Jittered | None = None
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
@@ -157,7 +158,11 @@ class TrialRecord:
     #: fails only in what the campaign looks for last
     is_afterthought: bool = later(False)
     score: float = 0.0  #: what the search minimises
+    #: fails only because the world shut a place during the run: no failure of the stack
+    is_shut: bool = later(False)
     signature: str = ""  #: of the failure mode, empty if nothing failed
+    #: the same by the rules of campaigns that told no kinds apart (rules 1)
+    signature_before: str = later("")
     layer: str = ""  #: suspected, empty if not attributed
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
@@ -202,8 +207,8 @@ class TrialRecord:
     def wanted(self) -> bool:
         """Whether it is a failure as the campaign wants them.
 
-        Not in what it looks for last, and robust where it asks for copies. Where two stacks are
-        compared, the other one passes in most of the same copies.
+        Not in what it looks for last, not by the world's doing, and robust where it asks for
+        copies. Where two stacks are compared, the other one passes in most of the same copies.
         """
         is_robust = self.jittered is None or self.jittered.robust
         return self.is_sought and is_robust and (self.other is None or self.other.passes_most)
@@ -223,15 +228,16 @@ class TrialRecord:
     def is_sought(self) -> bool:
         """Whether it fails in what the campaign looks for first, robust or not.
 
-        Where two stacks are compared, only if the other one passes in the world itself.
+        A place that the world shut is none. Where two stacks are compared, only if the other one
+        passes in the world itself.
         """
-        is_first = self.failed and not self.is_afterthought
+        is_first = self.failed and not self.is_afterthought and not self.is_shut
         return is_first and (self.other is None or self.other.passes)
 
     @property
     def is_reported(self) -> bool:
         """Whether it is a failure, and not one that the other stack does not pass either."""
-        return self.is_sought or self.is_afterthought
+        return self.is_sought or self.is_afterthought or self.is_shut
 
     @property
     def fails_on_both(self) -> bool:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple
 
+from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -29,7 +30,7 @@ class WaitsFor(NamedTuple):
 
 
 class PresentObject(NamedTuple):
-    """A thing or a person that took part in a deadlock."""
+    """A thing or a person that took part where robots stand."""
 
     name: str
     kind: str  #: furniture, person, blockage, wall
@@ -57,7 +58,8 @@ class WaitAccount:
     waits: tuple[WaitsFor, ...]
     """Of the members from the root on, then of those who wait for them. A member of which the
     evidence has no edge is stalled: nothing is known to be in its way."""
-    members: tuple[str, ...] = ()  #: of a deadlock, the root first; empty: it is none
+    kind: ClaimKind | Literal[""] = ""  #: of what ``no_deadlock`` claims; empty: it is none of it
+    members: tuple[str, ...] = ()  #: of that claim, the root first; empty: there is none
     victims: tuple[str, ...] = ()  #: robots that are held up by the members
     blockers: tuple[str, ...] = ()  #: idle robots that stand in the way
     objects: tuple[PresentObject, ...] = ()  #: things and people that took part
@@ -65,7 +67,7 @@ class WaitAccount:
 
     @property
     def root(self) -> str:
-        """Member that stopped first; empty without a deadlock."""
+        """Member that stopped first; empty without members."""
         return self.members[0] if self.members else ""
 
     @property
@@ -140,12 +142,12 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         verdict: violated.
         trace: of the run; without it only what the evidence names is told.
     """
-    if verdict.spec != "no_deadlock":
+    if verdict.spec != SPEC:
         concerned = set(verdict.who)
         if trace is not None:
             concerned |= set(robots_of(tasks_of(verdict), trace))
         return WaitAccount(waits=tuple(_followed(concerned, (), verdict, trace)))
-    found = first_deadlock(verdict.evidence)
+    found = leading_claim(verdict.evidence)
     waiting = tuple(dict.fromkeys(row["robot"] for row in found.get("cycle", ())))
     named = verdict.who if set(verdict.who) & set(waiting) else waiting
     members = members_by_onset(found) or named or verdict.who
@@ -162,26 +164,13 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
     onset = found.get("onset")
     return WaitAccount(
         waits=tuple(sorted(waits, key=lambda wait: place.get(wait.robot, len(place)))),
+        kind=claim_kind(found, verdict.who),
         members=members,
         victims=victims,
         blockers=tuple(found.get("blockers", ())),
         objects=tuple(_object(row) for row in found.get("objects", ())),
         onset=float(onset) if isinstance(onset, (int, float)) else None,
     )
-
-
-def first_deadlock(evidence: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Choose the deadlock whose onset came first from the evidence of ``no_deadlock``."""
-    found = [evidence, *(row for row in evidence.get("others", ()) if isinstance(row, dict))]
-    return min(found, key=lambda row: float(row.get("onset", 0.0)))
-
-
-def members_by_onset(deadlock: Mapping[str, Any]) -> tuple[str, ...]:
-    """List the members of a deadlock: the root first, the others in the order they stopped."""
-    members = list(deadlock.get("members", ()))
-    onsets, root = deadlock.get("onsets", {}), deadlock.get("root", "")
-    members.sort(key=lambda name: (name != root, onsets.get(name, 0.0)))
-    return tuple(members)
 
 
 def _wait(row: Mapping[str, str]) -> WaitsFor:

@@ -8,6 +8,7 @@ from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.gym.drawing import PlayedWorld
+from mrta_falsify.specs.causes import kind_of, primary, secondary
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Judged
 
@@ -22,21 +23,30 @@ class EpisodeEnd:
     descriptors: dict[str, float]  #: in [0, 1], what kind of trouble it was
     score: float  #: smaller is closer to a violation; what a sampler minimises
     failed: bool  #: a specification is violated
+    kind: str  #: deadlock, stuck or shut; empty: none of them
     signature: str  #: of the failure mode, empty: no failure
     world_digest: str
     trace_digest: str  #: the same actions in the same world give the same
 
+    @property
+    def is_sought(self) -> bool:
+        """Whether it failed, and not only because the world shut a place."""
+        return bool(primary(self.verdicts))
+
     def feedback(self, number: int, played: PlayedWorld) -> Feedback:
-        """Tell a sampler what became of its proposal ``number``."""
+        """Tell a sampler what became of its proposal ``number``.
+
+        A place that the world shut is no failure to it.
+        """
         assert played.u is not None, "worlds of a program have a point"
         return Feedback(
             number=number,
             u=played.u,
             score=self.score,
-            objectives=self.margins,
+            objectives={n: m for n, m in self.margins.items() if n not in secondary(self.verdicts)},
             descriptors=self.descriptors,
-            failed=self.failed,
-            signature=self.signature,
+            failed=self.is_sought,
+            signature=self.signature if self.is_sought else "",
         )
 
 
@@ -48,8 +58,9 @@ def episode_end(judged: Judged) -> EpisodeEnd:
         verdicts=judged.verdicts,
         margins=judged.margins,
         descriptors=judged.descriptors,
-        score=search_score(judged.margins),
+        score=search_score(judged.margins, judged.secondary),
         failed=judged.failed,
+        kind=kind_of(judged.verdicts),
         signature=signature(judged.verdicts),
         world_digest=outcome.trace.world_digest,
         trace_digest=outcome.trace.digest,

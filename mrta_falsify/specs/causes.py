@@ -2,26 +2,38 @@
 
 A run may violate many specifications for one reason. These rules choose the one to tell first:
 
-1. The violation whose cause began first leads. A deadlock begins at its onset, not when it is
-   found; lost progress begins when progress ended; anything else when it is violated.
+1. The violation whose cause began first leads. What ``no_deadlock`` claims begins at its onset,
+   not when it is found; lost progress begins when progress ended; anything else when it is
+   violated.
 2. What says only that work was late or left undone never leads if something else is violated:
    whatever cost the time came before.
-3. A robot of a deadlock gets no nearer, drives in vain and starves. Such a violation follows
-   from the deadlock if it comes after the onset, even if the last progress was before it.
+3. A robot that stands gets no nearer, drives in vain and starves. Such a violation follows from
+   ``no_deadlock`` if it comes after the onset, even if the last progress was before it.
 4. A person who is touched was passed too closely just before. That is one event: the contact.
-5. At the same instant the order is ``TIES``: what ended the run, what was said wrongly or done
+5. A place that the world shut during the run leads only if nothing is violated but what follows
+   from it, and what says that work was late or undone: it is no failure of the stack.
+6. At the same instant the order is ``TIES``: what ended the run, what was said wrongly or done
    beyond the limits, what touched, what stands still.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
 
+from mrta_falsify.core.claims import (
+    SPEC,
+    ClaimKind,
+    claim_kind,
+    claims_of,
+    earliest_claim,
+    leading_claim,
+)
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import first_deadlock, wait_account
+from mrta_falsify.core.wait_account import wait_account
 
-DEADLOCK = "no_deadlock"
+DEADLOCK = SPEC
 #: order of violations that begin at the same instant; a specification of the user's own comes first
 TIES = (
     "stack_runs",
@@ -56,21 +68,75 @@ def by_cause(verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
     """Sort verdicts: the leading one, the other violated ones by time, then those that hold."""
     rank = {name: i for i, name in enumerate(TIES)}
 
-    def key(verdict: Verdict) -> tuple[bool, bool, bool, float, int, str]:
+    def key(verdict: Verdict) -> tuple[bool, bool, bool, bool, float, int, str]:
         place = rank.get(verdict.spec, -1)
         if not verdict.violated:
-            return (True, False, bool(verdict.not_judged), 0.0, place, verdict.spec)
+            return (True, False, bool(verdict.not_judged), False, 0.0, place, verdict.spec)
         is_effect = any(_is_led_by(verdict, other) for other in verdicts if other is not verdict)
-        return (False, is_outcome(verdict), is_effect, cause_begins(verdict), place, verdict.spec)
+        begins = cause_begins(verdict)
+        outcome, shut = is_outcome(verdict), is_shut(verdict)
+        return (False, outcome, is_effect, shut, begins, place, verdict.spec)
 
     return tuple(sorted(verdicts, key=key))
+
+
+def kind_of(verdicts: Sequence[Verdict]) -> ClaimKind | Literal[""]:
+    """Tell the kind of a failing run: deadlock, stuck or shut; empty if it is none of them.
+
+    A run in which the world shut a place is of that kind only if this leads (rule 5).
+    """
+    claimed = next((v for v in verdicts if v.spec == DEADLOCK and v.violated), None)
+    if claimed is None:
+        return ""
+    if is_shut(claimed):
+        return "shut" if leading(verdicts) is claimed else ""
+    return claim_kind(leading_claim(claimed.evidence), claimed.who)
+
+
+def primary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> tuple[Verdict, ...]:
+    """List the violations that a search looks for first.
+
+    Args:
+        verdicts: of one run.
+        then: specifications that are looked for last.
+
+    Returns:
+        The violated ones, without ``then``, without a place that the world shut, and without what
+        follows from that.
+    """
+    shut = next(filter(is_shut, verdicts), None)
+    return tuple(
+        verdict
+        for verdict in verdicts
+        if verdict.violated
+        and verdict.spec not in then
+        and not is_shut(verdict)
+        and not (shut is not None and (is_outcome(verdict) or _is_led_by(verdict, shut)))
+    )
+
+
+def secondary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> frozenset[str]:
+    """Name the specifications that a search does not look for first.
+
+    These are ``then``, and those that are violated but not :func:`primary`.
+    """
+    sought = {verdict.spec for verdict in primary(verdicts, then)}
+    violated = {verdict.spec for verdict in verdicts if verdict.violated}
+    return frozenset((*then, *(violated - sought)))
+
+
+def is_shut(verdict: Verdict) -> bool:
+    """Whether all that a violated verdict claims is that the world shut a place."""
+    if verdict.spec != DEADLOCK or not verdict.violated:
+        return False
+    return claim_kind(leading_claim(verdict.evidence), verdict.who) == "shut"
 
 
 def cause_begins(verdict: Verdict) -> float:
     """Tell when the cause of a violation began [s]; inf if that is not known."""
     found = float("inf") if verdict.violated_at is None else verdict.violated_at
     if verdict.spec == DEADLOCK:
-        begun = first_deadlock(verdict.evidence).get("onset")
+        begun = earliest_claim(verdict.evidence).get("onset")
     else:
         begun = verdict.evidence.get("since")
     # the evidence is of the worst moment, which may come after the first violation
@@ -78,8 +144,8 @@ def cause_begins(verdict: Verdict) -> float:
 
 
 def root_onsets(verdict: Verdict) -> tuple[float, ...]:
-    """List when each member of a deadlock stopped [s], as far as that is known."""
-    onsets = first_deadlock(verdict.evidence).get("onsets", {})
+    """List when each member of the leading claim stopped [s], as far as that is known."""
+    onsets = leading_claim(verdict.evidence).get("onsets", {})
     return tuple(float(time) for time in onsets.values())
 
 
@@ -95,16 +161,26 @@ def is_outcome(verdict: Verdict) -> bool:
 
 
 def follows_from(verdict: Verdict, cause: Verdict) -> bool:
-    """Whether a violation is a consequence of the deadlock ``cause``.
+    """Whether a violation is a consequence of ``cause``, a violated ``no_deadlock``.
 
-    It is if it came after the onset and concerns one of the deadlock's robots, or names no robot.
+    It is if it came after the onset and concerns one of the robots that stand or are held up, or
+    names no robot.
     """
     if verdict is cause or cause.spec != DEADLOCK or not cause.violated or not verdict.violated:
         return False
     if verdict.violated_at is not None and verdict.violated_at < cause_begins(cause):
         return False
     concerned = {name for name in _concerned(verdict) if name}
-    return not concerned or bool(concerned & set(wait_account(cause).robots))
+    return not concerned or bool(concerned & _robots_of(cause))
+
+
+def _robots_of(claimed: Verdict) -> set[str]:
+    """Name the robots of all claims of a violated ``no_deadlock``."""
+    robots: set[str] = set()
+    for claim in claims_of(claimed.evidence):
+        alone = dataclasses.replace(claimed, evidence={**claim, "others": []})
+        robots |= set(wait_account(alone).robots)
+    return robots
 
 
 def _is_led_by(verdict: Verdict, other: Verdict) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, Room, World
@@ -92,7 +92,8 @@ def test_what_else_a_member_stands_beside_does_not_split_a_mode():
 def test_the_kinds_of_things_and_people_that_took_part_are_part_of_the_mode(objects, expected):
     rows = [{"name": n, "kind": kind, "carried_by": by} for n, kind, by in objects]
     verdict = stuck([row("a", "wall")], kind="doorway", objects=rows)
-    assert signature([verdict]) == f"no_deadlock/1:wall/{expected}"
+    assert signature([verdict]) == f"no_deadlock/stuck:wall/{expected}"
+    assert signature_before([verdict]) == f"no_deadlock/1:wall/{expected}"
 
 
 def test_crashes_of_different_code_are_different_modes():
@@ -119,14 +120,62 @@ def test_signatures_of_stored_failures_are_made_anew_from_their_verdicts():
     """Five rooms gave five modes of one cause in the version that stored these."""
     stalls = [r for r in read_campaign(RECORDED / "stalls").records if r.failed]
     assert len({record.signature for record in stalls}) == 5
-    assert {signature(record.verdicts) for record in stalls} == {"no_deadlock/1:stalled/room"}
+    assert {signature(r.verdicts) for r in stalls} == {"no_deadlock/stuck:stalled/room"}
+    assert {signature_before(r.verdicts) for r in stalls} == {"no_deadlock/1:stalled/room"}
     beds = {r.id: r for r in read_campaign(RECORDED / "beds").records if r.failed}
-    assert signature(beds["0003"].verdicts) == "no_deadlock/1:queue/waiting spot"
-    assert signature(beds["0005"].verdicts) == "deadlines"
+    assert signature(beds["0003"].verdicts) == "no_deadlock/stuck:queue/waiting spot"
+    assert signature_before(beds["0003"].verdicts) == "no_deadlock/1:queue/waiting spot"
+    assert (
+        signature_before(beds["0005"].verdicts) == signature(beds["0005"].verdicts) == "deadlines"
+    )
 
 
 def test_nothing_violated_has_no_signature():
-    assert signature([]) == ""
+    assert signature([]) == signature_before([]) == ""
+
+
+# --- kinds, and the form that knew none -----------------------------------------------------
+
+BED = {"name": "bed2", "kind": "furniture", "carried_by": "porter1"}
+
+
+def test_robots_that_each_cannot_go_on_are_no_deadlock():
+    verdict = stuck([row("a", "wall"), row("b", "no-path")], kind="room")
+    of_no_kind = "no_deadlock/2:no-path,wall/room"
+    assert signature([verdict]) == of_no_kind  # as stored by a version that knew none
+    verdict.evidence["kind"] = "stuck"
+    assert signature([verdict]) == "no_deadlock/stuck:no-path,wall/room"
+    assert signature_before([verdict]) == of_no_kind
+
+
+def test_a_shut_place_is_signed_by_what_shut_it():
+    nurse = {"name": "nurse", "kind": "person", "carried_by": ""}
+    rows = [row("a", "no-path", "", "bed2"), row("a", "human", "nurse")]
+    verdict = stuck(rows, kind="doorway", objects=[BED, nurse], shut_by=["bed2"])
+    verdict.evidence["kind"] = "shut"
+    assert signature([verdict]) == "no_deadlock/shut:pushed furniture/doorway"
+    before = "no_deadlock/1:human+no-path/doorway with person and pushed furniture"
+    assert signature_before([verdict]) == before
+
+
+def test_the_form_before_is_of_the_edges_that_geometry_showed():
+    """A removal that freed nobody has corrected the edge, and who is a member."""
+    verdict = stuck(
+        [row("a", "wall")],
+        kind="room",
+        objects=[BED],
+        cycle_seen=[row("a", "barrier", "b"), row("b", "barrier", "a")],
+        members_alone=["a", "b"],
+    )
+    assert signature([verdict]) == "no_deadlock/stuck:wall/room with pushed furniture"
+    assert signature_before([verdict]) == "no_deadlock/2:barrier>barrier/room"
+
+
+def test_the_gravest_claim_is_signed_and_the_first_one_in_the_form_before():
+    shut = stuck([row("c", "wall")], kind="doorway", at=10.0).evidence | {"kind": "shut"}
+    ring = stuck(RING, kind="corridor", at=90.0, others=[shut])
+    assert signature([ring]) == "no_deadlock/3:barrier>barrier>barrier/corridor"
+    assert signature_before([ring]) == "no_deadlock/1:wall/doorway"
 
 
 def test_a_signature_survives_json():

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.claims import ClaimKind
 from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import Blockage, World
@@ -83,6 +84,15 @@ class DeadlockEvidence:
     onset: float  #: since when no member has made progress [s]
     detected_at: float  #: [s]
     confirmed: bool  #: by a continuation; else it is only suspected
+    kind: ClaimKind = "stuck"
+    shut_room: str = ""  #: room or place that was shut, of kind ``shut``
+    shut_by: tuple[str, ...] = ()  #: things and people that shut it
+    shut_since: float | None = None  #: [s]
+    stands_for: float | None = None  #: for which a continuation showed members standing [s]
+    for_good: bool = False  #: proven
+    #: edges of the members as geometry showed them, before removals corrected them
+    cycle_seen: tuple[EdgeRow, ...] = ()
+    members_alone: tuple[str, ...] = ()  #: as removals alone tell them, where that differs
 
     def encoded(self, others: Iterable[DeadlockEvidence] = ()) -> dict[str, Any]:
         """Give the evidence of a verdict, JSON-shaped, with further deadlocks in ``others``."""
@@ -125,6 +135,7 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         onset=max(deadlock.onsets.values()),
         detected_at=frame.sensed.time,
         confirmed=deadlock.confirmed,
+        kind="deadlock" if len(members) > 1 else "stuck",
     )
 
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
+from mrta_falsify.core.claims import leading_claim
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.findings import Counterfactual
 from mrta_falsify.core.inevitability import (
@@ -35,7 +36,6 @@ from mrta_falsify.core.inevitability import (
 )
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.wait_account import first_deadlock
 from mrta_falsify.specs.causes import cause_begins
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.changes import SUSPECTS, Change
@@ -113,7 +113,7 @@ def branches_of(
     order = {name: number for number, name in enumerate(SUSPECTS)}  # a variant is no suspect
     wanted.sort(key=lambda branch: (not branch.restores, order.get(branch.name, len(order))))
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
-    members = first_deadlock(verdict.evidence).get("members", ())
+    members = leading_claim(verdict.evidence).get("members", ())
     return [
         *wanted,
         *(
