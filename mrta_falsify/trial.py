@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
@@ -58,6 +59,7 @@ class Job:
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
     told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
     reference: Costs | None = None  #: to compare with; None: of a run of the reference stack
+    rules: int = RULES  #: in whose form its failures are compared, see :mod:`.campaigns.rules`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -23,7 +23,7 @@ from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import Store, StoreError, decode_record
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.candidate import Candidate, Proposal
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube, Feedback
@@ -266,8 +266,14 @@ class _Loop:
         between = sorted(store.finished)[COMPARED:-COMPARED]
         skips = isinstance(self._sampler, SkippingSampler)
         self._skipped = frozenset(between if skips else ())
+        self._last_stored = max(store.finished, default=-1)
 
     def run(self) -> Ended:
+        ended = self._run()
+        self._store.begin()
+        return ended
+
+    def _run(self) -> Ended:
         while True:
             self._ask()
             self._submit()
@@ -304,6 +310,7 @@ class _Loop:
             proposal = self._sampler.ask()
             if proposal.number != self._asked:
                 raise AssertionError(f"proposal {proposal.number} instead of {self._asked}")
+            self._compare(proposal)
             self._proposals[proposal.number] = proposal.u
             if proposal.uniform:
                 self._uniform.add(proposal.number)
@@ -317,21 +324,27 @@ class _Loop:
                 return
             number = self._submitted
             stored = self._store.finished.get(number)
+            if stored is None and self._asked <= self._last_stored and progress.told < number:
+                return  # a stored proposal may still turn out to be of another campaign
             if stored is None and self._time_is_over():
                 self._is_late = True
                 return
             self._submitted += 1
             if stored is None:
+                self._store.begin()
                 self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
                 continue
-            asked = self._proposals.get(number)  # None: skipped
-            if asked is not None and stored.proposal_digest != point_digest(asked):
-                raise StoreError(
-                    f"{self._store.directory}: trial {stored.id} was asked for at another point "
-                    "than these settings and this version ask for, so the campaign cannot go on; "
-                    "it can still be read: begin one in another directory, or delete this one"
-                )
             self._on_record(stored, False)
+
+    def _compare(self, proposal: Proposal) -> None:
+        """Refuse a stored trial that was asked for at another point; nothing was written yet."""
+        stored = self._store.finished.get(proposal.number)
+        if stored is not None and stored.proposal_digest != point_digest(proposal.u):
+            raise StoreError(
+                f"{self._store.directory}: trial {stored.id} was asked for at another point than "
+                "these settings and this version ask for, so the campaign cannot go on; it can "
+                "still be read: begin one in another directory, or delete this one"
+            )
 
     def _time_is_over(self) -> bool:
         limit = self._limits.wall_clock

@@ -131,6 +131,7 @@ class CampaignSettings:
         default=300.0,
         text="Wall clock of one trial, its copies included, after which it is killed.",
     )
+    rules: int = later(1)  #: number of its rules, see :mod:`mrta_falsify.campaigns.rules`
     budget: int = later(0)
     """Simulated candidates last asked for, which a resumed campaign keeps; 0: none were (the clock
     ends it, or an older version wrote it). Changes no trial."""

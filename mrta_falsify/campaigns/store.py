@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import sync_directory, write_atomically
@@ -318,6 +319,7 @@ class Store:
     finished: dict[int, TrialRecord] = field(default_factory=dict)  #: by number
     _lock: int = -1
     _log: int = -1
+    _has_new_budget: bool = False
 
     @classmethod
     def create(cls, directory: Path, settings: CampaignSettings) -> Store:
@@ -337,6 +339,7 @@ class Store:
                 raise StoreError(f"{directory}: is not empty (it holds {others[0]})")
             store = cls(directory, settings)
             store._take_lock()
+            store._sign_lock()
             store._write_settings()
         except OSError as error:
             raise StoreError(f"{directory}: cannot be written: {error.strerror}") from None
@@ -345,20 +348,41 @@ class Store:
 
     @classmethod
     def resume(cls, directory: Path) -> Store:
-        """Open an existing campaign to resume it.
+        """Open an existing campaign to resume it; nothing is written before :meth:`begin`.
 
         Raises:
-            StoreError: not a campaign, of another version, damaged, or owned by a living
-                process.
+            StoreError: not a campaign, of another version or other rules, damaged, or owned by a
+                living process.
         """
-        store = cls(directory, read_campaign_settings(directory))
+        settings = read_campaign_settings(directory)
+        reason = why_no_resume(settings.rules)
+        if reason:
+            raise StoreError(f"{directory}: {reason}")
+        store = cls(directory, settings)
         store._take_lock()
         try:
-            store._open_log()
+            records, _ = _records(directory / RECORDS)
         except BaseException:
             store.close()
             raise
+        store.finished = {record.number: record for record in records}
         return store
+
+    def begin(self) -> None:
+        """Make the directory ready for records: owner, budget, log without a torn last line.
+
+        A resumed campaign does so once what is stored was found to belong to it. May be called
+        twice.
+
+        Raises:
+            StoreError: it cannot be written.
+        """
+        if self._log >= 0:
+            return
+        self._sign_lock()
+        if self._has_new_budget:
+            self._write_settings()
+        self._open_log()
 
     def add(self, record: TrialRecord) -> None:
         """Append a record; it is durable on return.
@@ -368,6 +392,7 @@ class Store:
         """
         if record.number in self.finished:
             raise AssertionError(f"trial {record.id} is stored already")
+        self.begin()
         line = _line(record)
         before = os.lseek(self._log, 0, os.SEEK_END)
         try:
@@ -387,10 +412,10 @@ class Store:
         self.finished[record.number] = record
 
     def keep_budget(self, budget: int) -> None:
-        """Note the budget that a resumed campaign keeps."""
+        """Note the budget that a resumed campaign keeps; :meth:`begin` writes it."""
         if budget != self.settings.budget:
             self.settings = dataclasses.replace(self.settings, budget=budget)
-            self._write_settings()
+            self._has_new_budget = True
 
     def campaign(self) -> Campaign:
         """Give what is stored so far."""
@@ -425,6 +450,9 @@ class Store:
             raise StoreError(f"{self.directory}: is in use by {_owner_text(path)}") from None
         except OSError as error:
             raise StoreError(f"{self.directory}: cannot be locked: {error.strerror}") from None
+
+    def _sign_lock(self) -> None:
+        """Write into the lock who has it."""
         now = time.strftime("%Y-%m-%d %H:%M:%S")
         os.ftruncate(self._lock, 0)
         os.pwrite(
@@ -433,7 +461,7 @@ class Store:
 
     def _open_log(self) -> None:
         path = self.directory / RECORDS
-        records, sound = _records(path)
+        _, sound = _records(path)
         try:
             self._log = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
             if os.fstat(self._log).st_size > sound:
@@ -442,7 +470,6 @@ class Store:
             sync_directory(self.directory)
         except OSError as error:
             raise StoreError(f"{path}: cannot be written: {error.strerror}") from None
-        self.finished = {record.number: record for record in records}
 
 
 def decode_record(data: Any, *, where: str) -> TrialRecord:

@@ -187,14 +187,17 @@ class Recheck:
 
     id: str
     fate: RecheckFate
-    signature: str  #: of the stored verdicts
+    signature: str  #: of the stored verdicts, in the form of their campaign's rules
     violated: tuple[str, ...]  #: by the stored world on the changed stack
-    signature_now: str
+    signature_now: str  #: in the same form
     jittered_failures: int
     jittered: int  #: runs of jittered copies
     sentence: str = later("")  #: what happens on the changed stack; empty: nothing fails
     copy_signatures: tuple[str, ...] = later(())  #: of the copies that fail
     picture: str = later("")  #: file of the run that the sentence is about; empty: none was asked
+    kind_now: str = later("")  #: deadlock, stuck or shut; empty: none of them
+    #: of the stored world on the changed stack in the form of today's rules, and of rules 1
+    forms_now: tuple[str, str] = later(("", ""))
 
 
 # --- as data -----------------------------------------------------------------------------

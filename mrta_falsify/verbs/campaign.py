@@ -36,6 +36,7 @@ from mrta_falsify.verbs.programs import Params
 from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
 from mrta_falsify.verbs.stacks import Stack
 from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
+from mrta_falsify.worker import open_program
 
 #: called when a record is durable, with whether it is new
 OnRecord = Callable[[TrialRecord, bool], None]
@@ -189,10 +190,13 @@ def resume_campaign(
         on_note: called with what the user should know.
 
     Raises:
-        InputError: not a campaign, or its program has changed.
+        InputError: not a campaign, of other rules, or its program or what is proposed has changed;
+            nothing is written then.
     """
     place = chosen_executor(executor, workers)
     with Store.resume(Path(directory)) as store:
+        if store.settings.trials.sources_digest:
+            open_program(store.settings.trials)  # before anything is written
         if budget is None and not (wall_clock and not store.settings.budget):
             budget = _own_budget(store, on_note)
         limits = Limits(

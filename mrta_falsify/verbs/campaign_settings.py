@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.rare_events import is_estimating
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import (
     AGAINST_COPIES,
     DEFAULTS,
@@ -114,6 +115,7 @@ def new_settings(
         space=program.space,
         window=window,
         time_limit=time_limit,
+        rules=RULES,
     )
     estimating = is_estimating(made)  # builds the sampler, and so checks its options
     if estimating and other is not None:

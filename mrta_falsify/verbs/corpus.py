@@ -17,8 +17,9 @@ from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
@@ -27,7 +28,7 @@ from mrta_falsify.core.errors import HarnessError, InputError, WorldError
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun, specifications_of
@@ -103,7 +104,7 @@ def recheck(
     trials = settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(RecheckRun, campaign.directory / JOURNAL_NAME, code=code)
-    found = _Collected(copies=1 + jittered, on_done=on_done)
+    found = _Collected(copies=1 + jittered, rules=campaign.settings.rules, on_done=on_done)
     asked = [_Asked(record, copy) for record in failures for copy in (STORED, *range(jittered))]
     with going_on(f"corpus of {len(failures)} failures", journal):
         digest = codec.digest(settings)
@@ -178,6 +179,7 @@ class _Collected:
     """The runs of all failures, and the rows of those whose runs are complete."""
 
     copies: int  #: runs of each failure
+    rules: int  #: of the campaign
     on_done: Callable[[Recheck], None]
     rows: dict[str, Recheck] = field(default_factory=dict)  #: by trial
     _runs: dict[str, dict[int, RecheckRun]] = field(default_factory=dict)
@@ -187,7 +189,7 @@ class _Collected:
         runs = self._runs.setdefault(record.id, {})
         runs[one.copy] = run
         if len(runs) == self.copies:
-            self.rows[record.id] = _row(record, runs)
+            self.rows[record.id] = _row(record, runs, self.rules)
             self.on_done(self.rows[record.id])
 
 
@@ -231,8 +233,8 @@ def run_of(finished: Finished, what: str) -> RecheckRun:
     return run
 
 
-def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
-    """Judge a failure by the runs of its world and of its copies."""
+def _row(record: TrialRecord, runs: dict[int, RecheckRun], rules: int) -> Recheck:
+    """Judge a failure by the runs of its world and of its copies, in the form of its rules."""
     stored = runs[STORED]
     copies = [run for number, run in sorted(runs.items()) if number != STORED]
     copies = [run for run in copies if run.fate == "ran"]
@@ -251,14 +253,16 @@ def _row(record: TrialRecord, runs: dict[int, RecheckRun]) -> Recheck:
         id=record.id,
         fate=fate,
         # recomputed: another version may have written the stored one in other words
-        signature=signature(record.verdicts),
+        signature=signed(record.verdicts, rules),
         violated=stored.violated,
-        signature_now=stored.signature,
+        signature_now=stored.signed(rules),
         jittered_failures=failures,
         jittered=len(copies),
         sentence=told.sentence,
-        copy_signatures=tuple(run.signature for run in copies if run.failed),
+        copy_signatures=tuple(run.signed(rules) for run in copies if run.failed),
         picture=told.picture,
+        kind_now=stored.kind,
+        forms_now=(stored.signature, stored.signature_before),
     )
 
 
@@ -276,6 +280,12 @@ class RecheckRun:
     sentence: str = ""  #: about the violation that came first
     error: str = ""  #: why it was refused
     picture: str = later("")  #: file
+    signature_before: str = later("")  #: in the form of rules 1
+    kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
+
+    def signed(self, rules: int) -> str:
+        """Give the signature in the form of a campaign's rules."""
+        return self.signature_before if rules < RULES else self.signature
 
     @property
     def failed(self) -> bool:
@@ -365,5 +375,7 @@ def judged_run(verdicts: Sequence[Verdict]) -> RecheckRun:
         violated=tuple(verdict.spec for verdict in verdicts if verdict.violated),
         not_judged=tuple(verdict.spec for verdict in verdicts if verdict.not_judged),
         signature=signature(verdicts),
+        signature_before=signature_before(verdicts),
+        kind=kind_of(verdicts),
         sentence=violation_sentence(first) if first is not None else "",
     )

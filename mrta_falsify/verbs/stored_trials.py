@@ -280,4 +280,4 @@ def job_of(campaign: Campaign, record: TrialRecord) -> Job:
     """
     settings = campaign.settings.trials
     job = trial_job(settings, stored_world(campaign, record), stack_of(settings, record))
-    return dataclasses.replace(job, early_stop=True)
+    return dataclasses.replace(job, early_stop=True, rules=campaign.settings.rules)

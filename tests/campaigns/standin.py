@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core import codec
@@ -97,4 +98,5 @@ def settings(
         cube=Cube(dimensions=dimensions),
         window=window,
         time_limit=time_limit,
+        rules=RULES,
     )

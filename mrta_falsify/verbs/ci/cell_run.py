@@ -9,15 +9,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mrta_falsify.campaigns.journal import RunJournal
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import Limits
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, owner_of, read_campaign_settings
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Recheck
 from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign import OnTold, open_store, run_store
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
@@ -136,6 +137,9 @@ def _found_by(project: Project, campaign: Campaign, number: int) -> Iterator[Fin
             ),
             sentence=violation_sentence(verdict),
             since=number,
+            rules=RULES,
+            before=tuple(dict.fromkeys(signature_before(record.verdicts) for record in records)),
+            failure_kind=kind_of(records[0].verdicts),
         )
 
 
@@ -160,11 +164,12 @@ def _finding_of(known: Finding, example: Example, row: Recheck, number: int) -> 
     fate: Fate = "resolved" if not failed else "flaky"
     if _most(failed, 1 + row.jittered):
         fate = "failing"
-    mode = row.signature_now if fails else known.signature
-    return Finding(
-        signature=mode,
-        fate=fate,
-        examples=(example,),
-        sentence=row.sentence or known.sentence,
-        since=number,
+    told = dataclasses.replace(
+        known, fate=fate, examples=(example,), sentence=row.sentence or known.sentence, since=number
+    )
+    if not fails:
+        return told
+    now, before = row.forms_now
+    return dataclasses.replace(
+        told, signature=now, rules=RULES, before=(before,), failure_kind=row.kind_now
     )

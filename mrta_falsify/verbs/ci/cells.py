@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.campaigns.code_digest import code_digest
+from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.settings import CampaignSettings
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature_before
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.ci.ledger import CellState, Example, Finding
 from mrta_falsify.verbs.ci.project import Project, ScenarioEntry, with_portable_paths
@@ -90,6 +91,7 @@ def _search_cell(
         trials=dataclasses.replace(
             settings.trials, scenario=scenario, stack=StackConfig(), directory=""
         ),
+        rules=1,  # the code tells it already
     )
     parts = {
         "scenario": codec.digest([portable, entry.stop_after]),
@@ -142,15 +144,19 @@ def _stored_findings(project: Project, campaign: Campaign) -> tuple[Finding, ...
         verdict = leading(record.verdicts)
         if verdict is None:
             continue
-        mode = signature(record.verdicts)
-        example = example_of(project, campaign, record.id)
-        earlier = found[mode].examples if mode in found else ()
+        mode = signed(record.verdicts, campaign.settings.rules)
+        earlier = found.get(mode)
+        examples = earlier.examples if earlier is not None else ()
+        before = earlier.before if earlier is not None else ()
         found[mode] = Finding(
             signature=mode,
             fate="failing",
-            examples=(*earlier, example),
+            examples=(*examples, example_of(project, campaign, record.id)),
             sentence=violation_sentence(verdict),
             since=0,
+            rules=campaign.settings.rules,
+            before=tuple(dict.fromkeys((*before, signature_before(record.verdicts)))),
+            failure_kind=kind_of(record.verdicts),
         )
     return tuple(found.values())
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 
@@ -40,11 +41,20 @@ class Example:
 class Finding:
     """A failure mode of a cell."""
 
-    signature: str
+    signature: str  #: in the form of ``rules``
     fate: Fate
     examples: tuple[Example, ...]  #: the best first
     sentence: str  #: what happens in the first of them
     since: int  #: number of the run that saw it first, or saw it come back
+    rules: int = later(1)  #: see :mod:`mrta_falsify.campaigns.rules`
+    before: tuple[str, ...] = later(())  #: the same in the form of rules 1; several may be one mode
+    failure_kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
+
+    def goes_on(self, old: Finding) -> bool:
+        """Whether this is the mode ``old`` of an earlier run, in the form that it was stored in."""
+        if old.rules == self.rules:
+            return old.signature == self.signature
+        return old.rules < self.rules and old.signature in self.before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +91,7 @@ class Change:
     since: int  #: number of the run that saw it first
     came_back: bool = False  #: new, but it was resolved once
     example: Example | None = None
+    failure_kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
 
 
 def read_ledger(kept: Path) -> Ledger:
@@ -113,6 +124,8 @@ def merged(
 ) -> tuple[Finding, ...]:
     """Merge what a cell had with what a run has seen in it.
 
+    A mode of earlier rules goes on as those that are signed like it in its form.
+
     Args:
         before: its findings.
         seen: one for each mode and source: rechecked worlds, the search. They may repeat a mode.
@@ -122,38 +135,44 @@ def merged(
     Returns:
         One finding for each mode, by signature.
     """
-    known = {finding.signature: finding for finding in before}
+    known, kept = tuple(before), set(undecided)
     found: dict[str, Finding] = {}
-    for one in seen:
-        other = found.get(one.signature)
-        found[one.signature] = one if other is None else _worse(other, one)
-    kept = set(undecided)
-    for signature, old in known.items():
-        if signature not in found:
-            fate: Fate = old.fate if signature in kept else "resolved"
-            found[signature] = dataclasses.replace(old, fate=fate)
-    return tuple(_dated(found[name], known.get(name), number) for name in sorted(found))
+    for one in sorted(seen, key=lambda finding: -finding.rules):
+        same = next((other for other in found.values() if other.goes_on(one)), None)
+        name = one.signature if same is None else same.signature
+        found[name] = one if same is None else _worse(same, one)
+    now = [_dated(one, known, number) for one in found.values()]
+    for old in known:
+        if not any(one.goes_on(old) for one in found.values()):
+            fate: Fate = old.fate if old.signature in kept else "resolved"
+            now.append(dataclasses.replace(old, fate=fate))
+    return tuple(sorted(now, key=lambda finding: (finding.signature, finding.rules)))
 
 
 def _worse(one: Finding, other: Finding) -> Finding:
-    """Take the worse of two findings of one mode, with the examples of both."""
+    """Take the worse of two findings of one mode, signed as ``one``, with the examples of both."""
     first, second = sorted((one, other), key=lambda finding: _WORST.index(finding.fate))
-    examples = tuple(dict.fromkeys((*first.examples, *second.examples)))
-    sentence = first.sentence or second.sentence
-    return dataclasses.replace(first, examples=examples, sentence=sentence)
+    return dataclasses.replace(
+        first,
+        signature=one.signature,
+        rules=one.rules,
+        examples=tuple(dict.fromkeys((*first.examples, *second.examples))),
+        sentence=first.sentence or second.sentence,
+        before=tuple(dict.fromkeys((*one.before, *other.before))),
+    )
 
 
-def _dated(finding: Finding, old: Finding | None, number: int) -> Finding:
-    is_back = old is not None and old.fate == "resolved" and finding.fate != "resolved"
-    return dataclasses.replace(finding, since=number if old is None or is_back else old.since)
+def _dated(finding: Finding, known: Sequence[Finding], number: int) -> Finding:
+    """Say since which run a mode has been there without a break."""
+    began = [old.since for old in known if finding.goes_on(old) and old.fate != "resolved"]
+    return dataclasses.replace(finding, since=min(began, default=number))
 
 
 def changes_of(before: CellState, now: CellState) -> tuple[Change, ...]:
     """Compare a cell with the last run; what was resolved before and still is, is left out."""
-    known = {finding.signature: finding for finding in before.findings}
     changes = []
     for finding in now.findings:
-        old = known.get(finding.signature)
+        old = [one for one in before.findings if finding.goes_on(one)]
         kind = _kind(finding, old)
         if kind is not None:
             changes.append(
@@ -163,15 +182,16 @@ def changes_of(before: CellState, now: CellState) -> tuple[Change, ...]:
                     signature=finding.signature,
                     sentence=finding.sentence,
                     since=finding.since,
-                    came_back=kind == "new" and old is not None,
+                    came_back=kind == "new" and bool(old),
                     example=finding.examples[0] if finding.examples else None,
+                    failure_kind=finding.failure_kind,
                 )
             )
     return tuple(changes)
 
 
-def _kind(finding: Finding, old: Finding | None) -> ChangeKind | None:
-    was_open = old is not None and old.fate != "resolved"
+def _kind(finding: Finding, old: Sequence[Finding]) -> ChangeKind | None:
+    was_open = any(one.fate != "resolved" for one in old)
     if finding.fate == "resolved":
         return "resolved" if was_open else None
     if finding.fate == "flaky":

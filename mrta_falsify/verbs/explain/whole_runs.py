@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Fate
 from mrta_falsify.core.verdict import Verdict
@@ -58,10 +58,10 @@ def run_changed(job: Job, verdict: Verdict) -> RunFate:
         judged = judge(job, keep_trace=False)
     except InputError as error:
         return RunFate("unknown", f"it cannot be run: {error}")
-    return fate_in(judged, verdict)
+    return fate_in(judged, verdict, job.rules)
 
 
-def fate_in(judged: Judged, verdict: Verdict) -> RunFate:
+def fate_in(judged: Judged, verdict: Verdict, rules: int = RULES) -> RunFate:
     """Tell what became of a failure in a run of which nothing else was judged.
 
     A run that could not be judged, or that the stack broke off, tells nothing.
@@ -69,13 +69,14 @@ def fate_in(judged: Judged, verdict: Verdict) -> RunFate:
     Args:
         judged: the run.
         verdict: the violated one that explains the failure.
+        rules: in whose form the two are compared.
     """
     own = [found for found in judged.verdicts if found.spec == verdict.spec]
     for found in own:
         if not found.violated:
             continue
-        at, way = f"at {found.violated_at or 0.0:.1f} s", signature([found])
-        if way == signature([verdict]):
+        at, way = f"at {found.violated_at or 0.0:.1f} s", signed([found], rules)
+        if way == signed([verdict], rules):
             return RunFate("stays", f"violated again {at}")
         return RunFate("otherwise", f"violated {at} in another way: {way}")
     missing = _missing(judged, own)

@@ -18,8 +18,8 @@ import yaml
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.settings import AGAINST_COPIES
-from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies
 from mrta_falsify.core import codec
@@ -144,9 +144,10 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
         judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
         if judged.outcome.trace.digest == found.finding.trace_digest:
             return "identical"
-        if signature(judged.verdicts) == wanted:
+        now = signed(judged.verdicts, job.rules)
+        if now == wanted:
             return "same failure"
-        reason = f"the program's world gives {signature(judged.verdicts) or 'no failure'}"
+        reason = f"the program's world gives {now or 'no failure'}"
     except InputError as error:
         reason = str(error)
     for name in (PROGRAM, LAYOUT):
@@ -179,7 +180,7 @@ def minimize_job(
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to minimise")
     trace = first.outcome.trace
-    wanted = signature(first.verdicts)
+    wanted = signed(first.verdicts, job.rules)
     journal = journal or RunJournal(SmallerRun, None)
     reruns = Reruns(job, wanted, max_runs, journal, on_run, workers, other)
     search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)

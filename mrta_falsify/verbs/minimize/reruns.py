@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.processes import spawned
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.copies import fate_on_other
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
@@ -64,7 +64,7 @@ class Reruns(AbstractContextManager["Reruns"]):
     """
 
     job: Job
-    wanted: str  #: signature
+    wanted: str  #: signature, in the form of the job's rules
     max_runs: int
     journal: RunJournal[SmallerRun]
     on_run: Callable[[int, str], None]
@@ -178,7 +178,7 @@ def run_smaller(job: Job, wanted: str, other: StackConfig | None = None) -> Smal
     except InputError:
         return SmallerRun(ran=False, course=None)
     verdict = leading(judged.verdicts)
-    if verdict is None or signature(judged.verdicts) != wanted:
+    if verdict is None or signed(judged.verdicts, job.rules) != wanted:
         return SmallerRun(ran=True, course=None)
     course = course_of(verdict, judged.outcome.trace, job.world)
     if other is None:

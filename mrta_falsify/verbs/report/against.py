@@ -6,7 +6,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
@@ -28,7 +28,8 @@ def comparison_tables(campaign: Campaign, against: Campaign) -> tuple[Table, ...
 
 
 def _by_mode(campaign: Campaign, against: Campaign) -> Table:
-    one, other = (_modes_as_of_now(c) for c in (campaign, against))
+    rules = _common_rules(campaign, against)
+    one, other = (_modes_by(c, rules) for c in (campaign, against))
     counts = [sum(record.status == "ok" for record in c.records) for c in (campaign, against)]
     names = sorted(one.keys() | other, key=lambda n: (-one.get(n, 0) - other.get(n, 0), n))
     rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names]
@@ -44,9 +45,14 @@ def _by_mode(campaign: Campaign, against: Campaign) -> Table:
     )
 
 
-def _modes_as_of_now(campaign: Campaign) -> Counter[str]:
+def _common_rules(campaign: Campaign, against: Campaign) -> int:
+    """Give the rules in whose form both can be compared."""
+    return min(campaign.settings.rules, against.settings.rules)
+
+
+def _modes_by(campaign: Campaign, rules: int) -> Counter[str]:
     """Count failures by the signature of their verdicts, whatever version has stored them."""
-    return Counter(signature(record.verdicts) for record in campaign.records if record.failed)
+    return Counter(signed(record.verdicts, rules) for record in campaign.records if record.failed)
 
 
 def _shortened(rows: Sequence[tuple[str, ...]], what: str) -> tuple[tuple[str, ...], ...]:
@@ -120,8 +126,9 @@ def _by_world(campaign: Campaign, against: Campaign) -> Table | None:
         f"Of {len(pairs)} worlds that both have run, {both} fail in both, {here} only in "
         f"{names[0]}, {there} only in {names[1]}, {neither} in neither."
     )
+    rules = _common_rules(campaign, against)
     rows = [
-        (a.world_digest[:DIGEST_LENGTH], _outcome(a), _outcome(b))
+        (a.world_digest[:DIGEST_LENGTH], _outcome(a, rules), _outcome(b, rules))
         for a, b in pairs
         if a.failed != b.failed
     ]
@@ -138,5 +145,5 @@ def _by_digest(campaign: Campaign) -> dict[str, TrialRecord]:
     return found
 
 
-def _outcome(record: TrialRecord) -> str:
-    return f"{record.id}: {signature(record.verdicts) or 'passes'}"
+def _outcome(record: TrialRecord, rules: int) -> str:
+    return f"{record.id}: {signed(record.verdicts, rules) or 'passes'}"
