@@ -109,7 +109,7 @@ class TrialRow:
     """One trial of the table of all trials."""
 
     id: str
-    outcome: str  #: deadlock, failure, pass, rejected, impossible or error
+    outcome: str  #: deadlock, stuck, shut, failure, pass, rejected, impossible or error
     mode: int  #: number of its failure mode, from 1; 0: none
     found: float | None  #: when the violation was found [s]
     score: float | None  #: None: not judged

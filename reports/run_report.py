@@ -15,6 +15,7 @@ from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import by_cause, cause_begins, leading
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
+from reports.sentences import beside_sentences
 
 MOST_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many
 MOST_TASKS = 60  # rows of a task table that is shown unasked
@@ -62,6 +63,7 @@ def report_of_run(
     return ReportContents(
         title=view.world.name,
         headline=run_headline(view.verdicts),
+        notes=beside_sentences(view.verdicts),
         facts=view.facts,
         run=case,
         stack=stack,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.claims import leading_claim
+from mrta_falsify.core.claims import Claim, leading_claim
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     PresentObject,
@@ -68,7 +68,7 @@ def violation_sentence(verdict: Verdict) -> str:
     """Describe a violated verdict in one sentence, with time, robots and place."""
     when = f" at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
     if verdict.spec == DEADLOCK:
-        return _deadlock_sentence(verdict, when)
+        return _standing_sentence(verdict, when)
     if verdict.spec == "stack_runs":
         return stack_failure_sentence(verdict)
     if verdict.spec == "repeatable":
@@ -101,15 +101,18 @@ def _detail(verdict: Verdict) -> str:
     return ""
 
 
-def _deadlock_sentence(verdict: Verdict, when: str) -> str:
+def _standing_sentence(verdict: Verdict, when: str) -> str:
     """Name the members, the root first, what took part, the place, and who is held up."""
-    account = wait_account(verdict)
+    account, claim = wait_account(verdict), leading_claim(verdict.evidence)
     alone = len(account.members) == 1
-    what = "wait for each other for good" if account.is_closed else "are stuck for good"
-    if alone:
-        what = "is stuck for good"
-    beside = _beside(account)
-    where = _place(leading_claim(verdict.evidence).get("place"))
+    beside, shut = _beside(account), ""
+    if account.kind == "deadlock":
+        what = "wait for each other" if account.is_closed else "hold each other up"
+    elif account.kind == "stuck":
+        what = "is stuck" if alone else "are stuck"
+    else:
+        what, beside, shut = "cannot go on", "", f"{shut_text(account, claim)}: "
+    where = f"{_for_how_long(claim)}{beside}{_place(claim.get('place'))}"
     since = ""
     if account.onset is not None:
         stood = "it has" if alone else "they have"
@@ -119,7 +122,25 @@ def _deadlock_sentence(verdict: Verdict, when: str) -> str:
     if victims:
         verb = "is" if len(victims) == 1 else "are"
         held_up = f"; {listed(victims)} {verb} held up by {'it' if alone else 'them'}"
-    return f"{listed(account.members)} {what}{beside}{where} (found{when}){since}{held_up}."
+    return f"{shut}{listed(account.members)} {what}{where} (found{when}){since}{held_up}."
+
+
+def shut_text(account: WaitAccount, claim: Claim) -> str:
+    """Say which place the world shut, by what and since when."""
+    told = {item.name: object_text(item) for item in account.objects}
+    by = listed([told.get(name, name) for name in claim.get("shut_by", ())])
+    since = claim.get("shut_since")
+    when = f" since {float(since):.0f} s" if isinstance(since, (int, float)) else ""
+    room = claim.get("shut_room") or "the way"
+    return f"{room} is shut{f' by {by}' if by else ''}{when}"
+
+
+def _for_how_long(claim: Claim) -> str:
+    """Say for how long a continuation showed robots standing; empty: older evidence says not."""
+    if claim.get("for_good"):
+        return " for good"
+    bound = claim.get("stands_for")
+    return f" for at least {float(bound):.0f} s" if isinstance(bound, (int, float)) else ""
 
 
 def _beside(account: WaitAccount) -> str:
@@ -162,6 +183,41 @@ def who_text(verdict: Verdict) -> str:
     shown = [*names[:MOST_NAMES], *(["..."] if len(names) > MOST_NAMES else [])]
     held_up = f" ({', '.join(account.victims)})" if account.victims else ""
     return ", ".join(shown) + held_up
+
+
+def beside_sentences(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
+    """Tell what verdicts note beside their outcome, and what is no failure.
+
+    These are robots that only new work freed, and claims of the oracle that the run refuted.
+    """
+    return tuple(
+        text
+        for verdict in verdicts
+        for text in (
+            *map(_held_until_work, verdict.evidence.get("held_until_work", ())),
+            *map(_contradiction, verdict.evidence.get("contradictions", ())),
+        )
+    )
+
+
+def _held_until_work(row: Mapping[str, Any]) -> str:
+    until = row.get("until")
+    to = f" to {float(until):.1f} s" if isinstance(until, (int, float)) else " on"
+    return (
+        f"{row.get('robot', 'a robot')} was held until new work arrived, from "
+        f"{float(row.get('since', 0.0)):.1f} s{to}{_place(row.get('place'))}: no deadlock."
+    )
+
+
+def _contradiction(row: Mapping[str, Any]) -> str:
+    members, robot = listed(list(row.get("members", ()))), row.get("robot", "")
+    stands = "stands" if len(row.get("members", ())) == 1 else "stand"
+    went_on = f": {robot} went on" if robot else ""
+    return (
+        f"Contradiction of the oracle: at {float(row.get('claimed_at', 0.0)):.1f} s it claimed "
+        f"that {members} {stands}, at {float(row.get('refuted_at', 0.0)):.1f} s the run refuted "
+        f"it{went_on}. The claim is withdrawn and counts as no failure."
+    )
 
 
 def not_judged_sentence(verdict: Verdict) -> str:

@@ -63,7 +63,7 @@ class Progress:
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
-    kinds: Counter[str] = field(default_factory=Counter)  #: of the failures, by ``kind_of``
+    kinds: Counter[str] = field(default_factory=Counter)  #: of the other failures, by ``kind_of``
     on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
     #: simulated candidates until a failure that is sought, itself included
     first_failure: int | None = None
@@ -109,7 +109,8 @@ class Progress:
             self.failed += 1
             self.wanted += record.wanted
             self.afterthoughts += record.is_afterthought
-            self.kinds[kind_of(record.verdicts)] += 1
+            if not record.is_afterthought:
+                self.kinds[kind_of(record.verdicts)] += 1
             self.on_both += record.fails_on_both
             if self.first_failure is None and record.is_sought:
                 self.first_failure = self.ran

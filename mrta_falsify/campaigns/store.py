@@ -34,6 +34,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.durable import sync_directory, write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.record import OtherRun, TrialRecord
+from mrta_falsify.specs.causes import kind_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,6 +102,7 @@ class Campaign:
                 "failed": record.failed,
                 "score": record.score,
                 "signature": record.signature,
+                "kind": kind_of(record.verdicts),
                 "layer": record.layer,
                 "engine": record.engine,
                 "sim_time": record.sim_time,
@@ -126,8 +128,10 @@ def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
         situations=(),
         blamed=(),
         is_afterthought=False,
+        is_shut=False,
         score=other.score,
         signature=other.signature,
+        signature_before=other.signature_before,
         layer="",
         trace_file=other.trace_file,
         trace_digest=other.trace_digest,

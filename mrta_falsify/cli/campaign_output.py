@@ -101,6 +101,8 @@ def _announced_kind(record: TrialRecord) -> str:
     """Say what a trial is the first of; empty if it did not fail."""
     if not record.failed:
         return ""
+    if record.is_shut:
+        return "place that the world shut"
     if record.is_afterthought:
         return "failure only in what is looked for last"
     if not record.is_sought:
@@ -153,6 +155,7 @@ def print_campaign(result: CampaignResult) -> None:
     from mrta_falsify.verbs.campaign_summary import (
         NoProbability,
         comparison_sentence,
+        kinds_text,
         repeat_sentence,
         summarise_campaign,
         unjudged_sentences,
@@ -164,7 +167,7 @@ def print_campaign(result: CampaignResult) -> None:
     out.print(
         f"{data.ran} {'trial' if data.ran == 1 else 'trials'} "
         f"({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
-        f"{data.deadlocks} with a deadlock, {_other_failures(data)}; "
+        f"{kinds_text(data.kinds)}{_looked_for_last(data)}; "
         f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
     )
@@ -186,7 +189,7 @@ def print_campaign(result: CampaignResult) -> None:
     for engine in data.confirmed:
         out.print(f"on {engine.engine}: {engine.fails} of {engine.asked} robust failures fail, too")
     if data.robust is not None:
-        sought = data.failed - data.afterthoughts
+        sought = data.failed - data.afterthoughts - data.kinds["shut"]
         out.print(
             f"with small differences most copies fail too: {data.robust} of {sought} failures"
         )
@@ -208,11 +211,9 @@ def print_campaign(result: CampaignResult) -> None:
     out.print(f"campaign: {data.directory}")
 
 
-def _other_failures(data: CampaignSummary) -> str:
-    """Count the failures without a deadlock, those that are looked for last apart."""
-    others = data.failed - data.deadlocks - data.afterthoughts
-    last = f", {data.afterthoughts} only in {' or '.join(data.then)}" if data.then else ""
-    return f"{others} failed otherwise{last}"
+def _looked_for_last(data: CampaignSummary) -> str:
+    """Count the failures only in what is looked for last."""
+    return f", {data.afterthoughts} only in {' or '.join(data.then)}" if data.then else ""
 
 
 def _print_modes(modes: tuple[FailureMode, ...]) -> None:

@@ -132,7 +132,7 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
             out.print(f"{trial.id}  {first}")
             for text in rest:
                 out.print(f"      {text}")
-        out.print(f"{certified} of {len(found)} deadlocks certified")
+        out.print(f"{certified} of {len(found)} trials with robots that stand certified")
     return ExitCode.DONE if certified == len(found) else ExitCode.VIOLATED
 
 

@@ -81,12 +81,14 @@ def _import_log(log: Path, style: str, **options: Any) -> int:
 
 
 def _print_log(done: ImportedLog) -> None:
+    from mrta_falsify.verbs.incident.importing import suspected_of
+
     out = output.stdout()
     out.print(f"log       {done.duration_s:.0f} s, {len(done.robots)} robots")
     out.print(f"goals     {'; '.join(done.goals)}")
     if done.suspected:
         since = "" if done.onset_s is None else f", since {done.onset_s:.1f} s"
-        out.print(f"suspected a deadlock of {', '.join(done.suspected)}{since}")
+        out.print(f"{', '.join(done.suspected)} {suspected_of(done.suspected)}{since}")
         for line in done.waits:
             out.print(f"          {line}")
     else:
@@ -100,7 +102,8 @@ def _confirmed_text(done: Confirmation) -> str:
     if not done.deadlock:
         return f"no deadlock; {done.delivered} of {done.tasks} tasks delivered"
     same = "confirmed" if done.same else "of other robots than in the log"
-    return f"a deadlock of {', '.join(done.members)} ({same})"
+    what = {"deadlock": "a deadlock of", "stuck": "stuck:", "shut": "shut by the world:"}
+    return f"{what[done.kind or 'deadlock']} {', '.join(done.members)} ({same})"
 
 
 def _import_map(map: Path, style: str, **options: Any) -> int:

@@ -52,7 +52,7 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
 
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_copies = any(row.jittered for row in rows)
-    columns = ["id", "status", "score", "signature", "who", "layer", "simulated"]
+    columns = ["id", "status", "score", "kind", "signature", "who", "layer", "simulated"]
     columns += ["copies that fail"] if with_copies else []
     with_repeats = any(row.repeats for row in rows)
     columns += ["came again"] if with_repeats else []
@@ -66,6 +66,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             row.id,
             row.status,
             f"{row.score:+.3f}" if row.status == "ok" else "",
+            row.kind,
             row.signature,
             row.who,
             row.layer,
@@ -89,6 +90,8 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.core.claims import KIND_TEXT
+    from mrta_falsify.specs.causes import kind_of
     from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
     from mrta_falsify.verbs.stored_trials import (
         compared_sentences,
@@ -96,16 +99,19 @@ def show_command(directory: Path, id: str, style: str) -> int:
         open_campaign,
         what_happened,
     )
+    from reports.sentences import beside_sentences
     from reports.stack_sentences import coupling_facts
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
-    told = what_happened(campaign, record)
+    told, kind = what_happened(campaign, record), kind_of(record.verdicts)
+    beside = beside_sentences(record.verdicts)
     certificate = read_certificate(campaign.folder(record))
     proved = claim_sentences(certificate) if certificate is not None else ()
     if style == "json":
         verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
-        data = {"id": record.id, "failed": record.failed, "happened": told, "certified": proved}
+        data = {"id": record.id, "failed": record.failed, "kind": kind, "happened": told}
+        data |= {"certified": proved, "beside": beside}
         data |= codec.encode(record)
         output.print_json({**data, "verdicts": verdicts})
         return ExitCode.DONE
@@ -114,6 +120,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
     out.print(f"score      {record.score:+.4f}")
     if record.signature:
         out.print(f"failure    {record.signature}")
+    if kind:
+        out.print(f"kind       {KIND_TEXT[kind]}")
     for text in told:
         out.print(f"           {text}")
     for text in proved:
@@ -132,6 +140,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:
         out.print(_verdict_line(verdict))
+    for text in beside:
+        out.print(f"  {text}")
     out.print(f"digests    world {record.world_digest[:16]}  trace {record.trace_digest[:16]}")
     out.print(f"time       {record.sim_time:.1f} s simulated, ended: {record.ended}")
     if record.trace_file:

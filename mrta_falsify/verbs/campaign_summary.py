@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,14 +15,16 @@ from mrta_falsify.campaigns.statistics import (
     why_no_probability,
 )
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.claims import KIND_TEXT, KINDS
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.specs.causes import DEADLOCK
+from mrta_falsify.specs.causes import DEADLOCK, kind_of
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
 
+OTHER = "other"  #: kind of the failures that are neither deadlock nor stuck nor shut
 INTERRUPTED = "the campaign was interrupted; its budget is not run out"
 
 
@@ -33,6 +36,7 @@ class FailureMode:
     count: int
     ids: tuple[str, ...]  #: of the trials; knife edges last, so that the first is worth a look
     is_afterthought: bool = later(False)  #: only in what the campaign looks for last
+    kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +108,9 @@ class CampaignSummary:
     ended: str
     directory: str
     repeated: RepeatCounts | None = later(None)  #: of a stack in a process of its own
-    deadlocks: int = later(0)  #: of the failures
+    deadlocks: int = later(0)  #: of the failures, those of ``no_deadlock``, whatever their kind
+    #: failures by kind: deadlock, stuck, shut (by the world), and other; without afterthoughts
+    kinds: dict[str, int] = later(dict)
     uncounted: int = later(0)  #: trials that were under way when the search ended; stored, too
     afterthoughts: int = later(0)  #: of the failures, those only in what is looked for last
     then: tuple[str, ...] = later(())  #: what is looked for last
@@ -147,6 +153,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         repeated=repeat_counts(campaign),
         confirmed=engine_agreement(campaign),
         deadlocks=deadlock_count(counted),
+        kinds=_by_kind(progress.kinds),
         uncounted=len(campaign.records) - len(counted),
         afterthoughts=progress.afterthoughts,
         then=campaign.settings.trials.then,
@@ -183,11 +190,36 @@ def comparison_sentence(counts: StackComparison) -> str:
 
 
 def deadlock_count(records: Sequence[TrialRecord]) -> int:
-    """Count the trials with a deadlock."""
+    """Count the trials that violate ``no_deadlock``, whatever their kind."""
     return sum(
         any(verdict.violated and verdict.spec == DEADLOCK for verdict in record.verdicts)
         for record in records
     )
+
+
+def failures_by_kind(records: Iterable[TrialRecord]) -> dict[str, int]:
+    """Count failures by kind: deadlock, stuck, shut, and other.
+
+    Those only in what is looked for last are not counted: together they are all failures.
+    """
+    failed = (record for record in records if record.failed and not record.is_afterthought)
+    return _by_kind(Counter(kind_of(record.verdicts) for record in failed))
+
+
+def _by_kind(counts: Counter[str]) -> dict[str, int]:
+    return {**{kind: counts[kind] for kind in KINDS}, OTHER: counts[""]}
+
+
+def kinds_text(counts: Mapping[str, int]) -> str:
+    """Write counts of :func:`failures_by_kind`, as ``2 deadlocks, 1 stuck, 3 failed otherwise``.
+
+    Places that the world shut are counted only if there are any.
+    """
+    deadlocks = counts["deadlock"]
+    told = [f"{deadlocks} deadlock" + "s" * (deadlocks != 1), f"{counts['stuck']} stuck"]
+    told += [f"{counts[OTHER]} failed otherwise"]
+    told += [f"{counts['shut']} {KIND_TEXT['shut']}"] if counts["shut"] else []
+    return ", ".join(told)
 
 
 def unseen_in(campaign: Campaign) -> Unseen | None:
@@ -300,7 +332,7 @@ def unjudged_sentences(campaign: Campaign) -> tuple[str, ...]:
 
 
 def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
-    """Group failures by signature: deadlocks, other failures, then what is looked for last.
+    """Group failures by signature: deadlocks, stuck, others, shut, then what is looked for last.
 
     Each with the most frequent first. Failures that the other stack does not pass, where there is
     one, are only counted (:func:`stack_comparison`).
@@ -315,15 +347,16 @@ def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
             count=len(records),
             ids=tuple(record.id for record in records),
             is_afterthought=records[0].is_afterthought,
+            kind=kind_of(records[0].verdicts),
         )
         for name, records in groups.items()
     ]
     return tuple(sorted(found, key=_rank))
 
 
-def _rank(mode: FailureMode) -> tuple[bool, bool, int, str]:
-    is_deadlock = mode.signature.split("/")[0] == DEADLOCK
-    return mode.is_afterthought, not is_deadlock, -mode.count, mode.signature
+def _rank(mode: FailureMode) -> tuple[bool, int, int, str]:
+    place = ("deadlock", "stuck", "", "shut").index(mode.kind)
+    return mode.is_afterthought, place, -mode.count, mode.signature
 
 
 def screening_agreement(campaign: Campaign) -> ScreeningAgreement | None:

@@ -12,13 +12,14 @@ import yaml
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core import codec
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import write_world
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.pictures import trial_view
@@ -198,7 +199,9 @@ def _commands(config: StackConfig) -> tuple[tuple[str, str], ...]:
 
 def _facts(record: TrialRecord, view: RunView) -> tuple[tuple[str, str], ...]:
     copies = (f"{record.jittered.failed} of {record.jittered.runs}",) if record.jittered else ()
+    kind = kind_of(record.verdicts)
     return (
+        *((("kind", KIND_TEXT[kind]),) if kind else ()),
         ("world digest", view.world.digest()),
         ("trace digest", view.trace.digest),
         ("engine", record.engine),

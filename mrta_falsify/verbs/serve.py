@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -22,9 +23,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from mrta_falsify.campaigns.store import owner_of, read_campaign_settings, read_records
+from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.specs.causes import DEADLOCK, leading
+from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
 from mrta_falsify.verbs.folders import Place
 from reports.live_page import render_live
 from reports.sentences import violation_sentence
@@ -45,7 +47,7 @@ class Mode:
 
     happened: str  #: in the first of them, in one sentence
     first: str  #: id of the trial
-    is_deadlock: bool
+    kind: str  #: deadlock, stuck or shut; empty: none of them
     count: int = 0
 
 
@@ -58,7 +60,8 @@ class LiveSummary:
     trials: int = 0
     judged: int = 0
     failed: int = 0
-    deadlocks: int = 0
+    deadlocks: int = 0  #: failures of ``no_deadlock``, whatever their kind
+    kinds: Counter[str] = field(default_factory=Counter)
     rejected: int = 0  #: impossible ones included
     errors: int = 0
     sim_time: float = 0.0  #: [s]
@@ -88,7 +91,7 @@ class LiveSummary:
         if record.is_reported:
             self._take_failure(record)
         if self.judged % self._every == 0:
-            self.points.append((self.judged, self.failed, self.deadlocks))
+            self.points.append((self.judged, self.failed, self.kinds["deadlock"]))
         if len(self.points) > MOST_POINTS:
             self.points = self.points[1::2]
             self._every *= 2
@@ -96,18 +99,19 @@ class LiveSummary:
     def _take_failure(self, record: TrialRecord) -> None:
         verdict = leading(record.verdicts)
         told = violation_sentence(verdict) if verdict is not None else ""
-        is_deadlock = any(v.violated and v.spec == DEADLOCK for v in record.verdicts)
+        kind = kind_of(record.verdicts)
         self.failed += 1
-        self.deadlocks += is_deadlock
+        self.deadlocks += any(v.violated and v.spec == DEADLOCK for v in record.verdicts)
+        self.kinds[kind] += 1
         self.latest = f"Trial {record.id}: {told}"
         if record.signature not in self.modes and len(self.modes) >= MOST_MODES:
             return
-        mode = self.modes.setdefault(record.signature, Mode(told, record.id, is_deadlock))
+        mode = self.modes.setdefault(record.signature, Mode(told, record.id, kind))
         mode.count += 1
 
     def data(self) -> dict[str, Any]:
         """Give what the page shows, JSON-shaped and of bounded size."""
-        ranked = sorted(self.modes.values(), key=lambda mode: (not mode.is_deadlock, -mode.count))
+        ranked = sorted(self.modes.values(), key=_rank)
         return {
             "running": owner_of(self.directory),
             "budget": read_campaign_settings(self.directory).budget,
@@ -115,14 +119,19 @@ class LiveSummary:
             "judged": self.judged,
             "failed": self.failed,
             "deadlocks": self.deadlocks,
+            "kinds": {kind: self.kinds[kind] for kind in KINDS},
             "rejected": self.rejected,
             "errors": self.errors,
             "hours": round(self.sim_time / 3600.0, 3),
             "latest": self.latest,
             "modes": [[mode.count, mode.happened, mode.first] for mode in ranked[:SHOWN_MODES]],
             "further_modes": max(0, len(ranked) - SHOWN_MODES),
-            "points": [*self.points, (self.judged, self.failed, self.deadlocks)],
+            "points": [*self.points, (self.judged, self.failed, self.kinds["deadlock"])],
         }
+
+
+def _rank(mode: Mode) -> tuple[int, int]:
+    return ("deadlock", "stuck", "", "shut").index(mode.kind), -mode.count
 
 
 @dataclass(slots=True)

@@ -22,7 +22,7 @@ from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.specs.causes import by_cause, leading
+from mrta_falsify.specs.causes import by_cause, kind_of, leading
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.worker import open_program, stack_of, trial_job
@@ -48,7 +48,7 @@ class TrialRow:
     jittered_failures: int
     violated: tuple[str, ...]  #: specifications
     headline: str  #: what happened, in one sentence; empty if nothing is violated
-    who: str  #: robots concerned, the root of a deadlock first, those held up in brackets
+    who: str  #: robots concerned, the root of those that stand first, those held up in brackets
     layer: str  #: as explained, by rules on the trace if it has not been explained
     engine: str
     sim_time_s: float
@@ -65,6 +65,7 @@ class TrialRow:
     other: Literal["", "passes", "fails", "not judged"] = later("")
     other_jittered: int = later(0)  #: the same copies that were run on the other stack
     other_jittered_failures: int = later(0)
+    kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -119,6 +120,7 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
         other=record.other.fate if record.other else "",
         other_jittered=theirs.runs if theirs else 0,
         other_jittered_failures=theirs.failed if theirs else 0,
+        kind=kind_of(record.verdicts),
     )
 
 

@@ -37,9 +37,11 @@
   }
 
   function tell(data) {
-    const { judged, deadlocks, failed } = data;
+    const { judged, failed } = data, { deadlock, stuck, shut } = data.kinds;
+    const others = failed - deadlock - stuck - shut;
     show("headline", `${count(judged, "trial", "trials")}${data.budget ? ` of ${data.budget}` : ""}: ` +
-      `${count(deadlocks, "deadlock", "deadlocks")}, ${count(failed - deadlocks, "other failure", "other failures")}`);
+      `${count(deadlock, "deadlock", "deadlocks")}, ${stuck} stuck, ${count(others, "other failure", "other failures")}` +
+      (shut ? `, ${shut} shut by the world` : ""));
     show("state", `${data.running ? "Running" : "Not running"}; ${data.hours.toFixed(2)} h simulated; ` +
       `${count(data.rejected, "scene", "scenes")} rejected or impossible, ${count(data.errors, "error", "errors")} of the toolkit.`);
     show("latest", data.latest ? `Latest: ${data.latest}` : "No failure yet.");

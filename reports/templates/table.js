@@ -99,7 +99,7 @@
         if (i === 0 && document.getElementById(`trial-${text}`)) cell.append(element("a", { href: `#trial-${text}`, textContent: text }));
         else if (i === 2 && value && document.getElementById(`mode-${text}`)) cell.append(element("a", { href: `#mode-${text}`, textContent: text }));
         else cell.textContent = text;
-        if (i === 1) cell.classList.add({ deadlock: "bad", failure: "bad", pass: "good" }[value] || "soft");
+        if (i === 1) cell.classList.add({ deadlock: "bad", stuck: "bad", failure: "bad", pass: "good" }[value] || "soft");
         return cell;
       }));
     }

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mrta_falsify.core.claims import claim_kind
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.verbs.floor_import import DEFAULT_RADIUS
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.incident.judging import Suspicion, suspicion_in
@@ -27,11 +31,12 @@ class Confirmation:
     """What a stack did in the incident's world."""
 
     stack: str
-    deadlock: bool
-    members: tuple[str, ...]  #: of its deadlock
+    deadlock: bool  #: ``no_deadlock`` is violated, whatever the kind
+    members: tuple[str, ...]  #: robots that stand
     same: bool  #: they are among those of the log, or those among them
     delivered: int
     tasks: int
+    kind: str = later("")  #: deadlock, stuck or shut; empty: ``no_deadlock`` holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,7 +184,7 @@ def _map_note(record: FleetLog, known: World | None) -> tuple[str, ...]:
 
 
 def _comment(source: Path, scene: Scene, members: tuple[str, ...], waits: tuple[str, ...]) -> str:
-    what = f"{', '.join(members)} suspected of a deadlock" if members else "no deadlock suspected"
+    what = f"{', '.join(members)} {suspected_of(members)}" if members else "no deadlock suspected"
     lines = [
         f"The neighbourhood of {source.name}, from {scene.begin:.1f} s on: {what}.",
         "",
@@ -188,6 +193,12 @@ def _comment(source: Path, scene: Scene, members: tuple[str, ...], waits: tuple[
         "Starts, headings, arrivals and goals vary around it; -p spread=0 is the incident itself.",
     ]
     return "\n".join(lines)
+
+
+def suspected_of(members: Sequence[str]) -> str:
+    """Say what robots that stand in a log are suspected of."""
+    is_deadlock = claim_kind({"members": members}) == "deadlock"
+    return "suspected of a deadlock" if is_deadlock else "suspected to be stuck"
 
 
 def _confirmation(
@@ -205,4 +216,5 @@ def _confirmation(
         same=bool(found) and (set(found) <= members or members <= set(found)),
         delivered=outcome.tasks.completed,
         tasks=outcome.tasks.total,
+        kind=kind_of([verdict]),
     )

@@ -13,14 +13,17 @@ import yaml
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_summary import (
     FailureMode,
     comparison_sentence,
+    failures_by_kind,
+    kinds_text,
     modes,
     stack_comparison,
     unjudged_sentences,
@@ -30,7 +33,7 @@ from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
 from mrta_falsify.verbs.report.summary import summary_sentences
-from mrta_falsify.verbs.report.trial_table import is_deadlock, trial_table
+from mrta_falsify.verbs.report.trial_table import trial_table
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.page import write_page
 from reports.sentences import violation_sentence
@@ -132,14 +135,18 @@ def _headline(
     if compared is not None:
         return f"{judged} trials: {comparison_sentence(compared)}"
     last = sum(record.is_afterthought for record in failed)
-    sought = len(failed) - last
-    count = sum(not mode.is_afterthought for mode in found)
+    counts = failures_by_kind(failed)
+    shut = counts.pop("shut")
+    sought = len(failed) - last - shut
+    count = sum(not mode.is_afterthought and mode.kind != "shut" for mode in found)
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
     first = f"{sought} of {judged} trials {verb} a specification, in {kinds}"
+    first += f": {kinds_text({**counts, 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"
-        first += " that is looked for first" if last else ""
+        first += " that is looked for first" if last or shut else ""
+    first += f"; {shut} {KIND_TEXT['shut']}" if shut else ""
     names = " or ".join(campaign.settings.trials.then)
     return f"{first}; {last} only {names}" if last else first
 
@@ -190,7 +197,7 @@ def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
         failed=tuple(record.is_reported for record in judged),
-        deadlocked=tuple(record.is_reported and is_deadlock(record) for record in judged),
+        deadlocked=tuple(r.is_reported and kind_of(r.verdicts) == "deadlock" for r in judged),
         situations=_situations_so_far(judged),
         places=places,
     )

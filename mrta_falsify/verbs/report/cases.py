@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 from mrta_falsify.campaigns.attribution import WHOLE, blocked_time, robots_concerned
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.causes import by_cause
+from mrta_falsify.specs.causes import by_cause, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
@@ -255,6 +256,7 @@ def _minimised_on_other(
 
 
 def _facts(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str], ...]:
+    kind = kind_of(record.verdicts)
     return (
         ("trial", f"{record.id} of {campaign.directory}"),
         ("engine", record.engine),
@@ -262,6 +264,7 @@ def _facts(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str], ..
         ("candidate seed", str(record.candidate.seed)),
         ("world digest", record.world_digest),
         ("trace digest", record.trace_digest),
+        *((("kind", KIND_TEXT[kind]),) if kind else ()),
         ("simulated", f"{record.sim_time:.1f} s, ended: {record.ended}"),
         ("scenes tried", str(record.attempts)),
         *coupling_facts(record.coupling),

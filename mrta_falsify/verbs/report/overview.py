@@ -6,19 +6,23 @@ from collections import Counter
 from collections.abc import Sequence
 
 from mrta_falsify.campaigns.store import Campaign, owner_of
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_summary import (
+    OTHER,
     NoProbability,
-    deadlock_count,
     engine_agreement,
+    failures_by_kind,
     probability_of,
     screening_agreement,
     unseen_in,
     unseen_sentence,
 )
 from reports.contents import ErrorKind
+from reports.sentences import beside_sentences
 
 SECONDS_PER_HOUR = 3600.0
+MOST_BESIDE = 10  # notes of trials
 
 
 def facts_of(
@@ -36,12 +40,15 @@ def facts_of(
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
     computed = sum(record.wall_s + record.scene_s for record in campaign.records)
     first = next((i for i, record in enumerate(judged, start=1) if record.is_sought), None)
+    counts = failures_by_kind(failed)
     last = sum(record.is_afterthought for record in failed)
     facts = [
         ("scenario", settings.trials.scenario),
         ("trials", str(len(judged))),
-        ("deadlocks", str(deadlock_count(campaign.records))),
-        ("other failures", str(len(failed) - deadlock_count(campaign.records) - last)),
+        ("deadlocks", str(counts["deadlock"])),
+        ("stuck", str(counts["stuck"])),
+        ("other failures", str(counts[OTHER])),
+        *([(KIND_TEXT["shut"], str(counts["shut"]))] if counts["shut"] else []),
         *([(f"only {' or '.join(settings.trials.then)}", str(last))] if last else []),
         ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
         ("scenes rejected", str(statuses["rejected"])),
@@ -67,7 +74,22 @@ def notes_of(campaign: Campaign) -> tuple[str, ...]:
     """Say how likely a violation is, or why that is not known, and how much is still unseen."""
     unseen = unseen_in(campaign)
     seen = (f"{unseen_sentence(unseen)}.",) if unseen is not None else ()
-    return _chance_notes(campaign) + seen
+    return _chance_notes(campaign) + seen + _beside_notes(campaign)
+
+
+def _beside_notes(campaign: Campaign) -> tuple[str, ...]:
+    """Tell what verdicts note beside their outcomes, of the first trials that have any."""
+    told = [
+        f"Trial {record.id}: {text}"
+        for record in campaign.records
+        for text in beside_sentences(record.verdicts)
+    ]
+    more = (
+        (f"{len(told) - MOST_BESIDE} further notes of this kind.",)
+        if len(told) > MOST_BESIDE
+        else ()
+    )
+    return (*told[:MOST_BESIDE], *more)
 
 
 def _chance_notes(campaign: Campaign) -> tuple[str, ...]:

@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign_summary import FailureMode, unseen_in
-from mrta_falsify.verbs.report.trial_table import dimension_names, is_deadlock
+from mrta_falsify.verbs.campaign_summary import OTHER, FailureMode, failures_by_kind, unseen_in
+from mrta_falsify.verbs.report.trial_table import dimension_names
 from reports.sentences import listed
 
 SECONDS_PER_HOUR = 3600.0
@@ -47,12 +48,18 @@ def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> lis
     name = Path(campaign.settings.trials.scenario).stem
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
     reported = [record for record in judged if record.is_reported]
-    deadlocks = sum(map(is_deadlock, reported))
-    others = [record for record in reported if not is_deadlock(record)]
-    last = sum(record.is_afterthought for record in others)
-    told = [_share("ended in a deadlock", deadlocks, len(judged))]
-    if len(others) > last:
-        told.append(_share("failed otherwise", len(others) - last, len(judged)))
+    counts = failures_by_kind(reported)
+    last = sum(record.is_afterthought for record in reported)
+    told = [_share("ended in a deadlock", counts["deadlock"], len(judged))]
+    told += [
+        _share(what, counts[kind], len(judged))
+        for kind, what in (
+            ("stuck", "ended with robots stuck"),
+            (OTHER, "failed otherwise"),
+            ("shut", "had a place shut by the world"),
+        )
+        if counts[kind]
+    ]
     if last:
         missed = " or ".join(name.replace("_", " ") for name in campaign.settings.trials.then)
         told.append(_share(f"failed only in {missed}", last, len(judged)))
@@ -75,6 +82,7 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
 def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
     suspected = Counter(layers.get(r.id, "").replace("_", " ") for r in judged if r.is_reported)
     suspected.pop("", None)
+    suspected.pop(WORLD, None)  # no part of the stack
     if not suspected:
         return []
     named = [f"the {name} ({count})" for name, count in suspected.most_common(MOST_NAMED)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.specs.causes import DEADLOCK, leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_summary import FailureMode
 from reports.contents import TrialRow, TrialTable
 
@@ -66,18 +66,13 @@ def values_of(record: TrialRecord) -> tuple[float | None, ...]:
     return record.values or tuple(map(float, record.candidate.u))
 
 
-def is_deadlock(record: TrialRecord) -> bool:
-    """Whether a deadlock was found in a trial."""
-    return any(verdict.violated and verdict.spec == DEADLOCK for verdict in record.verdicts)
-
-
 def outcome_of(record: TrialRecord) -> str:
     """Say in a word what became of a trial."""
     if record.status != "ok":
         return FATES.get(record.status, record.status)
     if not record.failed:
         return "pass"
-    return "deadlock" if is_deadlock(record) else "failure"
+    return kind_of(record.verdicts) or "failure"
 
 
 def _row(record: TrialRecord, mode: int, kept: Sequence[int]) -> TrialRow:
