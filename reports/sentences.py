@@ -11,6 +11,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.claims import Claim, leading_claim
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
+    STALLED,
     PresentObject,
     WaitAccount,
     WaitsFor,
@@ -22,7 +23,6 @@ from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
 SHOWN_FROM = 0.1  # s of blocked time below which a cause is not worth a word
-STALLED = "stalled"  # the cause where nothing is known to be in the way
 MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {

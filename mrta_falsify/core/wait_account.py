@@ -16,7 +16,8 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
 #: what is waited for where no robot, person or thing is known, by cause; a solid otherwise
-NOTHING_KNOWN = {"stalled": "nothing", "no-path": "no way", "queue": "the queue"}
+NOTHING_KNOWN = {"no-path": "no way", "queue": "the queue"}
+STALLED = "stalled"  #: cause of a robot that does not drive although nothing is in its way
 PUSHED = "pushed by"  #: text of the arrow from a thing to the person who has it
 
 
@@ -107,6 +108,8 @@ class WaitAccount:
     def _waiting(self) -> Iterator[Arrow]:
         things = [item.name for item in self.objects if item.kind != "wall"]
         for wait in self.waits:
+            if wait.cause == STALLED and not wait.blocked_by and not wait.resource:
+                continue  # it waits for nothing
             resource = wait.resource if wait.blocked_by else ""  # else it is the node
             held = wait.cause == "wall" and not wait.resource
             for end in things if held and things else [awaited_node(wait)]:
@@ -119,14 +122,16 @@ class WaitAccount:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """List the nodes of the wait-for graph: those of the arrows, then what else took part.
+        """List the nodes of the wait-for graph: of the arrows, members, then what else took part.
 
         Who pushes something comes after it.
         """
         carriers = {item.name: item.carried_by for item in self.objects if item.carried_by}
         ends = [name for arrow in self.arrows for name in (arrow.start, arrow.end)]
         beside = [item.name for item in self.objects if item.kind != "wall"]
-        names = dict.fromkeys(name for end in (*ends, *beside) for name in (end, carriers.get(end)))
+        names = dict.fromkeys(
+            name for end in (*ends, *self.members, *beside) for name in (end, carriers.get(end))
+        )
         return tuple(name for name in names if name)
 
 
@@ -159,7 +164,7 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         ahead = {wait.blocked_by for wait in waits if wait.cause != "human"}
         waits += _followed(ahead | set(victims), members, verdict, trace)
     unexplained = set(members) - {wait.robot for wait in waits}
-    waits += [WaitsFor(name, "stalled") for name in members if name in unexplained]
+    waits += [WaitsFor(name, STALLED) for name in members if name in unexplained]
     place = {name: i for i, name in enumerate(members)}
     onset = found.get("onset")
     return WaitAccount(

@@ -1,16 +1,20 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 
 import pytest
 
 from mrta_falsify.campaigns.executors import ProcessExecutor, SerialExecutor
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import feedback_of, run_campaign, sampler_options
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import RECORDS, Store, StoreError, read_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.verbs.campaign import resume_campaign
 from tests.campaigns.standin import settings
 
 
@@ -152,6 +156,65 @@ def test_records_of_another_sampler_are_not_gone_on_with(tmp_path):
         pytest.raises(StoreError, match=r"another point.* in another directory, or delete"),
     ):
         _run(store, budget=5)
+
+
+def _bytes_of(directory: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(directory)): p.read_bytes() for p in directory.rglob("*.*")} | {
+        "lock": (directory / "lock").read_bytes()
+    }
+
+
+def test_what_cannot_go_on_is_left_as_it_is(tmp_path):
+    """Neither a gap in the log, which would be run first, nor a new budget, nor a torn line."""
+    with Store.create(tmp_path / "a", settings(seed=1)) as store:
+        _run(store, budget=8)
+    lines = (tmp_path / "a" / RECORDS).read_bytes().splitlines(keepends=True)
+    with Store.create(tmp_path / "b", settings(seed=2)) as store:
+        _run(store, budget=5)
+    log = tmp_path / "b" / RECORDS
+    own = sorted(log.read_bytes().splitlines(keepends=True), key=_number)
+    log.write_bytes(
+        b"".join([*own[:3], *(one for one in lines if _number(one) in (4, 5))]) + b"torn"
+    )
+    before = _bytes_of(tmp_path / "b")
+    with Store.resume(tmp_path / "b") as store:
+        store.keep_budget(99)
+        with pytest.raises(StoreError, match="trial 0004 was asked for at another point"):
+            _run(store, budget=99)
+    assert _bytes_of(tmp_path / "b") == before
+
+
+def _number(line: bytes) -> int:
+    return int(json.loads(line.partition(b"\t")[2])["candidate"]["number"])
+
+
+def test_a_gap_in_the_log_is_filled(tmp_path):
+    with Store.create(tmp_path / "a", settings()) as store:
+        _run(store, budget=12)
+        whole = store.finished
+    lines = (tmp_path / "a" / RECORDS).read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines if _number(line) not in (2, 4, 11)]
+    (tmp_path / "a" / RECORDS).write_bytes(b"".join(kept))
+    with Store.resume(tmp_path / "a") as store:
+        _run(store, budget=12)
+        assert store.finished.keys() == whole.keys()
+
+
+@pytest.mark.parametrize(
+    ("rules", "complaint"),
+    [(1, r"rules 1, .* the last commit that can is 73399d2"), (RULES + 1, "a newer version")],
+)
+def test_a_campaign_of_other_rules_does_not_go_on_and_is_left_as_it_is(tmp_path, rules, complaint):
+    stored = dataclasses.replace(settings(), rules=rules)
+    with Store.create(tmp_path / "c", stored) as store:
+        _run(store, budget=5)
+    with (tmp_path / "c" / RECORDS).open("ab") as log:
+        log.write(b"torn")
+    before = _bytes_of(tmp_path / "c")
+    with pytest.raises(StoreError, match=complaint):
+        resume_campaign(tmp_path / "c", budget=99)
+    assert _bytes_of(tmp_path / "c") == before
+    assert len(read_campaign(tmp_path / "c").records) >= 5
 
 
 def test_an_unknown_sampler_is_refused(tmp_path):

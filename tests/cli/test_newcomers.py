@@ -292,7 +292,8 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
     result = CampaignResult(campaign=campaign, progress=counts, ended="stop-after", wall_s=1.0)
     summary = mf.summarise_campaign(result)
     assert (summary.deadlocks, summary.uncounted) == (deadlocks, 8 - told)
-    assert summary.failed >= summary.deadlocks + summary.afterthoughts
+    assert summary.failed == sum(summary.kinds.values()) + summary.afterthoughts
+    assert (summary.kinds["deadlock"], summary.kinds["stuck"]) == (0, deadlocks)
     campaign_output.print_campaign(result)
     said = f"{8 - told} more were under way when it ended; they are stored, too"
     assert (said in capsys.readouterr().out) == (told < 8)

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from mrta_falsify.campaigns.attribution import suspected_layer
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature_before
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import World
@@ -107,7 +107,7 @@ def outcome_of(name: str, stack: dict[str, Any], engine: str) -> dict[str, Any]:
         "world_digest": world.digest(),
         "trace_digest": judged.outcome.trace.digest,
         "ended": judged.outcome.ended,
-        "signature": signature(judged.verdicts),
+        "signature": signature_before(judged.verdicts),  # the form that the rows were stored in
         "layer": suspected_layer(judged.verdicts, judged.outcome.trace) if judged.failed else "",
         "verdicts": [
             [v.spec, repr(v.robustness), v.violated_at, list(v.who)] for v in judged.verdicts

@@ -73,7 +73,7 @@ def read(html: str) -> Answers:
     """Look for the answers in the text of a report with one case."""
     lines = lines_of(html)
     text = "\n".join(lines)
-    stuck = "is stuck for good|are stuck for good|wait for each other for good"
+    stuck = "is stuck|are stuck|wait for each other|hold each other up"
     what = re.search(rf"^(.+?) (?:{stuck})\b(.*)$", text, re.MULTILINE)
     names = re.findall(r"[\w-]+", what[1].replace(" and ", ", ")) if what else []
     found = re.search(r"\(found at ([\d.]+) s\)", what[2]) if what else None

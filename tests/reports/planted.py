@@ -8,8 +8,9 @@ import numpy as np
 
 from benchmarks.defects.worlds import PLANTS
 from mrta_falsify.campaigns.attribution import suspected_layer
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
-from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
@@ -68,6 +69,7 @@ def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
             directory=str(directory.resolve()),
         ),
         cube=Cube(dimensions=2),
+        rules=RULES,
     )
     record = TrialRecord(
         candidate=Candidate(number=0, u=np.zeros(2)),
@@ -78,6 +80,7 @@ def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
         descriptors=judged.descriptors,
         score=search_score(judged.margins),
         signature=signature(judged.verdicts),
+        signature_before=signature_before(judged.verdicts),
         layer=suspected_layer(judged.verdicts, judged.outcome.trace),
         trace_file="trials/0000/trace.zip",
         trace_digest=judged.outcome.trace.digest,

@@ -82,7 +82,7 @@ def test_the_page_tells_what_failed_when_and_who(page):
     for part in (
         "1 of 1 specifications violated: no_deadlock",
         "no_deadlock violated -2 3.00 s robot1, robot2",
-        "robot1 and robot2 are stuck for good (found at 3.0 s)",
+        "robot1 and robot2 hold each other up (found at 3.0 s)",
         "suspected layer: controller",
         "Run it again: mrta-falsify run x",
         "ended horizon",

@@ -8,6 +8,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitsFor, wait_account
 from reports.sentences import (
     account_sentences,
+    beside_sentences,
     blocked_text,
     consequence_sentence,
     violation_sentence,
@@ -39,7 +40,7 @@ PAIR = (row("robot1", "barrier", "robot2"), row("robot2", "barrier", "robot1"))
 
 def test_a_symmetric_pair_waits_for_each_other_and_has_no_victim():
     assert violation_sentence(stuck(*PAIR, members=["robot1", "robot2"])) == (
-        "robot1 and robot2 wait for each other for good (found at 42.0 s); "
+        "robot1 and robot2 wait for each other (found at 42.0 s); "
         "they have made no progress since 40.0 s."
     )
 
@@ -52,14 +53,70 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
         objects=[BED, {"name": "porter1", "kind": "person", "carried_by": ""}],
     )
     assert violation_sentence(verdict) == (
-        "robot3 is stuck for good behind bed2 (pushed by porter1) (found at 42.0 s); "
+        "robot3 is stuck behind bed2 (pushed by porter1) (found at 42.0 s); "
         "it has made no progress since 40.0 s; robot1 and robot2 are held up by it."
     )
     assert who_text(verdict) == "robot3 (robot1, robot2)"
     ring = stuck(*PAIR, members=["robot1", "robot2"], root="robot2", objects=[BED])
     assert violation_sentence(ring).startswith(
-        "robot2 and robot1 wait for each other for good beside bed2 (pushed by porter1) (found"
+        "robot2 and robot1 wait for each other beside bed2 (pushed by porter1) (found"
     )
+
+
+@pytest.mark.parametrize(
+    ("evidence", "told"),
+    [
+        ({}, "robot1 and robot2 wait for each other (found"),  # of a version that gave no bound
+        ({"stands_for": 240.0}, "robot1 and robot2 wait for each other for at least 240 s (found"),
+        (
+            {"stands_for": 240.0, "for_good": True},
+            "robot1 and robot2 wait for each other for good (found",
+        ),
+        (
+            {"kind": "stuck", "stands_for": 240.0},
+            "robot1 and robot2 are stuck for at least 240 s (found",
+        ),
+    ],
+)
+def test_a_sentence_says_for_how_long_robots_were_shown_to_stand(evidence, told):
+    found = violation_sentence(stuck(*PAIR, members=["robot1", "robot2"], **evidence))
+    assert found.startswith(told)
+    assert "deadlock" not in found
+
+
+def test_a_shut_place_is_named_with_what_shut_it_and_since_when():
+    verdict = stuck(
+        row("robot3", "no-path", resource="bed2"),
+        members=["robot3"],
+        objects=[BED],
+        kind="shut",
+        shut_room="ward_3",
+        shut_by=["bed2"],
+        shut_since=141.2,
+        stands_for=240.0,
+    )
+    assert violation_sentence(verdict) == (
+        "ward_3 is shut by bed2 (pushed by porter1) since 141 s: robot3 cannot go on for at least "
+        "240 s (found at 42.0 s); it has made no progress since 40.0 s."
+    )
+
+
+def test_what_only_work_freed_and_what_the_run_refuted_is_told_beside_the_verdict():
+    holds = Verdict(
+        spec="no_deadlock",
+        robustness=4.0,
+        violated=False,
+        evidence={
+            "held_until_work": [{"robot": "robot1", "since": 12.0, "until": 60.0}],
+            "contradictions": [
+                {"members": ["robot2"], "claimed_at": 10.0, "refuted_at": 44.0, "robot": "robot2"}
+            ],
+        },
+    )
+    held, refuted = beside_sentences([holds])
+    assert held == ("robot1 was held until new work arrived, from 12.0 s to 60.0 s: no deadlock.")
+    assert "at 10.0 s it claimed that robot2 stands, at 44.0 s the run refuted it" in refuted
+    assert beside_sentences([stuck(*PAIR, members=["robot1", "robot2"])]) == ()
 
 
 def test_no_path_says_whose_bed_fills_the_door():

@@ -24,11 +24,20 @@ def world():
 
 @pytest.mark.parametrize(
     ("cause", "node"),
-    [("stalled", "nothing"), ("no-path", "no way"), ("wall", "solid"), ("queue", "the queue")],
+    [("no-path", "no way"), ("wall", "solid"), ("queue", "the queue")],
 )
 def test_the_node_fits_the_cause(cause, node, world):
     account = WaitAccount(waits=(WaitsFor("robot1", cause),), members=("robot1",))
     assert f"robot1 waits for {node} ({cause})" in draw_wait_graph(account, world)
+
+
+def test_a_robot_with_nothing_in_its_way_waits_for_no_node(world):
+    waits = (WaitsFor("robot1", "stalled"), WaitsFor("robot2", "barrier", "robot1"))
+    account = WaitAccount(waits=waits, members=("robot1",), victims=("robot2",))
+    assert account.nodes == ("robot2", "robot1")
+    assert draw_wait_graph(account, world).count("<polygon") == 1
+    alone = WaitAccount(waits=waits[:1], members=("robot1",))
+    assert (alone.arrows, alone.nodes) == ((), ("robot1",))
 
 
 def test_every_arrow_of_a_cycle_is_drawn_and_its_root_has_a_rim(world):

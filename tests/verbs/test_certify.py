@@ -80,7 +80,7 @@ def test_commands_tell_what_is_proved(ring_campaign):
     for text in (shown.stdout, certified.stdout):
         assert "Certified: from 6.2 s on robot1, robot2, robot3, robot4" in text
         assert "robot6 wants to enter west, which robot1 fills." in text
-    assert certified.stdout.endswith("1 of 1 deadlocks certified\n")
+    assert certified.stdout.endswith("1 of 1 trials with robots that stand certified\n")
 
 
 @pytest.mark.slow

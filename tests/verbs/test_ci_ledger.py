@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Recheck
 from mrta_falsify.verbs.ci import cell_run, ledger, running
-from mrta_falsify.verbs.ci.cells import Cell
+from mrta_falsify.verbs.ci.cells import Cell, _stored_findings
 from mrta_falsify.verbs.ci.ledger import CellState, Example, Finding, changes_of, merged
 from mrta_falsify.verbs.ci.project import read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
 from mrta_falsify.verbs.ci.running import CellOutcome, CiResult
+from mrta_falsify.verbs.corpus import judged_run
 from reports.markdown import render_markdown
 
+RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
 HERE = Example("runs/first", "0001")
 
 
@@ -89,9 +94,93 @@ def test_most_runs_of_a_world_and_its_copies_decide(fate, failures, expected, mo
         signature_now="new mode",
         jittered_failures=failures,
         jittered=2,
+        forms_now=("new mode", "new mode before"),
     )
     found = cell_run._finding_of(finding("old mode"), HERE, row, 3)
     assert (found and found.fate, found and found.signature) == (expected, mode)
+
+
+# --- modes of earlier rules ------------------------------------------------------------------
+
+
+def signed(now: str, *before: str, fate: str = "failing", since: int = 9) -> Finding:
+    """A finding of today's rules."""
+    return dataclasses.replace(finding(now, fate, since), rules=RULES, before=before)
+
+
+def test_a_mode_of_earlier_rules_goes_on_in_its_form():
+    old = [finding("1:wall"), finding("deadlines"), finding("2:wall,wall", since=4)]
+    now = merged(
+        old,
+        [
+            signed("stuck:wall", "1:wall"),
+            signed("shut:bed", "1:wall"),
+            signed("deadlines", "deadlines"),
+            signed("stuck:no-path", "1:wall", "2:wall,wall"),
+        ],
+        (),
+        number=9,
+    )  # fmt: skip
+    assert kinds(old, list(now)) == dict.fromkeys(
+        ("stuck:wall", "shut:bed", "deadlines", "stuck:no-path"), "ongoing"
+    )
+    assert {one.since for one in now} == {1}
+    again = merged(now, now, (), number=10)
+    assert set(kinds(list(now), list(again)).values()) == {"ongoing"}
+
+
+def test_of_earlier_rules_only_what_is_not_seen_is_resolved_and_it_may_come_back():
+    old = [finding("1:wall"), finding("2:barrier")]
+    now = merged(old, [signed("stuck:wall", "1:wall")], (), number=2)
+    assert kinds(old, list(now)) == {"stuck:wall": "ongoing", "2:barrier": "resolved"}
+    later = merged(now, [signed("2:barrier", "2:barrier"), signed("new", "other")], (), number=3)
+    (back,) = [change for change in changes_of(
+        CellState(name="c", parts={}, findings=now), CellState(name="c", parts={}, findings=later)
+    ) if change.signature == "2:barrier"]  # fmt: skip
+    assert (back.kind, back.came_back, back.since) == ("new", True, 3)
+    assert kinds(list(now), list(later))["new"] == "new"
+
+
+def test_a_world_that_only_fails_in_copies_keeps_the_form_of_its_mode():
+    old = [finding("1:wall")]
+    seen = [finding("1:wall", "flaky"), signed("stuck:wall", "1:wall")]
+    (one,) = merged(old, seen, (), number=2)
+    assert (one.signature, one.rules, one.fate) == ("stuck:wall", RULES, "failing")
+    (alone,) = merged(old, seen[:1], (), number=2)
+    assert (alone.signature, alone.rules, alone.fate) == ("1:wall", 1, "flaky")
+
+
+@pytest.mark.parametrize("name", ["beds", "stalls"])
+def test_a_stored_corpus_of_earlier_rules_goes_on_mode_by_mode(name, tmp_path):
+    """Each of its failures is found again, with the evidence that a run has today."""
+    (tmp_path / "mrta-falsify.yaml").write_text("corpus: [c]\n")
+    project = read_project(tmp_path)
+    campaign = read_campaign(RECORDED / name)
+    known = _stored_findings(project, campaign)
+    seen = []
+    for record in campaign.records:
+        if not record.failed:
+            continue
+        run = judged_run([_as_judged_today(verdict) for verdict in record.verdicts])
+        row = Recheck(
+            id=record.id, fate="still failing", signature="", violated=run.violated,
+            signature_now="", jittered_failures=0, jittered=0, kind_now=run.kind,
+            forms_now=(run.signature, run.signature_before),
+        )  # fmt: skip
+        (of,) = [one for one in known if record.id in {e.id for e in one.examples}]
+        seen.append(cell_run._finding_of(of, HERE, row, 2))
+    now = merged(known, seen, (), number=2)
+    assert set(kinds(list(known), list(now)).values()) == {"ongoing"}
+    assert {one.rules for one in now} == {RULES}
+
+
+def _as_judged_today(verdict):
+    if verdict.spec != "no_deadlock" or not verdict.violated:
+        return verdict
+    rows = verdict.evidence["cycle"]
+    corrected = [{**row, "cause": "no-path", "resource": "bed1"} for row in rows]
+    today = {"kind": "shut", "shut_by": ["bed1"], "cycle": corrected, "cycle_seen": rows}
+    return dataclasses.replace(verdict, evidence={**verdict.evidence, **today})
 
 
 def test_a_ledger_is_read_as_it_was_written(tmp_path):

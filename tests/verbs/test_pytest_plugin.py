@@ -43,7 +43,7 @@ def test_a_stored_failure_is_a_test_that_tells_what_happens(pytester, campaign):
     result.assert_outcomes(failed=1, deselected=1)
     result.stdout.fnmatch_lines(
         [
-            "still failing: robot* stuck for good*",
+            "still failing: robot* stuck*",
             "picture: *.pytest_cache/d/mrta-falsify/campaign/0000.png",
             f"again: mrta-falsify replay {campaign.directory} 0000 --live",
         ]

@@ -69,8 +69,9 @@ def test_the_summary_follows_the_campaign(served):
     store.add(numbered(record, 1, passes=True))
     data = json.loads(asked(server)[1])
     assert (data["judged"], data["failed"], data["deadlocks"]) == (2, 1, 1)
+    assert data["kinds"] == {"deadlock": 0, "stuck": 1, "shut": 0}
     assert "process" in data["running"]
-    assert "robot1 is stuck for good" in data["latest"]
+    assert "robot1 is stuck" in data["latest"]
     assert data["modes"][0][0] == 1
     assert data["points"][-1] == [2, 1, 1]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mrta_falsify.campaigns.attribution import WHOLE
+from mrta_falsify.campaigns.attribution import WHOLE, WORLD
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
@@ -99,7 +99,8 @@ def suspicion_from(
 ) -> Suspicion:
     """Suspect a layer from what its changes did.
 
-    A stack in a process of its own is suspected as a whole. The rules, the first that applies:
+    A place that the world shut is of no layer. A stack in a process of its own is suspected as a
+    whole. The rules, the first that applies:
 
     1. The shipped layer in place of another one removes the failure: that layer, the trace's own
        guess if there are several.
@@ -120,6 +121,8 @@ def suspicion_from(
         direct: whether the violation itself names the layer.
         knife_edge: whether most copies with small differences pass.
     """
+    if guess == WORLD:
+        return Suspicion(WORLD, "the world shut a place during the run, no layer of the stack did")
     if guess == WHOLE:
         return Suspicion(WHOLE, _of_whole(counterfactuals))
     restored = _cures([found for found in counterfactuals if found.restores])

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.attribution import points_directly, suspect
+from mrta_falsify.campaigns.attribution import WORLD, points_directly, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
@@ -122,7 +122,7 @@ def explain_job(
     failure = failure_of(job, verdict, trace)
     guess = suspect(job.config, judged.verdicts, trace)
     at = moment_of_change(verdict) if job.config.stack is None else 0.0
-    changes = changes_of(job.config)[: max(1, max_runs - 1)]
+    changes = () if guess == WORLD else changes_of(job.config)[: max(1, max_runs - 1)]
     expected = min(max_runs, 1 + len(changes) + FEW)
     count = RunCount(max_runs, expected + rewinds, on_done)
     count.add()

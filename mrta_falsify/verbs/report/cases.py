@@ -18,7 +18,7 @@ from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.causes import by_cause, kind_of
+from mrta_falsify.specs.causes import by_cause, is_shut, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
@@ -182,6 +182,8 @@ def _other_case(
 
 def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     """Say what the trace shows of the layer that the rules point to."""
+    if is_shut(verdict):
+        return "The world shut a place during the run; no layer of the stack did."
     until = verdict.violated_at if verdict.violated_at is not None else trace.duration
     robots = robots_concerned(verdict, trace) or list(trace.robots)
     spent = blocked_time(trace, until, robots)

@@ -84,12 +84,9 @@ def _beside_notes(campaign: Campaign) -> tuple[str, ...]:
         for record in campaign.records
         for text in beside_sentences(record.verdicts)
     ]
-    more = (
-        (f"{len(told) - MOST_BESIDE} further notes of this kind.",)
-        if len(told) > MOST_BESIDE
-        else ()
-    )
-    return (*told[:MOST_BESIDE], *more)
+    if len(told) > MOST_BESIDE:
+        told[MOST_BESIDE:] = [f"{len(told) - MOST_BESIDE} further notes of this kind."]
+    return tuple(told)
 
 
 def _chance_notes(campaign: Campaign) -> tuple[str, ...]:
