@@ -13,11 +13,14 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
+from mrta_falsify.core.claims import claim_kind
 from mrta_falsify.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
     from mrta_falsify.verbs.incident.importing import Confirmation, ImportedLog
+
+SUSPECTED = {"deadlock": "a deadlock of", "stuck": "to be stuck:"}  # what a log shows, by kind
 
 DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
 
@@ -81,14 +84,13 @@ def _import_log(log: Path, style: str, **options: Any) -> int:
 
 
 def _print_log(done: ImportedLog) -> None:
-    from mrta_falsify.verbs.incident.importing import suspected_of
-
     out = output.stdout()
     out.print(f"log       {done.duration_s:.0f} s, {len(done.robots)} robots")
     out.print(f"goals     {'; '.join(done.goals)}")
     if done.suspected:
         since = "" if done.onset_s is None else f", since {done.onset_s:.1f} s"
-        out.print(f"{', '.join(done.suspected)} {suspected_of(done.suspected)}{since}")
+        what = SUSPECTED[claim_kind({"members": done.suspected})]
+        out.print(f"suspected {what} {', '.join(done.suspected)}{since}")
         for line in done.waits:
             out.print(f"          {line}")
     else:
@@ -103,7 +105,7 @@ def _confirmed_text(done: Confirmation) -> str:
         return f"no deadlock; {done.delivered} of {done.tasks} tasks delivered"
     same = "confirmed" if done.same else "of other robots than in the log"
     what = {"deadlock": "a deadlock of", "stuck": "stuck:", "shut": "shut by the world:"}
-    return f"{what[done.kind or 'deadlock']} {', '.join(done.members)} ({same})"
+    return f"{what[done.kind]} {', '.join(done.members)} ({same})"
 
 
 def _import_map(map: Path, style: str, **options: Any) -> int:

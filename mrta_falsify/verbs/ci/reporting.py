@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import shlex
 
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.verbs.ci.ledger import Change, ChangeKind
 from mrta_falsify.verbs.ci.project import Project
@@ -28,7 +29,8 @@ def headline_of(result: CiResult) -> str:
     """Count the changes in one line."""
     counts = ", ".join(f"{result.count(kind)} {kind}" for kind in ORDER)
     against = f"against the run of {result.last}" if result.last else "the first run"
-    return f"{counts}; {against}"
+    kinds = ", ".join(f"{n} {KIND_TEXT[kind]}" for kind, n in result.kinds.items() if n)
+    return f"{counts}{f' ({kinds})' if kinds else ''}; {against}"
 
 
 def contents_of(project: Project, result: CiResult) -> ReportContents:
@@ -100,6 +102,7 @@ def _table(result: CiResult, kind: ChangeKind) -> Table:
         (
             change.cell,
             change.signature,
+            KIND_TEXT.get(change.failure_kind, ""),
             change.sentence,
             f"run {change.since}" + (", came back" if change.came_back else ""),
         )
@@ -108,7 +111,7 @@ def _table(result: CiResult, kind: ChangeKind) -> Table:
     ]
     return Table(
         title=f"{kind.capitalize()}: {len(rows)}",
-        columns=("where", "mode", "what happens", "since"),
+        columns=("where", "mode", "kind", "what happens", "since"),
         rows=tuple(rows),
         notes=(f"{kind.capitalize()}: {MEANINGS[kind]}.",),
     )

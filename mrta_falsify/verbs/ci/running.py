@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.store import owner_of
+from mrta_falsify.core.claims import KINDS
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.findings import Recheck
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.verbs.campaign import OnTold
@@ -53,6 +55,7 @@ class CiResult:
     changes: tuple[Change, ...]  #: new ones first
     at_rest: int  #: findings that were resolved before, and still are
     gone: tuple[str, ...] = ()  #: cells of the last run that the project has no more
+    kinds: dict[str, int] = later(dict)  #: of the changes that fail now: deadlock, stuck, shut
 
     def count(self, kind: ChangeKind) -> int:
         """Count the changes of a kind."""
@@ -115,6 +118,7 @@ def run_project(
             number=before.number + 1, ended=time.strftime("%Y-%m-%d %H:%M"), cells=tuple(states)
         )
         resolved = sum(one.fate == "resolved" for state in states for one in state.findings)
+        failing = [change.failure_kind for change in changes if change.kind != "resolved"]
         result = CiResult(
             project=str(project.path),
             number=now.number,
@@ -123,6 +127,7 @@ def run_project(
             changes=tuple(sorted(changes, key=lambda one: (ORDER.index(one.kind), one.cell))),
             at_rest=resolved - sum(change.kind == "resolved" for change in changes),
             gone=tuple(cell.name for cell in before.cells if now.cell(cell.name) is None),
+            kinds={kind: failing.count(kind) for kind in KINDS},
         )
         on_result(result)
         write_ledger(project.kept, now)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -184,7 +183,9 @@ def _map_note(record: FleetLog, known: World | None) -> tuple[str, ...]:
 
 
 def _comment(source: Path, scene: Scene, members: tuple[str, ...], waits: tuple[str, ...]) -> str:
-    what = f"{', '.join(members)} {suspected_of(members)}" if members else "no deadlock suspected"
+    is_deadlock = claim_kind({"members": members}) == "deadlock"
+    of = "suspected of a deadlock" if is_deadlock else "suspected to be stuck"
+    what = f"{', '.join(members)} {of}" if members else "no deadlock suspected"
     lines = [
         f"The neighbourhood of {source.name}, from {scene.begin:.1f} s on: {what}.",
         "",
@@ -193,12 +194,6 @@ def _comment(source: Path, scene: Scene, members: tuple[str, ...], waits: tuple[
         "Starts, headings, arrivals and goals vary around it; -p spread=0 is the incident itself.",
     ]
     return "\n".join(lines)
-
-
-def suspected_of(members: Sequence[str]) -> str:
-    """Say what robots that stand in a log are suspected of."""
-    is_deadlock = claim_kind({"members": members}) == "deadlock"
-    return "suspected of a deadlock" if is_deadlock else "suspected to be stuck"
 
 
 def _confirmation(
