@@ -39,8 +39,9 @@ def run(margin: float | None) -> Any:
     return SimpleNamespace(
         verdicts=(verdict,),
         margins=margins,
-        then=(),
+        secondary=frozenset(),
         is_sought=verdict.violated,
+        is_shut=False,
         outcome=SimpleNamespace(trace=trace, ended="horizon", sim_time=60.0, wall_s=1.0),
     )
 

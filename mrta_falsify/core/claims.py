@@ -31,14 +31,13 @@ def claim_kind(claim: Claim, who: Collection[str] = ()) -> ClaimKind:
 
     Args:
         claim: of any version; older ones do not name the kind, the number of members tells it.
-        who: the robots that the verdict names, for evidence that names no members.
+        who: the robots that the verdict names, of evidence without members.
     """
     named = claim.get("kind")
     for kind in KINDS:
         if kind == named:
             return kind
-    waiting = {row["robot"] for row in claim.get("cycle", ())}
-    members = claim.get("members") or waiting or who
+    members = claim.get("members") or who or {row["robot"] for row in claim.get("cycle", ())}
     return "deadlock" if len(members) > 1 else "stuck"
 
 

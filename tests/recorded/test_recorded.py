@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -9,9 +10,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.cli import main
 from mrta_falsify.core.record import versions
+from mrta_falsify.verbs.ci.ledger import Example, Finding, changes_of, merged, read_ledger
 from tests.recorded.record import (
     CAMPAIGNS,
     ENGINES,
@@ -106,6 +110,52 @@ def test_a_stored_corpus_has_the_same_fates(stored):
     before = json.loads((CAMPAIGNS / f"{stored.name}.corpus.json").read_text())
     now = json.loads(_run("corpus", str(stored), "--format", "json"))
     assert list(map(_fate, now["failures"])) == list(map(_fate, before["failures"]))
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A copy of a project that commit 73399d2 has run once."""
+    shutil.copytree(CAMPAIGNS.parent / "ledger", tmp_path / "project")
+    return tmp_path / "project"
+
+
+def test_modes_of_a_stored_ledger_go_on_under_the_signatures_of_today(project):
+    (cell,) = read_ledger(project / "kept").cells
+    seen = []
+    for folder in (project / "kept" / "campaigns").iterdir():
+        for record in read_campaign(folder).records:
+            now = Finding(
+                signature=signature(record.verdicts),
+                fate="failing",
+                examples=(Example(str(folder), record.id),),
+                sentence="",
+                since=2,
+                rules=RULES,
+                before=(signature_before(record.verdicts),),
+            )
+            seen += [now] if record.failed else []
+    assert {finding.rules for finding in cell.findings} == {1}
+    found = dataclasses.replace(cell, findings=merged(cell.findings, seen, (), 2))
+    changes = changes_of(cell, found)
+    assert [(change.kind, change.since) for change in changes] == [("ongoing", 1)]
+    assert {finding.rules for finding in found.findings} == {RULES}
+
+
+@pytest.mark.long
+def test_no_mode_of_a_stored_ledger_is_new_or_resolved_by_the_update(project):
+    first = json.loads(_run("ci", str(project), "--format", "json", "--workers", "1"))
+    assert (first["new"], first["resolved"], first["ongoing"]) == (0, 0, 1)
+    again = json.loads(_run("ci", str(project), "--all", "--format", "json", "--workers", "1"))
+    assert (again["new"], again["resolved"], again["ongoing"]) == (0, 0, 1)
+
+
+@pytest.mark.parametrize("stored", SEARCHES, indirect=True)
+def test_a_stored_campaign_does_not_go_on_and_is_left_as_it_is(stored):
+    before = {path: path.read_bytes() for path in stored.rglob("*") if path.is_file()}
+    result = CliRunner().invoke(main, ["campaign", "--resume", str(stored), "--budget", "99"])
+    assert result.exit_code == 2
+    assert "73399d2" in result.stderr
+    assert {path: path.read_bytes() for path in stored.rglob("*") if path.is_file()} == before
 
 
 def _fate(row):

@@ -73,7 +73,7 @@ def test_the_summary_follows_the_campaign(served):
     assert "process" in data["running"]
     assert "robot1 is stuck" in data["latest"]
     assert data["modes"][0][0] == 1
-    assert data["points"][-1] == [2, 1, 1]
+    assert data["points"][-1] == [2, 1, 0]  # judged, failed, of these deadlocks
 
 
 def test_a_torn_last_line_is_read_once_it_is_whole(served):
@@ -175,7 +175,7 @@ def test_the_live_page_follows_a_campaign(served, width):
         head = "document.getElementById('headline').textContent"
         running.wait(f"{head}.startsWith('0 trials')")
         store.add(numbered(record, 0))
-        running.wait(f"{head}.startsWith('1 trial: 1 deadlock')")
+        running.wait(f"{head}.startsWith('1 trial: 0 deadlocks, 1 stuck')")
         assert running.value("document.documentElement.scrollWidth") <= width
         assert running.errors == []
 
