@@ -18,6 +18,7 @@ from mrta_falsify.core.wait_account import (
     wait_account,
 )
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
+from mrta_falsify.specs.holds import main_kinds
 from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
@@ -35,6 +36,9 @@ CAUSES = {
     "stalled": "has a goal and a free path but does not drive",
     "task": "waits for a task",
 }
+
+#: what held a robot, by the kinds of the evidence
+HOLDERS = {"person": "people", "robot": "robots", "solid": "solids"}
 
 MEANINGS = {
     "no_robot_robot_contact": "two robots touched",
@@ -98,7 +102,23 @@ def _detail(verdict: Verdict) -> str:
         room = f" at {claim['room']}" if claim.get("room") else ""
         task = f" of task{claim['task']}" if claim.get("task", -1) >= 0 else ""
         return f"; it claimed {claim['kind']}{task}{room}: {claim['reason']}"
+    if verdict.spec == "progress":
+        return _held_text(evidence)
     return ""
+
+
+def _held_text(evidence: Mapping[str, Any]) -> str:
+    """Say how long a robot was held while it made no progress, and by what; may be empty."""
+    kinds = main_kinds(evidence)
+    if kinds is None:
+        return ""
+    robot, held, since = evidence["robot"], evidence["held_s"], evidence["since"]
+    span = f"{evidence['time'] - since:.1f} s since {since:.1f} s"
+    if not kinds:
+        return f"; {robot} was held for only {held:.1f} of the {span}"
+    by = [f"{HOLDERS[kind]} for {seconds:.1f} s" for kind, seconds in evidence["held"].items()]
+    names = f" (longest by {listed(list(evidence['holders']))})" if evidence["holders"] else ""
+    return f"; {robot} was held for {held:.1f} of the {span}: by {listed(by)}{names}"
 
 
 def _standing_sentence(verdict: Verdict, when: str) -> str:

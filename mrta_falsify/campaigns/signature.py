@@ -26,6 +26,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
 from mrta_falsify.specs.deadlock.place_kind import place_kind
+from mrta_falsify.specs.holds import main_kinds
 
 #: evidence that tells modes of one specification apart
 TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
@@ -110,11 +111,13 @@ def _shutting(account: WaitAccount, claim: Claim) -> Sequence[PresentObject]:
 
 
 def _holders(verdict: Verdict) -> str:
-    """Name the kinds of what holds the robot; empty if the evidence does not tell."""
-    held_by = verdict.evidence.get("held_by")
-    if not isinstance(held_by, Sequence) or isinstance(held_by, str):
+    """Name the kinds of what held the robot; empty if the evidence does not tell."""
+    kinds = main_kinds(verdict.evidence)
+    if kinds is None:  # of an older version, which tells the last instant at most
+        kinds = verdict.evidence.get("held_by")
+    if not isinstance(kinds, Sequence) or isinstance(kinds, str):
         return ""
-    return "+".join(map(str, held_by)) or "nothing"
+    return "+".join(map(str, kinds)) or "nothing"
 
 
 def _last_holders(verdict: Verdict) -> str:

@@ -49,55 +49,20 @@ def _closest(human: Array, contact: BoolArray) -> tuple[float, bool]:
     return max(least, 0.0), touched
 
 
-@dataclass(slots=True)
-class _MovingBeforeContact:
-    """Tells robots that drive from robots that stand, even while a person pushes them.
-
-    During a contact with a person the state from before holds, unless the robot is commanded
-    to drive and does. So a robot that is shoved does not count as moving.
-    """
-
-    _velocity: Array | None = None  #: (N, 3) of the last tick
-    _moving: BoolArray | None = None  #: (N,) of the last tick, None: not worked out
-
-    def skip(self, frame: Frame) -> None:
-        """Take in a tick whose answer is not needed."""
-        self._velocity = frame.sensed.velocity
-        self._moving = None
-
-    def update(self, frame: Frame) -> BoolArray:
-        """Take in a tick; which robots ``(N,)`` count as moving."""
-        velocity, contact = frame.sensed.velocity, frame.sensed.contact
-        before = velocity if self._velocity is None else self._velocity
-        held = self._moving
-        if held is None:
-            held = np.sqrt(before[:, 0] ** 2 + before[:, 1] ** 2) > DRIVING_SPEED
-        self._velocity = velocity
-        self._moving = _moving(velocity, before, frame.command.twist, contact, held)
-        return self._moving
-
-
-@njit(cache=True)
-def _moving(
-    velocity: Array, before: Array, twist: Array, contact: BoolArray, held: BoolArray
-) -> BoolArray:
-    moving = held.copy()
-    for i in range(len(velocity)):
-        drives = np.hypot(velocity[i, 0], velocity[i, 1]) > DRIVING_SPEED
-        if contact[i, 1]:
-            commanded = np.hypot(twist[i, 0], twist[i, 1]) > DRIVING_SPEED
-            moving[i] = held[i] or (drives and commanded)
-        else:
-            moving[i] = drives or np.hypot(before[i, 0], before[i, 1]) > DRIVING_SPEED
-    return moving
-
-
 class ContactCounter:
-    """Counts contact episodes of each pair: onsets after at least 0.5 s without contact."""
+    """Counts contact episodes of each pair, and says which robots count as moving.
+
+    An episode begins with a touch after at least 0.5 s without one. Update it once a tick.
+
+    A robot counts as moving if it is faster than ``DRIVING_SPEED`` in a tick or in the tick
+    before. While a person touches it, and in pauses of up to 0.5 s between touches, it counts as
+    what it was in the tick before the first touch, until it drives as it was commanded to: so a
+    robot that is shoved does not count as moving. An episode in which a robot at rest begins to
+    drive is counted as both.
+    """
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode with control period ``dt`` [s]."""
-        self._moving = _MovingBeforeContact()
         self._last: dict[tuple[str, int, int], float] = {}
         self._totals = {
             "robot_robot": 0,
@@ -106,28 +71,52 @@ class ContactCounter:
             "robot_human_at_rest": 0,
         }
         self._settle = max(CONTACT_PAUSE, 1.5 * dt)
+        self._moving = np.zeros(len(world.robots), dtype=np.bool_)
+        self._touched = np.full(len(world.robots), -np.inf)  # last time by a person [s]
+        self._touch = -np.inf  # the same of any robot [s]
+        self._frames: tuple[Frame, Frame] | None = None  # of the tick before, and of this one
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
-        if not closest(frame.sensed).touched:
-            self._moving.skip(frame)
+        sensed = frame.sensed
+        self._frames = (frame if self._frames is None else self._frames[1], frame)
+        is_touched = closest(sensed).touched
+        if not is_touched and sensed.time - self._touch > self._settle:
             return
-        contact = frame.sensed.contact
-        moving = self._moving.update(frame)
-        for i, kind in zip(*np.nonzero(contact), strict=True):
+        moving = self.moving()
+        if is_touched:
+            self._count(sensed, moving)
+
+    def moving(self) -> BoolArray:
+        """Say which robots ``(N,)`` count as moving in the tick that was taken in last."""
+        assert self._frames is not None, "a tick was taken in"
+        before, now = self._frames
+        velocities = now.sensed.velocity, before.sensed.velocity
+        twist, contact, time = before.command.twist, now.sensed.contact, now.sensed.time
+        state = self._touched, self._moving
+        _note_motion(*velocities, twist, contact, time, self._settle, *state)
+        return self._moving
+
+    def speed(self, i: int) -> float:
+        """Measure the speed [m/s] of robot ``i``, in the tick before if it was faster then."""
+        frames = self._frames or ()
+        return max(float(np.hypot(*frame.sensed.velocity[i, :2])) for frame in frames)
+
+    def _count(self, sensed: Sensed, moving: BoolArray) -> None:
+        for i, kind in zip(*np.nonzero(sensed.contact), strict=True):
             robot, other = int(i), -1
             name = ("robot_robot", "robot_human", "robot_static")[kind]
             if kind == 0:
-                other = int(frame.sensed.nearest_robot[i])
+                other = int(sensed.nearest_robot[i])
                 robot, other = min(robot, other), max(robot, other)
             elif kind == 1:
-                other = int(frame.sensed.nearest_human[i])
+                other = int(sensed.nearest_human[i])
                 name = name if moving[i] else "robot_human_at_rest"
-            key = ("robot_human" if kind == 1 else name, robot, other)
-            known = self._last.get(key, -np.inf)
-            if frame.sensed.time - known > self._settle:
+                self._touch = sensed.time
+            key = (name, robot, other)
+            if sensed.time - self._last.get(key, -np.inf) > self._settle:
                 self._totals[name] += 1
-            self._last[key] = frame.sensed.time
+            self._last[key] = sensed.time
 
     def totals(self) -> dict[str, int]:
         """Count the episodes so far: robot_robot, robot_human, robot_static, robot_human_at_rest.
@@ -135,6 +124,42 @@ class ContactCounter:
         ``robot_human`` are those of a moving robot only.
         """
         return dict(self._totals)
+
+
+@njit(cache=True)
+def _note_motion(
+    velocity: Array,
+    before: Array,
+    twist: Array,
+    contact: BoolArray,
+    time: float,
+    pause: float,
+    touched: Array,
+    moving: BoolArray,
+) -> None:
+    """Bring ``moving`` ``(N,)`` and ``touched`` ``(N,)`` [s] to a tick; doing it twice is once.
+
+    Args:
+        velocity: ``(N, 3)`` of the tick.
+        before: ``(N, 3)`` of the tick before.
+        twist: ``(N, 3)`` commanded in the tick before, which led to ``velocity``.
+        contact: ``(N, 3)`` touched a robot, a person, a solid.
+        time: of the tick [s].
+        pause: longest time between touches of one episode [s].
+        touched: last time by a person.
+        moving: who counts as moving.
+    """
+    for i in range(len(velocity)):
+        drives = np.hypot(velocity[i, 0], velocity[i, 1]) > DRIVING_SPEED
+        drove = np.hypot(before[i, 0], before[i, 1]) > DRIVING_SPEED
+        is_known = time - touched[i] <= pause
+        if contact[i, 1] or is_known:
+            commanded = np.hypot(twist[i, 0], twist[i, 1]) > DRIVING_SPEED
+            moving[i] = (moving[i] if is_known else drove) or (drives and commanded)
+        else:
+            moving[i] = drives or drove
+        if contact[i, 1]:
+            touched[i] = time
 
 
 class _NarrowestGap:
@@ -157,12 +182,11 @@ class _NarrowestGap:
             return
         sensed = frame.sensed
         who = self._names(frame, i)
-        speed = float(np.hypot(sensed.velocity[i, 0], sensed.velocity[i, 1]))
         nearest = {
             "gap": float(gaps[i]),
             "time": sensed.time,
             "robot": self._world.robots[i].name,
-            "speed": speed,
+            "speed": self._speed(frame, i),
             "x": float(sensed.pose[i, 0]),
             "y": float(sensed.pose[i, 1]),
         }
@@ -171,6 +195,9 @@ class _NarrowestGap:
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         return self._narrowest.verdict(**self._more())
+
+    def _speed(self, frame: Frame, i: int) -> float:
+        return float(np.hypot(*frame.sensed.velocity[i, :2]))
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         return (self._world.robots[i].name,)
@@ -288,46 +315,33 @@ class _HumanGap(_NarrowestGap):
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""
         super().start(world, dt)
-        self._moving = _MovingBeforeContact()
         self._at_rest = GAP_CAP
         self._news_below = self._least_news()
-        self._quiet: Frame | None = None  # the last tick, if nothing in it was new
         self._counter = ContactCounter()
         self._counter.start(world, dt)
 
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
+        if not self._world.humans:
+            return
+        self._counter.update(frame)
         near = closest(frame.sensed)
         if not near.touched and near.human >= self._news_below:
-            self._quiet = frame
             return
-        gaps = self._gaps(frame)
-        self._quiet = None
-        if len(gaps):
-            self._note(frame, gaps)
-        self._news_below = self._least_news()
-
-    def _gaps(self, frame: Frame) -> Array:
-        if not len(self._world.humans):
-            return np.zeros(0)
-        if self._quiet is not None:
-            self._counter.update(self._quiet)
-            self._moving.skip(self._quiet)
-        sensed = frame.sensed
-        gaps = _with_contacts(sensed.gap_human, sensed.contact[:, 1])
-        self._counter.update(frame)
-        if gaps.min(initial=np.inf) >= max(self._narrowest.margin + self.limit, self._at_rest):
-            self._moving.skip(frame)
-            return np.zeros(0)  # nothing new
-        moving = self._moving.update(frame)
+        gaps = _with_contacts(frame.sensed.gap_human, frame.sensed.contact[:, 1])
+        if gaps.min(initial=np.inf) >= self._news_below:
+            return
+        moving = self._counter.moving()
         self._at_rest = min(self._at_rest, float(np.where(moving, np.inf, gaps).min()))
-        if self._options.count_at_rest:
-            return gaps
-        return np.where(moving, gaps, np.inf)
+        self._note(frame, gaps if self._options.count_at_rest else np.where(moving, gaps, np.inf))
+        self._news_below = self._least_news()
 
     def _least_news(self) -> float:
         """Find the gap [m] that changes nothing, as all wider ones, without a contact."""
         return max(self._narrowest.margin + self.limit, self._at_rest)
+
+    def _speed(self, frame: Frame, i: int) -> float:
+        return self._counter.speed(i)
 
     def _names(self, frame: Frame, i: int) -> tuple[str, ...]:
         human = int(frame.sensed.nearest_human[i])
@@ -347,8 +361,10 @@ class _HumanGap(_NarrowestGap):
 class NoRobotHumanContact(_HumanGap):
     """No moving robot touches a person. Robustness: narrowest surface gap [m].
 
-    ``evidence["nearest"]["speed"]`` is the robot's speed at the nearest pass; contacts of
-    people who walk into a robot at rest are counted in ``evidence["at_rest"]``.
+    Which robots count as moving is for :class:`ContactCounter` to say, whose counts are in
+    ``evidence["contacts"]`` and, of people who walk into a robot at rest, in
+    ``evidence["at_rest"]``. ``evidence["nearest"]["speed"]`` is the robot's speed at the nearest
+    pass, or in the tick before if that is larger.
     """
 
     name = "no_robot_human_contact"

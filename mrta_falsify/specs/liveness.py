@@ -22,6 +22,7 @@ from mrta_falsify.specs.books import Ledger
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD, CounterfactualTest
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.standstill import Standstill
+from mrta_falsify.specs.holds import Holds, kind_of
 from mrta_falsify.specs.running_min import RunningMin
 from mrta_falsify.specs.suspicion import UNCONFIRMED, awaits_an_end, suspected
 
@@ -136,7 +137,9 @@ class SteadyProgress(ApproachMargin):
     the window has violated it, whatever it does next; ``no_livelock`` and ``no_deadlock`` claim
     that a robot never gets there. Robots at their goal (served, or waiting at their spot) are
     exempt: queues are judged by ``no_starvation`` and ``no_deadlock``. Robustness [s]: window
-    minus the longest time without such progress.
+    minus the longest time without such progress. The evidence tells how long the robot was held in
+    that time, and by whom or what (:class:`~mrta_falsify.specs.holds.Holds`); ``held_by`` are the
+    kinds at its last instant.
     """
 
     _spec = "progress"
@@ -151,19 +154,27 @@ class SteadyProgress(ApproachMargin):
     def __init__(self, options: Options) -> None:
         super().__init__(options.window, options.step)
 
+    def start(self, world: World, dt: float) -> None:
+        """Begin an episode."""
+        super().start(world, dt)
+        self._holds = Holds(world)
+
+    def update(self, frame: Frame) -> None:
+        """Take in one tick."""
+        self._holds.update(frame.blocked_by, frame.sensed.time, self._approach.since)
+        super().update(frame)
+
+    def _look(self, frame: Frame) -> None:
+        self._holds.forget(self._approach.since)
+
     def _seen(self, i: int, frame: Frame) -> dict[str, Any]:
-        return {"held_by": held_by(i, frame.blocked_by)}
+        held = self._holds.evidence(i, frame.sensed.time)
+        return {"held_by": held_by(i, frame.blocked_by), **held}
 
 
 def held_by(robot: int, edges: Iterable[BlockedBy]) -> list[str]:
     """Name the kinds of what holds a robot: person, robot, solid; none: nothing that is seen."""
-    kinds = set()
-    for edge in edges:
-        if edge.robot == robot and edge.other >= 0:
-            kinds.add("person" if edge.cause == "human" else "robot")
-        elif edge.robot == robot and edge.cause in ("wall", "no-path"):
-            kinds.add("solid")
-    return sorted(kinds)
+    return sorted({kind_of(edge) for edge in edges if edge.robot == robot} - {""})
 
 
 class NoStarvation:
