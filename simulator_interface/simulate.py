@@ -43,7 +43,7 @@ ENDED_BY: dict[FailureKind, str] = {
 class TaskCount:
     """Tasks by how they ended, as the harness's own books say."""
 
-    total: int
+    total: int  #: that arrive before the horizon
     completed: int  #: claimed by the stack and confirmed by motion
     late: int  #: delivered after the deadline, or not at all
     told: bool = later(True)  #: False: the stack does not tell its deliveries, so nothing is known
@@ -98,7 +98,7 @@ def _check_unscripted(world: World) -> None:
 def _end_of(running: Episode, frame: Frame) -> str:
     if running.books.due and running.books.closed:
         return "all-tasks-done"
-    if frame.sensed.time >= running.world.horizon - 0.5 * running.dt:
+    if running.world.is_over(frame.sensed.time, running.dt):
         return "horizon"
     return ""
 
@@ -299,7 +299,11 @@ class EpisodeRun:
             trace=self._recorder.finish(self.ended),
             verdicts=self._verdicts(),
             contacts=self._contacts.totals(),
-            tasks=_count_tasks(books, told=self.frame is None or self.frame.tells.deliveries),
+            tasks=_count_tasks(
+                books,
+                self.frame.sensed.time if self.frame is not None else 0.0,
+                told=self.frame is None or self.frame.tells.deliveries,
+            ),
             robots_finished=books.robots_finished(),
             ended=self.ended,
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
@@ -320,9 +324,11 @@ class EpisodeRun:
         return verdicts
 
 
-def _count_tasks(books: Books, *, told: bool) -> TaskCount:
-    tasks, delivered = books.world.tasks, books.delivered
-    late = sum(time > tasks[number].deadline for number, time in delivered.items())
-    missing = len(tasks) - len(delivered)
-    count = TaskCount(total=len(tasks), completed=len(delivered), late=late + missing)
+def _count_tasks(books: Books, time: float, *, told: bool) -> TaskCount:
+    late = {task for task, margin in books.margins(time).items() if margin < 0.0}
+    count = TaskCount(
+        total=len(books.due),
+        completed=len(books.due) - len(books.open),
+        late=len(late.union(books.open)),
+    )
     return count if told else replace(count, told=False)

@@ -93,6 +93,8 @@ class Trace:
     edges: tuple[EdgeSpan, ...]
     ended: str  #: why the episode ended: "all-tasks-done", "horizon", "decided"
     digest: str  #: sha256 over every frame and the reason of the end
+    #: tick that brought each of ``events``; empty: an older version, which did not keep it
+    event_ticks: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """Number of ticks K."""
@@ -122,6 +124,7 @@ class TraceRecorder:
     _store: ColumnStore | None = None  #: of the columns, as the first tick has them
     _paths: list[PathChange] = field(default_factory=list)
     _events: list[StackEvent] = field(default_factory=list)
+    _event_ticks: list[int] = field(default_factory=list)
     _spans: list[EdgeSpan] = field(default_factory=list)
     _open: dict[BlockedBy, int] = field(default_factory=dict)  #: since which tick
     _last_edges: tuple[BlockedBy, ...] = ()
@@ -143,6 +146,7 @@ class TraceRecorder:
             self._store = self._store or ColumnStore(_layout_of(frame))
             self._store.add(row)
             self._events.extend(frame.events)
+            self._event_ticks.extend([tick] * len(frame.events))
             self._add_edges(tick, frame.blocked_by)
 
     def _add_paths(self, tick: int, paths: tuple[Array, ...]) -> None:
@@ -182,6 +186,7 @@ class TraceRecorder:
             edges=tuple(sorted(self._spans, key=lambda span: (span.first, span.edge.robot))),
             ended=ended,
             digest=self._hash.hexdigest(),
+            event_ticks=tuple(self._event_ticks),
         )
 
 
@@ -216,6 +221,7 @@ def write_trace(trace: Trace, path: Path) -> None:
         "humans": trace.humans,
         "paths": trace.paths,
         "events": trace.events,
+        "event_ticks": trace.event_ticks,
         "edges": trace.edges,
         "ended": trace.ended,
         "digest": trace.digest,
@@ -280,4 +286,5 @@ def read_trace(path: Path) -> Trace:
         ),
         ended=table["ended"],
         digest=table["digest"],
+        event_ticks=tuple(table.get("event_ticks", ())),
     )

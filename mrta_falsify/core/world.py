@@ -236,6 +236,10 @@ class World:
         """List the furniture that can be pushed, in the order of ``furniture``."""
         return tuple(item for item in self.furniture if item.movable)
 
+    def is_over(self, time: float, dt: float) -> bool:
+        """Whether an episode ends at ``time`` [s], a multiple of the control period ``dt`` [s]."""
+        return time >= self.horizon - 0.5 * dt
+
     def __post_init__(self) -> None:
         if self.schema != SCHEMA_VERSION:
             raise WorldError(f"schema is {self.schema}; this version reads {SCHEMA_VERSION}")

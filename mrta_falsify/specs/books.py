@@ -7,7 +7,7 @@ never carried more than it can. Claims that motion contradicts are refused, with
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -111,6 +111,17 @@ class Ledger:
     def closed(self) -> bool:
         """Whether everything that can still arrive has been delivered."""
         return self.due <= self.delivered.keys()
+
+    def margins(self, time: float) -> dict[int, float]:
+        """Tell how long before its deadline each task was delivered [s]; below 0: it is late.
+
+        Of a task that has arrived and is open at ``time`` [s]: how much time is left.
+        """
+        return {
+            i: task.deadline - self.delivered.get(i, time)
+            for i, task in enumerate(self.world.tasks)
+            if task.arrival <= time
+        }
 
     def aboard(self, robot: int) -> tuple[int, ...]:
         """List the tasks that ``robot`` carries, sorted."""
@@ -267,7 +278,9 @@ def _room_of(task: Task, kind: str) -> int:
 
 
 def confirmed(trace: Trace, world: World) -> Trace:
-    """Leave the claims out of a trace that its own motion contradicts.
+    """Leave the claims out of a trace that its own motion contradicts, as the run's books did.
+
+    The stops that remain bear the time of the tick that brought them, which is when they counted.
 
     Args:
         trace: without its columns nothing can be confirmed, and it stays as it is.
@@ -275,19 +288,29 @@ def confirmed(trace: Trace, world: World) -> Trace:
     """
     if "pose" not in trace.columns:
         return trace
-    counted = set(map(id, _confirmed_stops(trace, world)))
-    events = (e for e in trace.events if e.kind not in STOP_KINDS or id(e) in counted)
-    return replace(trace, events=tuple(events))
-
-
-def _confirmed_stops(trace: Trace, world: World) -> Iterator[StackEvent]:
-    books, columns = Books(world), trace.columns
-    events = iter(trace.events)
-    event = next(events, None)
+    columns, books = trace.columns, Books(world)
+    brought: dict[int, list[StackEvent]] = {}
+    for event, tick in zip(trace.events, _event_ticks(trace), strict=True):
+        brought.setdefault(tick, []).append(event)
+    kept: list[StackEvent] = []
     for k, time in enumerate(columns["time"].tolist()):
-        now = []
-        while event is not None and (event.time <= time + 0.5 * trace.dt):
-            now.append(event)
-            event = next(events, None)
+        now = brought.pop(k, [])
         speeds, contact = columns["velocity"][k, :, :2], columns["contact"][k]
-        yield from books.take(time, columns["pose"][k], speeds, contact, now).confirmed
+        entries = books.take(time, columns["pose"][k], speeds, contact, now)
+        counted = set(map(id, entries.confirmed))
+        kept += [
+            replace(event, time=time) if id(event) in counted else event
+            for event in now
+            if event.kind not in STOP_KINDS or id(event) in counted
+        ]
+    kept += [e for rest in brought.values() for e in rest if e.kind not in STOP_KINDS]
+    return replace(trace, events=tuple(kept), event_ticks=())
+
+
+def _event_ticks(trace: Trace) -> Sequence[int]:
+    """Find the tick that brought each event; older traces tell only the event's own time."""
+    if trace.event_ticks:
+        return trace.event_ticks
+    ends = trace.columns["time"] + 0.5 * trace.dt
+    first = np.searchsorted(ends, [event.time for event in trace.events])
+    return np.maximum.accumulate(first).tolist() if len(first) else ()

@@ -48,7 +48,7 @@ class AllTasksDone(ByTheBooks):
             return unjudged("all_tasks_done", self._missing)
         horizon, ledger = self._world.horizon, self._ledger
         left, due = ledger.open, ledger.due
-        over = self._time >= horizon - 0.6 * self._dt
+        over = self._world.is_over(self._time, self._dt)
         if not left:
             robustness = max(0.0, 1.0 - max(ledger.delivered.values(), default=0.0) / horizon)
         elif over:
@@ -82,11 +82,7 @@ class Deadlines(ByTheBooks):
         if self._missing:
             return unjudged("deadlines", self._missing)
         delivered = self._ledger.delivered
-        margins = {
-            i: task.deadline - delivered.get(i, self._time)
-            for i, task in enumerate(self._world.tasks)
-            if task.arrival <= self._time
-        }
+        margins = self._ledger.margins(self._time)
         worst = min(margins.values(), default=self._world.horizon)
         late = sorted(i for i, margin in margins.items() if margin < 0.0)
         tasks = self._world.tasks

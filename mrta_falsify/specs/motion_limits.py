@@ -74,7 +74,7 @@ class KinematicLimits:
         margin = self._tolerance - max(0.0, float(share[robot, kind]) - 1.0)
         if margin >= self._least.margin:
             return
-        over = (share > 1.0 + self._tolerance).any(axis=1)
+        over = (self._tolerance - (share - 1.0) < 0.0).any(axis=1)
         who = tuple(self._names[i] for i in np.flatnonzero(over))
         limit = float(self._limit[robot, kind])
         evidence = {

@@ -84,7 +84,7 @@ class StlSpecification:
         self._values: dict[str, list[float]] = {name: [] for name in self._columns}
         self._ticks: list[float] = []
         self._times: list[float] = []
-        self._end = world.horizon - 0.6 * dt
+        self._world, self._dt = world, dt
         self._monitor = _monitor(self._scaled)
         self._decided: float | None = None
 
@@ -156,7 +156,7 @@ class StlSpecification:
     def _violated_at(self) -> float | None:
         if self._decided is not None:
             return self._decided
-        return self._times[-1] if self._times[-1] >= self._end else None
+        return self._times[-1] if self._world.is_over(self._times[-1], self._dt) else None
 
     def _signals_at(self, time: float | None) -> dict[str, float]:
         if time is None:

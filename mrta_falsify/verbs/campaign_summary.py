@@ -189,6 +189,11 @@ def comparison_sentence(counts: StackComparison) -> str:
     )
 
 
+def first_failure(judged: Sequence[TrialRecord]) -> int | None:
+    """Count the judged trials up to the first failure in what is looked for first; None: none."""
+    return next((i for i, record in enumerate(judged, start=1) if record.is_sought), None)
+
+
 def deadlock_count(records: Sequence[TrialRecord]) -> int:
     """Count the trials that violate ``no_deadlock``, whatever their kind."""
     return sum(

@@ -13,6 +13,7 @@ from mrta_falsify.verbs.campaign_summary import (
     NoProbability,
     engine_agreement,
     failures_by_kind,
+    first_failure,
     probability_of,
     screening_agreement,
     unseen_in,
@@ -39,7 +40,7 @@ def facts_of(
     statuses = Counter(record.status for record in campaign.records)
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
     computed = sum(record.wall_s + record.scene_s for record in campaign.records)
-    first = next((i for i, record in enumerate(judged, start=1) if record.is_sought), None)
+    first = first_failure(judged)
     counts = failures_by_kind(failed)
     last = sum(record.is_afterthought for record in failed)
     facts = [

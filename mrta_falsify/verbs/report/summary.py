@@ -9,7 +9,13 @@ from pathlib import Path
 from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign_summary import OTHER, FailureMode, failures_by_kind, unseen_in
+from mrta_falsify.verbs.campaign_summary import (
+    OTHER,
+    FailureMode,
+    failures_by_kind,
+    first_failure,
+    unseen_in,
+)
 from mrta_falsify.verbs.report.trial_table import dimension_names
 from reports.sentences import listed
 
@@ -72,10 +78,11 @@ def _share(what: str, count: int, total: int) -> str:
 
 
 def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode]) -> list[str]:
-    if not found:
+    first = first_failure(judged)
+    if first is None:
         return []
-    first = next((i for i, record in enumerate(judged, start=1) if record.is_reported), 0)
-    kinds = "one way" if len(found) == 1 else f"{len(found)} different ways"
+    count = sum(not mode.is_afterthought for mode in found)
+    kinds = "one way" if count == 1 else f"{count} different ways"
     return [f"They fail in {kinds}; the first failure came in trial {first} of {len(judged)}."]
 
 
