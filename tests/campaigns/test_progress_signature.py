@@ -35,5 +35,20 @@ def test_it_names_what_holds_the_robot(edges, expected):
     assert of_progress({"held_by": held_by(0, edges)}) == expected
 
 
+@pytest.mark.parametrize(
+    ("held_s", "held", "expected"),
+    [
+        (42.5, {"robot": 40.0, "person": 3.0}, "progress/robot"),
+        (38.5, {"robot": 25.0, "person": 14.0}, "progress/person+robot"),
+        (24.3, {"solid": 24.3}, "progress/solid"),
+        (8.0, {"robot": 8.0}, "progress/nothing"),
+        (0.0, {}, "progress/nothing"),
+    ],
+)
+def test_what_held_the_robot_over_the_whole_time_counts(held_s, held, expected):
+    evidence = {"since": 82.0, "time": 172.5, "held_s": held_s, "held": held, "held_by": ["solid"]}
+    assert of_progress(evidence) == expected
+
+
 def test_a_version_that_did_not_tell_is_read():
     assert of_progress({}) == "progress"

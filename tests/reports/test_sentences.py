@@ -231,3 +231,31 @@ def test_a_victim_with_nothing_in_its_way_is_told_by_whom_it_is_held():
     assert account_sentences(wait_account(pair))[-1] == (
         "robot3 has nothing in its way, but goes on only without one of robot1 and robot2."
     )
+
+
+@pytest.mark.parametrize(
+    ("held", "text"),
+    [
+        (
+            {"held_s": 42.5, "held": {"robot": 40.0, "person": 3.0}, "holders": {"robot2": 40.0}},
+            "robot1 was held for 42.5 of the 90.5 s since 82.0 s: by robots for 40.0 s and people "
+            "for 3.0 s (longest by robot2).",
+        ),
+        (
+            {"held_s": 1.0, "held": {"solid": 1.0}, "holders": {}},
+            "robot1 was held for only 1.0 of the 90.5 s since 82.0 s.",
+        ),
+    ],
+)
+def test_lost_progress_says_what_held_the_robot(held, text):
+    evidence = {"robot": "robot1", "since": 82.0, "time": 172.5, "held_by": [], **held}
+    verdict = Verdict(
+        spec="progress",
+        robustness=-0.5,
+        violated=True,
+        violated_at=172.5,
+        who=("robot1",),
+        evidence=evidence,
+    )
+    start = "A robot with work made no progress at 172.5 s: robot1; "
+    assert violation_sentence(verdict) == start + text

@@ -93,6 +93,50 @@ def test_a_robot_that_is_pushed_still_counts_as_at_rest():
     assert verdict.evidence["at_rest"]["contacts"] == 1
 
 
+def met_by_a_person(at, *, meets: float, command=lambda t: np.zeros((1, 3)), away=None) -> Script:
+    """A robot that a person at 0.5 m/s reaches at the time ``meets`` [s]."""
+
+    def person(t: float) -> tuple[float, float]:
+        back = 0.4 if away is not None and away[0] <= t < away[1] else 0.0
+        return (0.465 + 0.5 * (meets - t) + back, 0.0)
+
+    return Script([Robot(at)], [Human(person)], seconds=meets + 1.5, command=command)
+
+
+def stands_since(time: float):
+    """Drives on the spot's far side at 0.3 m/s along y until ``time``, at rest at the origin."""
+    return lambda t: (0.0, -0.3 * max(0.0, time - t), 0.0)
+
+
+@pytest.mark.parametrize(("ticks", "moves"), [(0, True), (1, True), (2, False), (3, False)])
+def test_a_robot_moves_at_a_touch_if_it_did_in_that_tick_or_in_the_one_before(ticks, moves):
+    touch = 3.0
+    script = met_by_a_person(stands_since(touch - (ticks + 0.5) * 0.05), meets=touch - 0.02)
+    verdict = judge(spec("no_robot_human_contact"), script)
+    assert (verdict.violated, verdict.evidence["contacts"]) == (moves, int(moves))
+    assert verdict.evidence["at_rest"]["contacts"] == 1 - moves
+
+
+def test_a_robot_that_rolls_after_a_push_is_not_moving_when_it_is_touched_again():
+    shoved = met_by_a_person(
+        lambda t: (-max(0.0, 0.5 * (t - 3.0)), 0.0, 0.0), meets=3.0, away=(3.2, 3.4)
+    )
+    verdict = judge(spec("no_robot_human_contact"), shoved)
+    assert (verdict.violated, verdict.evidence["contacts"]) == (False, 0)
+    assert verdict.evidence["at_rest"]["contacts"] == 1
+
+
+def test_a_robot_that_drives_on_into_a_person_who_touched_it_is_moving():
+    drives = met_by_a_person(
+        lambda t: (max(0.0, 0.3 * (t - 3.5)), 0.0, 0.0),
+        meets=3.0,
+        command=lambda t: np.array([[0.3 if t >= 3.5 else 0.0, 0.0, 0.0]]),
+    )
+    verdict = judge(spec("no_robot_human_contact"), drives)
+    assert verdict.violated_at == pytest.approx(3.55, abs=0.06)
+    assert verdict.evidence["contacts"] == verdict.evidence["at_rest"]["contacts"] == 1
+
+
 def test_robots_that_touch_are_both_named():
     script = Script(
         robots=[Robot(drive((-2, 0), (2, 0), 0.5), goal=(2, 0)), Robot((0.5, 0.1))], seconds=6.0
