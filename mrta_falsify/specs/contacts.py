@@ -325,15 +325,17 @@ class _HumanGap(_NarrowestGap):
         if not self._world.humans:
             return
         self._counter.update(frame)
-        near = closest(frame.sensed)
+        sensed = frame.sensed
+        near = closest(sensed)
         if not near.touched and near.human >= self._news_below:
             return
-        gaps = _with_contacts(frame.sensed.gap_human, frame.sensed.contact[:, 1])
-        if gaps.min(initial=np.inf) >= self._news_below:
+        gap, contact, moving = sensed.gap_human, sensed.contact[:, 1], self._counter.moving()
+        least, counts_at_rest = self._narrowest.margin + self.limit, self._options.count_at_rest
+        if not _is_nearer(gap, contact, moving, least, self._at_rest, counts_at_rest):
             return
-        moving = self._counter.moving()
+        gaps = _with_contacts(gap, contact)
         self._at_rest = min(self._at_rest, float(np.where(moving, np.inf, gaps).min()))
-        self._note(frame, gaps if self._options.count_at_rest else np.where(moving, gaps, np.inf))
+        self._note(frame, gaps if counts_at_rest else np.where(moving, gaps, np.inf))
         self._news_below = self._least_news()
 
     def _least_news(self) -> float:
@@ -356,6 +358,34 @@ class _HumanGap(_NarrowestGap):
             "at_rest": {"narrowest": self._at_rest, "contacts": totals["robot_human_at_rest"]},
             "contacts": totals["robot_human"],
         }
+
+
+@njit(cache=True)
+def _is_nearer(
+    gap: Array,
+    contact: BoolArray,
+    moving: BoolArray,
+    least: float,
+    at_rest: float,
+    counts_at_rest: bool,
+) -> bool:
+    """Say whether a robot is nearer to people than any of its kind has been.
+
+    Args:
+        gap: ``(N,)`` [m].
+        contact: ``(N,)`` touched a person.
+        moving: ``(N,)`` counts as moving.
+        least: narrowest gap so far of the robots that count [m].
+        at_rest: the same of robots at rest [m].
+        counts_at_rest: robots at rest count, too.
+    """
+    for i in range(len(gap)):
+        before = least if moving[i] else at_rest
+        if counts_at_rest:
+            before = max(before, least)
+        if contact[i] or max(gap[i], 0.0) < before:
+            return True
+    return False
 
 
 class NoRobotHumanContact(_HumanGap):
