@@ -37,7 +37,7 @@ from mrta_falsify.core.record import (
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.possibility import why_impossible
+from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, of_copy, quick_stack
 from simulator_interface.external.told import TOLD_NAME, Told, write_told
@@ -121,9 +121,10 @@ class TrialRunner:
             attempts=realised.attempts,
             scene_s=time.perf_counter() - began,
         )
-        impossible = why_impossible(realised.world, specifications_of(settings))
-        if impossible:
-            return dataclasses.replace(record, status="impossible", error=impossible)
+        possible = look_at(realised.world, specifications_of(settings))
+        record = dataclasses.replace(record, shut=possible.shut, notes=possible.notes)
+        if possible.late or (possible.shut and not settings.with_shut_rooms):
+            return dataclasses.replace(record, status="impossible", error=possible.reason)
         return self._simulate(realised.world, record, realised.scene)
 
     def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:

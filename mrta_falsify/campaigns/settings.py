@@ -70,6 +70,11 @@ class TrialSettings:
         text="Runs of each failure again, nothing changed, where the stack is a process of its "
         "own: how often does it come again?",
     )
+    with_shut_rooms: bool = quantity(
+        default=False,
+        came_later=True,
+        text="Simulate worlds, too, in which no robot fits to a room that a task needs.",
+    )
     tick_limit: float = quantity(
         above=0.0,
         unit="s",

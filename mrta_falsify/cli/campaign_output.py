@@ -157,6 +157,7 @@ def print_campaign(result: CampaignResult) -> None:
         comparison_sentence,
         kinds_text,
         repeat_sentence,
+        shut_sentence,
         summarise_campaign,
         unjudged_sentences,
         unseen_sentence,
@@ -171,6 +172,10 @@ def print_campaign(result: CampaignResult) -> None:
         f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
     )
+    if data.shut:
+        are_run = result.campaign.settings.trials.with_shut_rooms
+        which = "worlds that no stack can do, run nevertheless" if are_run else "impossible"
+        out.print(f"{which}: {shut_sentence(data.shut)}")
     if data.uncounted:
         out.print(f"{data.uncounted} more were under way when it ended; they are stored, too")
     if data.ended == "errors":

@@ -177,6 +177,9 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
             f"impossible  {len(summary.impossible)} of {summary.scenes} worlds, which a campaign "
             f"sets apart; {first.number:03d}: {first.reason}"
         )
+    if summary.shut or summary.narrow or summary.stuck_pushes:
+        out.print()
+        _print_tight_ways(summary)
     out.print()
     if summary.dimensions:
         table = output.new_table("dimension", "kind", "values")
@@ -188,6 +191,33 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
         out.print("lint: nothing found")
     for finding in summary.lint:
         out.print(f"{finding.where}: {finding.code}: {finding.message}")
+
+
+def _print_tight_ways(summary: CheckSummary) -> None:
+    """Print in how many worlds rooms are shut, or narrow, and by what."""
+    from mrta_falsify.core.tight_ways import listed
+
+    out, scenes = output.stdout(), summary.scenes
+    for count in summary.shut:
+        verb = "shuts" if len(count.by) == 1 else "shut"
+        out.print(
+            f"shut        in {count.worlds} of {scenes} worlds {listed(count.by)} {verb} "
+            f"{count.room}"
+        )
+    for count in summary.narrow:
+        low, high = (f"{gap:.2f}" for gap in count.gaps)
+        width = low if low == high else f"{low} to {high}"
+        where = f"beside {listed(count.by)}" if count.by else "between walls"
+        out.print(
+            f"narrow      in {count.worlds} of {scenes} worlds only {width} m at {count.room}, "
+            f"{where}: less than robots plan for"
+        )
+    if summary.stuck_pushes:
+        worlds, first = {push.number for push in summary.stuck_pushes}, summary.stuck_pushes[0]
+        out.print(
+            f"pushes      in {len(worlds)} of {scenes} worlds furniture does not fit to where it "
+            f"is pushed; {first.number:03d}: {first.text}"
+        )
 
 
 def _print_rejecters(summary: CheckSummary) -> None:
@@ -251,4 +281,6 @@ def sample_command(scenario: str, count: int, **options: Any) -> int:
     output.say(f"wrote {samples.index}")
     if samples.rejected:
         output.say(f"{samples.rejected} of {count} candidates had no valid scene; see the index")
+    if samples.impossible:
+        output.say(f"no stack can do {samples.impossible} of the worlds; see the index")
     return ExitCode.DONE

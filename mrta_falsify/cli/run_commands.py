@@ -81,7 +81,9 @@ def run_command(
     found = find_world_and_scene(world, seed=seed, tasks=tasks, robots=robots, humans=humans)
     with output.progress(found.world.name, found.world.horizon, "s simulated") as on_progress:
         outcome = running.run(found, config, on_progress=on_progress, **options)
-    summary = running.summarise_run(outcome, config=config, seed=seed, output=directory)
+    summary = running.summarise_run(
+        outcome, world=found.world, config=config, seed=seed, output=directory
+    )
     if style == "json":
         output.print_json(summary)
     else:
@@ -112,6 +114,10 @@ def print_run(summary: RunSummary) -> None:
         f"({summary.real_time_factor:.1f}x real time), ended: {summary.ended}"
     )
     out.print(f"digests    world {summary.world_digest[:16]}  trace {summary.trace_digest[:16]}")
+    if summary.impossible:
+        out.print(f"impossible {summary.impossible}")
+    for note in summary.notes:
+        out.print(f"note       {note}")
     out.print()
     table = output.new_table(
         "specification", "verdict", "robustness", "at", "who", right=("robustness", "at")

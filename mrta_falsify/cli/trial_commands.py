@@ -136,6 +136,10 @@ def show_command(directory: Path, id: str, style: str) -> int:
     most = campaign.settings.trials.jittered
     for text in compared_sentences(record.jittered, record.other, most):
         out.print(f"           {text}")
+    for way in record.shut:
+        out.print(f"shut       task{way.task}: {way.is_shut_by}")
+    for note in record.notes:
+        out.print(f"note       {note}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
     for verdict in record.verdicts:

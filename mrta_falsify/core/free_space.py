@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.shapes import polygons
 
 SLACK = 0.002  # m by which a disc is thought smaller
@@ -43,22 +43,26 @@ class FreeSpace:
     floor: Any  #: places past the walls, were there no things
     names: tuple[str, ...]  #: n, of the things
     grown: Shapes  #: (n,) the things, grown by the half width
-    parts: Shapes  #: connected parts of the free space
+    parts: Shapes  #: (p,) connected parts of the free space
 
-    def parts_at(self, start: ArrayLike) -> Shapes:
-        """List the parts in which a disc may be that stands at ``start`` ``(2,)`` [m].
+    def at(self, start: ArrayLike) -> BoolArray:
+        """Say in which parts ``(p,)`` a disc may be that stands at ``start`` ``(2,)`` [m].
 
-        Empty: walls or things are on the disc, and it fits nowhere within ``START_SLACK``.
+        None: walls or things are on the disc, and it fits nowhere within ``START_SLACK``.
         """
-        return self.parts[_are_near(self.parts, _point(start))]
+        return _are_near(self.parts, _point(start))
+
+    def reaching(self, goal: Any) -> BoolArray:
+        """Say which parts ``(p,)`` reach into the area ``goal``."""
+        return _meets(self.parts, goal)
 
     def is_open(self, start: ArrayLike, goal: Any) -> bool:
         """Whether the disc can get from ``start`` into the area ``goal``.
 
         True as well where the disc does not fit at ``start``: nothing can be said of it.
         """
-        here = self.parts_at(start)
-        return not len(here) or bool(_meets(here, goal).any())
+        here = self.at(start)
+        return not here.any() or bool((here & self.reaching(goal)).any())
 
     def shut_by(self, start: ArrayLike, goal: Any) -> tuple[str, ...] | None:
         """Name the things that shut the way from ``start`` into the area ``goal``.
@@ -68,13 +72,13 @@ class FreeSpace:
             of name; where none does, a smallest set that does together (irreducible: none of it
             can stay). Empty: walls alone shut it.
         """
-        here = self.parts_at(start)
-        if not len(here) or _meets(here, goal).any():
+        here, there = self.at(start), self.reaching(goal)
+        if not here.any() or (here & there).any():
             return None
         if not _connects(_parts(self.floor), _point(start), goal):
             return ()
-        there = self.parts[_meets(self.parts, goal)]
-        beside = _touch(self.grown, here) & (_touch(self.grown, there) | _meets(self.grown, goal))
+        is_beside_goal = _touch(self.grown, self.parts[there]) | _meets(self.grown, goal)
+        beside = _touch(self.grown, self.parts[here]) & is_beside_goal
         alone = [i for i in np.flatnonzero(beside) if self._opens({int(i)}, start, goal)]
         return tuple(sorted(self.names[i] for i in alone or self._together(start, goal)))
 
@@ -101,7 +105,7 @@ class FreeSpace:
         owners = [-1] * len(self.parts)
         owners += [i for i, pieces in enumerate(inside) for _ in pieces]
         ends = set(np.flatnonzero(_meets(shapes, goal)).tolist())
-        first = np.flatnonzero(_are_near(self.parts, _point(start))).tolist()
+        first = np.flatnonzero(self.at(start)).tolist()
         neighbours = _neighbours(shapes)
         order = itertools.count()  # of equally many things, those found first
         queue: list[tuple[int, int, int, tuple[int, ...]]]
@@ -202,7 +206,7 @@ def widest_gap(is_open: Callable[[float], bool], *, low: float = 0.0, high: floa
 # --- shapes ---------------------------------------------------------------------------------------
 
 
-@functools.lru_cache(maxsize=32)
+@functools.lru_cache(maxsize=64)
 def _floor(bounds: bytes, walls: tuple[bytes, ...], radius: float) -> Any:
     outlines = [np.frombuffer(wall).reshape(-1, 2) for wall in walls]
     whole = shapely.box(*np.frombuffer(bounds))
@@ -232,11 +236,11 @@ def _point(place: ArrayLike) -> Any:
     return shapely.points(np.asarray(place, dtype=np.float64))
 
 
-def _are_near(parts: Shapes, place: Any) -> NDArray[np.bool_]:
+def _are_near(parts: Shapes, place: Any) -> BoolArray:
     return np.asarray(shapely.dwithin(parts, place, START_SLACK), dtype=np.bool_)
 
 
-def _meets(parts: Shapes, area: Any) -> NDArray[np.bool_]:
+def _meets(parts: Shapes, area: Any) -> BoolArray:
     return np.asarray(shapely.intersects(parts, area), dtype=np.bool_)
 
 
@@ -245,7 +249,7 @@ def _connects(parts: Shapes, place: Any, goal: Any) -> bool:
     return bool((_are_near(parts, place) & _meets(parts, goal)).any())
 
 
-def _touch(shapes: Shapes, others: Shapes) -> NDArray[np.bool_]:
+def _touch(shapes: Shapes, others: Shapes) -> BoolArray:
     """Say which shapes touch one of the others, ``(n,)``."""
     found = np.zeros(len(shapes), dtype=np.bool_)
     for other in others:

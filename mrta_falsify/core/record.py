@@ -12,6 +12,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import Chance, Probability, chance_of_failure
+from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
 
 #: ok: simulated and judged; rejected: no scene; crashed, timeout: the toolkit failed
@@ -182,6 +183,10 @@ class TrialRecord:
     attempts: int = 0  #: scenes tried until one was accepted
     versions: dict[str, str] = field(default_factory=dict)
     error: str = ""  #: for every status but ok: why
+    #: ways that no robot fits through that may serve the task; where such worlds are simulated, of
+    #: a judged one as well
+    shut: tuple[TightWay, ...] = later(())
+    notes: tuple[str, ...] = later(())  #: what is narrow in the world, and what is pushed in vain
 
     @property
     def number(self) -> int:

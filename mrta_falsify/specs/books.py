@@ -12,10 +12,12 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Refusal, Sensed, StackEvent
+from mrta_falsify.core.free_space import around
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Task, World
 from mrta_falsify.specs.halts import STOPPED, Halts
@@ -268,6 +270,31 @@ class Books(Ledger):
         return any(
             wall.intersects(line) and wall.distance(center) > AT_POINT for wall in self._walls
         )
+
+
+def stop_area(point: Array, walls: Sequence[Polygon]) -> Any:
+    """Make the area in which a robot's stop at a room counts, as :class:`Books` has it.
+
+    Args:
+        point: ``(2,)`` [m] of the room.
+        walls: of the world; those behind which a stop does not count throw a shadow.
+
+    Returns:
+        A shape of shapely's.
+    """
+    center, area = Point(point), around(point, ROOM_REACH)
+    for wall in walls:
+        if AT_POINT < wall.distance(center) <= ROOM_REACH:
+            area = shapely.difference(area, _shadow(point, wall))
+    return area
+
+
+def _shadow(point: Array, wall: Polygon) -> Any:
+    """Make the area that a wall hides from a point, at least as far as a stop may be from it."""
+    corners = np.asarray(wall.exterior.coords)
+    behind = point + (corners - point) * (1.5 * ROOM_REACH / AT_POINT)
+    sides = np.stack([corners[:-1], corners[1:], behind[1:], behind[:-1]], axis=1)
+    return shapely.union_all([wall, *shapely.make_valid(shapely.polygons(sides))])
 
 
 def _room_of(task: Task, kind: str) -> int:

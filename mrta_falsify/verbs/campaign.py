@@ -79,6 +79,7 @@ def campaign(
     jittered: int = DEFAULTS.trials.jittered,
     verify: int = DEFAULTS.trials.verify,
     confirm: Sequence[str] = (),
+    with_shut_rooms: bool = DEFAULTS.trials.with_shut_rooms,
     window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
@@ -113,6 +114,7 @@ def campaign(
         jittered: copies with small differences that are run of each failing world.
         verify: runs again of each failure of a stack in a process of its own, nothing changed.
         confirm: engines that robust failures are run on as well, with copies.
+        with_shut_rooms: simulate worlds, too, in which no robot fits to a room of a task.
         window: trials that may run before the sampler knows their results, and so at a time.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
@@ -146,6 +148,7 @@ def campaign(
         jittered=jittered,
         verify=verify,
         confirm=confirm,
+        with_shut_rooms=with_shut_rooms,
         window=window,
         tick_limit=tick_limit,
         memory_limit=memory_limit,

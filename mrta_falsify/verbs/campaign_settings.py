@@ -48,6 +48,7 @@ def new_settings(
     jittered: int = DEFAULTS.trials.jittered,
     verify: int = DEFAULTS.trials.verify,
     confirm: Sequence[str] = (),
+    with_shut_rooms: bool = DEFAULTS.trials.with_shut_rooms,
     window: int = DEFAULTS.window,
     tick_limit: float = DEFAULTS.trials.tick_limit,
     memory_limit: float = DEFAULTS.trials.memory_limit,
@@ -71,6 +72,7 @@ def new_settings(
         jittered: copies with small differences that are run of each failing world.
         verify: runs again of each failure of a stack in a process of its own.
         confirm: engines that robust failures are run on as well.
+        with_shut_rooms: simulate worlds, too, in which no robot fits to a room of a task.
         window: how far trials may run ahead of what the sampler knows.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
@@ -96,6 +98,7 @@ def new_settings(
         jittered=jittered or (AGAINST_COPIES if other is not None else 0),
         verify=verify,
         confirm=_known_engines(confirm),
+        with_shut_rooms=with_shut_rooms,
         tick_limit=tick_limit,
         memory_limit=memory_limit,
         directory=str(Path(output).resolve()),

@@ -19,6 +19,7 @@ from mrta_falsify.core.claims import KIND_TEXT, KINDS
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.tight_ways import TightCount, counted, listed
 from mrta_falsify.specs.causes import DEADLOCK, kind_of
 
 if TYPE_CHECKING:
@@ -117,15 +118,16 @@ class CampaignSummary:
     unseen: Unseen | None = later(None)  #: None without uniform trials
     confirmed: tuple[EngineAgreement, ...] = later(())  #: of robust failures, by engine
     against: StackComparison | None = later(None)  #: None where no other stack is compared
+    shut: tuple[TightCount, ...] = later(())  #: worlds in which no robot fits to a room of a task
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:
     """Sum a campaign up."""
     campaign, progress = result.campaign, result.progress
     against = stack_comparison(campaign)
-    counted = campaign.records
+    known = campaign.records
     if result.ended != "interrupted":  # what the search knew when it ended, as is all of progress
-        counted = tuple(r for r in campaign.records if r.candidate.number < progress.told)
+        known = tuple(r for r in campaign.records if r.candidate.number < progress.told)
     if result.ended == "interrupted":
         probability: Probability | NoProbability = NoProbability(why_not=INTERRUPTED)
     else:
@@ -152,14 +154,20 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         directory=str(campaign.directory),
         repeated=repeat_counts(campaign),
         confirmed=engine_agreement(campaign),
-        deadlocks=deadlock_count(counted),
+        deadlocks=deadlock_count(known),
         kinds=_by_kind(progress.kinds),
-        uncounted=len(campaign.records) - len(counted),
+        uncounted=len(campaign.records) - len(known),
         afterthoughts=progress.afterthoughts,
         then=campaign.settings.trials.then,
         unseen=unseen_in(campaign),
         against=against,
+        shut=counted(record.shut for record in known),
     )
+
+
+def shut_sentence(counts: Sequence[TightCount]) -> str:
+    """Say in how many worlds no robot fits to which room; empty: in none."""
+    return ", ".join(f"{c.room} shut by {listed(c.by)} ({c.worlds})" for c in counts)
 
 
 def stack_comparison(campaign: Campaign) -> StackComparison | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
+from mrta_falsify.core.tight_ways import TightCount, counted
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.programs import (
@@ -26,6 +27,7 @@ from mrta_falsify.verbs.programs import (
 
 if TYPE_CHECKING:
     from mrta_falsify.core.candidate import Dimension, SearchSpace
+    from mrta_falsify.possibility import Possibility
     from scenic_worlds.lint import Lint
 
 SHEET_WORLDS = 24  # worlds on a contact sheet at most
@@ -37,6 +39,14 @@ class ImpossibleWorld:
 
     number: int  #: of the candidate
     reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StuckPush:
+    """A sampled world in which furniture does not fit to where it is to be pushed."""
+
+    number: int  #: of the candidate
+    text: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,18 +67,29 @@ class ProgramCheck:
         return tuple(item.world for item in self.drawn if item.world is not None)
 
     @functools.cached_property
-    def impossible(self) -> tuple[ImpossibleWorld, ...]:
-        """The sampled worlds that no stack can do, by the default specifications of a campaign."""
-        from mrta_falsify.possibility import why_impossible  # noqa: PLC0415 - loads the engines
+    def possible(self) -> dict[int, Possibility]:
+        """What no stack can do in each sampled world, by its number.
+
+        The default specifications of a campaign are asked for.
+        """
+        from mrta_falsify.possibility import look_at  # noqa: PLC0415 - loads the engines
         from mrta_falsify.trial import campaign_specifications  # noqa: PLC0415
 
         specifications = campaign_specifications()
-        found = [
-            ImpossibleWorld(number=item.number, reason=why_impossible(item.world, specifications))
+        return {
+            item.number: look_at(item.world, specifications)
             for item in self.drawn
             if item.world is not None
-        ]
-        return tuple(world for world in found if world.reason)
+        }
+
+    @property
+    def impossible(self) -> tuple[ImpossibleWorld, ...]:
+        """The sampled worlds that no stack can do."""
+        return tuple(
+            ImpossibleWorld(number=number, reason=found.reason)
+            for number, found in self.possible.items()
+            if found.reason
+        )
 
     @property
     def acceptance(self) -> float:
@@ -175,12 +196,16 @@ class CheckSummary:
     failed: int  #: candidates without a valid scene
     rejections: tuple[Rejecter, ...]
     impossible: tuple[ImpossibleWorld, ...]
+    shut: tuple[TightCount, ...]  #: impossible worlds in which no robot fits to a room of a task
+    narrow: tuple[TightCount, ...]  #: worlds in which none fits by its planning radius
+    stuck_pushes: tuple[StuckPush, ...]
     lint: tuple[Lint, ...]
 
 
 def summarise_check(done: ProgramCheck) -> CheckSummary:
     """Sum a check up."""
     scenes = len(done.worlds)
+    possible = done.possible
     times = [1e3 * item.seconds for item in done.drawn]
     return CheckSummary(
         scenario=done.scenario,
@@ -198,6 +223,13 @@ def summarise_check(done: ProgramCheck) -> CheckSummary:
         failed=len(done.drawn) - scenes,
         rejections=tuple(Rejecter(who=who, count=count) for who, count in done.rejections),
         impossible=done.impossible,
+        shut=counted(found.shut for found in possible.values()),
+        narrow=counted(found.narrow for found in possible.values()),
+        stuck_pushes=tuple(
+            StuckPush(number=number, text=text)
+            for number, found in possible.items()
+            for text in found.stuck_pushes
+        ),
         lint=done.lint,
     )
 

@@ -23,9 +23,11 @@ from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.core.record import versions
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
+from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.verdict import Verdict, VerdictOutcome
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.possibility import Possibility, look_at
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.trial import Job, run_job
@@ -179,11 +181,16 @@ class RunSummary:
     output: str = later("")  #: directory of the files, if any were written
     stack_failure: str = later("")  #: how the stack failed to answer, in words
     coupling: Coupling | None = later(None)  #: of a stack in a process of its own
+    #: ways that no robot fits through that may serve the task
+    shut: tuple[TightWay, ...] = later(())
+    impossible: str = later("")  #: why no stack can do the world
+    notes: tuple[str, ...] = later(())  #: what is narrow in it, and what is pushed in vain
 
 
 def summarise_run(
     outcome: Outcome,
     *,
+    world: World | None = None,
     config: StackConfig | None = None,
     seed: int | None = None,
     output: Place | None = None,
@@ -192,10 +199,13 @@ def summarise_run(
 
     Args:
         outcome: of :func:`run`.
+        world: that was run; None: whether a stack can do it is not said.
         config: the stack that was run; the default stack if None.
         seed: that varied or sampled the world.
         output: directory of the files, if any were written.
     """
+    specifications = [verdict.spec for verdict in outcome.verdicts]
+    possible = look_at(world, specifications) if world is not None else Possibility()
     return RunSummary(
         world_digest=outcome.trace.world_digest,
         trace_digest=outcome.trace.digest,
@@ -217,6 +227,9 @@ def summarise_run(
             for verdict in outcome.verdicts
             if verdict.violated and verdict.spec in ("stack_runs", "repeatable")
         ),
+        shut=possible.shut,
+        impossible=possible.reason,
+        notes=possible.notes,
     )
 
 

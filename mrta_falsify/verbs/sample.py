@@ -14,6 +14,8 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.possibility import look_at
+from mrta_falsify.trial import campaign_specifications
 from mrta_falsify.verbs.check import SHEET_WORLDS
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.programs import (
@@ -38,6 +40,8 @@ class SampleRow:
     u: tuple[float, ...] = later(())
     world_digest: str = later("")
     world: str = later("")  #: file name
+    impossible: str = later("")  #: why no stack can do it, by the specifications of a campaign
+    notes: tuple[str, ...] = later(())  #: what is narrow in it, and what is pushed in vain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,7 @@ class Samples:
     sheet: Path
     index: Path  #: candidates and digests
     rejected: int  #: candidates without a valid scene
+    impossible: int  #: worlds that no stack can do
 
 
 def sample(
@@ -98,6 +103,7 @@ def sample(
     folder = make_directory(Path(output))
     rows: list[SampleRow] = []
     shown: list[tuple[World, str]] = []
+    specifications = campaign_specifications(config)
     candidates = draw_candidates(
         program, count=count, seed=seed, mode=mode, max_attempts=max_attempts
     )
@@ -108,7 +114,7 @@ def sample(
             _write_sample(item.world, file, config, title)
             if len(shown) < SHEET_WORLDS:
                 shown.append((item.world, f"{item.number:03d}"))
-        rows.append(_row(item, file))
+        rows.append(_row(item, file, specifications))
         on_progress(len(rows))
     index = SampleIndex(
         scenario=str(program.path),
@@ -124,6 +130,7 @@ def sample(
         sheet=folder / "contact_sheet.png",
         index=folder / "samples.json",
         rejected=sum(not row.world for row in rows),
+        impossible=sum(bool(row.impossible) for row in rows),
     )
     _draw_sheet(shown, samples.sheet, title=program.name)
     samples.index.write_text(json.dumps(codec.encode(index), indent=1) + "\n", encoding="utf-8")
@@ -149,14 +156,17 @@ def _draw_sheet(shown: Sequence[tuple[World, str]], path: Path, *, title: str) -
     )
 
 
-def _row(item: Drawn, file: Path) -> SampleRow:
+def _row(item: Drawn, file: Path, specifications: Sequence[str]) -> SampleRow:
     row = SampleRow(number=item.number, attempts=item.attempts, error=item.error)
     if item.world is None or item.candidate is None:
         return row
+    possible = look_at(item.world, specifications)
     return dataclasses.replace(
         row,
         seed=item.candidate.seed,
         u=tuple(item.candidate.u.tolist()),
         world_digest=item.world.digest(),
         world=file.name,
+        impossible=possible.reason,
+        notes=possible.notes,
     )

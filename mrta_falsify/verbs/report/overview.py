@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.tight_ways import counted
 from mrta_falsify.verbs.campaign_summary import (
     OTHER,
     NoProbability,
@@ -16,6 +17,7 @@ from mrta_falsify.verbs.campaign_summary import (
     first_failure,
     probability_of,
     screening_agreement,
+    shut_sentence,
     unseen_in,
     unseen_sentence,
 )
@@ -43,6 +45,7 @@ def facts_of(
     first = first_failure(judged)
     counts = failures_by_kind(failed)
     last = sum(record.is_afterthought for record in failed)
+    shut = counted(record.shut for record in campaign.records)
     facts = [
         ("scenario", settings.trials.scenario),
         ("trials", str(len(judged))),
@@ -54,6 +57,7 @@ def facts_of(
         ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
         ("scenes rejected", str(statuses["rejected"])),
         ("impossible worlds", str(statuses["impossible"])),
+        *([("rooms shut", shut_sentence(shut))] if shut else []),
         ("errors of the toolkit", str(statuses["crashed"] + statuses["timeout"])),
         ("sampler", settings.sampler.name),
         ("search dimensions", str(settings.cube.dimensions)),
