@@ -64,9 +64,8 @@ def main() -> None:
     showing.add_argument("rows", type=Path)
     args = parser.parse_args()
     if args.part == "run":
-        counts = {"called": args.called, "shut": args.count, "open": args.count}
-        for part in PARTS:
-            _run_part(part, counts[part], args.seed, args.rows)
+        for part, count in (("shut", args.count), ("called", args.called), ("open", args.count)):
+            _run_part(part, count, args.seed, args.rows)
     print("\n".join(table(_read(args.rows))))
 
 
@@ -121,10 +120,10 @@ def _made(part: str, seed: int, draw: int) -> tuple[World, int] | None:
 def _floor(random: np.random.Generator) -> World:
     return hospital(
         shape=str(random.choice(["line", "ell", "ring", "comb"])),  # type: ignore[arg-type]
-        rooms=int(random.integers(2, 5)),
+        rooms=int(random.integers(3, 6)),
         corridor_width=float(random.uniform(1.9, 2.8)),
-        door_width=[float(random.uniform(0.8, 1.4)) for _ in range(4)],
-        door_offset=[float(random.uniform(0.0, 1.0)) for _ in range(4)],
+        door_width=[float(random.uniform(0.8, 1.4)) for _ in range(5)],
+        door_offset=[float(random.uniform(0.0, 1.0)) for _ in range(5)],
         spots=1,
         station=False,
         parking=2,
@@ -214,8 +213,6 @@ def _manned(
     starts = list(others[:2])
     if binds and random.random() < 0.3:
         starts[1] = room
-    if len(starts) < 2:
-        models = models[:1]
     robots = tuple(
         RobotSpec(
             name=f"robot{i + 1}",
@@ -227,7 +224,7 @@ def _manned(
                 else {}
             ),
         )
-        for i, (model, start) in enumerate(zip(models, starts, strict=False))
+        for i, (model, start) in enumerate(zip(models, starts, strict=True))
     )
     pairs = [(int(random.choice(others)), room)]
     if random.random() < 0.5:
