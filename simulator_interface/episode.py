@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Generator
 from typing import Any
 
@@ -17,11 +18,13 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, Tells, no_intent
 from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
 from mrta_falsify.core.stack_failure import AskedAgain, StackFailed
+from mrta_falsify.core.steadiness import Memory, memory_of
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.stops_served import StopsServed
 from mrta_falsify.stack.pipeline import Stack
+from mrta_falsify.stack.timers import LONGEST_OF_PUSHING, longest_timer
 from simulator_interface.asking_again import ask_again
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.external.stack import ProcessStack
@@ -32,6 +35,7 @@ from simulator_interface.people.walking import PEOPLES_RADIUS
 from simulator_interface.stack_door import Answer, OpenDoor, StackDoor
 from simulator_interface.staging import (
     ForgettingPart,
+    ReadableEngine,
     RemovingEngine,
     ShiftingEngine,
     StagedEngine,
@@ -331,6 +335,22 @@ class Episode:
         for part in (self._engine, self._source, self.crowd.source):
             if isinstance(part, ForgettingPart):
                 part.forget_after(time)
+
+    @functools.cached_property
+    def longest_timer(self) -> float:
+        """The longest time for which stack or people wait by a clock [s]; inf: it is not known.
+
+        It is known of stacks all of whose layers are ours, in this process, on an engine that has
+        no state but what can be read.
+        """
+        if self.outside is not None or not isinstance(self._engine, ReadableEngine):
+            return math.inf
+        pushes = any(self.crowd.script_of(i) for i in range(len(self.world.humans)))
+        return max(longest_timer(self.config), LONGEST_OF_PUSHING if pushes else 0.0)
+
+    def memory(self) -> Memory:
+        """Read all that decides the next ticks of stack, engine and people."""
+        return memory_of(self.state, self._engine, self.crowd, self._localisation)
 
     @property
     def can_remove(self) -> bool:

@@ -1,7 +1,8 @@
 """Forecasts: what specifications see in a continuation of an episode.
 
 A continuation is a fork (see :mod:`.forking`) in which no task arrives any more and no blockage
-or outage begins. Those in force run their course, and people continue their routes and scripts.
+or outage begins, unless what is to come is asked for. Those in force run their course, and people
+continue their routes and scripts.
 In a counterfactual robots are taken away as well, to see whom they hold up. A nudged
 continuation differs a little: robots stand a few millimetres away, and noise falls otherwise.
 """
@@ -15,13 +16,22 @@ from typing import Any, NamedTuple
 
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Foreseeing, ResumedWatch, SpeculativeWatch, Watch
+from mrta_falsify.core.protocols import (
+    Foreseeing,
+    ProvingWatch,
+    ResumedWatch,
+    SpeculativeWatch,
+    Watch,
+)
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.shut import Disc
 from simulator_interface import forking
+from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.conversation import ToldTalk
+from simulator_interface.external.told import QUESTIONS
 from simulator_interface.speculation import UNKNOWN, Speculation
 from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
 
@@ -81,6 +91,9 @@ class EpisodeForecast:
     ) -> None:
         self._episode = episode
         self._frames = frames
+        #: whether the stack may remember what a robot that is taken away has locked
+        self.is_outside = episode.outside is not None
+        self.discs = discs_of(episode.world)  #: N, inside the robots' bodies
         self._standing: _Standing | None = None
         self.speculation: Speculation | None = None  #: None: the run waits for each answer
         if speculates and episode.outside is None:
@@ -88,7 +101,7 @@ class EpisodeForecast:
         episode.at_end.callback(self.close)
 
     def __call__(
-        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0, to_come: bool = False
     ) -> dict[str, Any] | None:
         """Show a continuation to ``watch``.
 
@@ -96,6 +109,7 @@ class EpisodeForecast:
             watch: sees every frame from the next one on until it has seen enough.
             without: robots that are taken away.
             nudge: number of a copy with small differences, 0: without any.
+            to_come: whether what is still to come from outside comes.
 
         Returns:
             The watch's answer. None if the engine cannot take robots away, or move them, if the
@@ -108,6 +122,8 @@ class EpisodeForecast:
         if not self._can(without, nudge):
             return None
         answer: dict[str, Any] | None
+        if isinstance(watch, ProvingWatch):
+            watch.take_run(self._episode)
         ahead = self.speculation
         if ahead is not None:
             if isinstance(watch, SpeculativeWatch) and ahead.takes(watch):
@@ -120,7 +136,7 @@ class EpisodeForecast:
                 answer = self._ask_standing(watch)
             else:
                 answer = run_in_watched_copy(
-                    functools.partial(self._continue, watch, tuple(without), nudge)
+                    functools.partial(self._continue, watch, tuple(without), nudge, to_come)
                 )
         except (StackFailed, CopyFailed):
             answer = None
@@ -172,14 +188,15 @@ class EpisodeForecast:
         return [watch.answer() for watch in watches]
 
     def _continue(
-        self, watch: Watch, without: Sequence[int] = (), nudge: int = 0
+        self, watch: Watch, without: Sequence[int] = (), nudge: int = 0, to_come: bool = False
     ) -> dict[str, Any] | None:
         """Go on with the run; called in a copy of the process."""
         try:
             self._episode.become_copy()
         except CannotBranch:
             return None
-        self._episode.forget_events()
+        if not to_come:
+            self._episode.forget_events()
         for robot in without:
             self._episode.remove(robot)
         if nudge:
@@ -200,17 +217,26 @@ class ToldForecast:
 
     Args:
         answers: in the order of the questions.
+        discs: N, inside the robots' bodies.
     """
 
-    def __init__(self, answers: Iterable[dict[str, Any] | None]) -> None:
+    is_outside = True
+
+    def __init__(self, answers: Iterable[dict[str, Any] | None], discs: tuple[Disc, ...]) -> None:
         self._answers = iter(answers)
+        self.discs = discs
 
     def __call__(
-        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0, to_come: bool = False
     ) -> dict[str, Any] | None:
         """Give the next answer; None: there is none."""
-        del watch, without, nudge
+        del watch, without, nudge, to_come
         return next(self._answers, None)
+
+
+def discs_of(world: World) -> tuple[Disc, ...]:
+    """Find the largest disc inside the body of each robot."""
+    return tuple(inner_disc(find_model(robot.model)) for robot in world.robots)
 
 
 def offer_forecasts(
@@ -222,8 +248,9 @@ def offer_forecasts(
 ) -> Speculation | None:
     """Offer forecasts of an episode to the specifications that use them.
 
-    None are offered where processes cannot be forked safely, with a window open, or if the stack
-    runs elsewhere and cannot be copied.
+    None are offered where processes cannot be forked safely, with a window open, if the stack runs
+    elsewhere and cannot be copied, or if an earlier version asked other questions in the run that
+    is told again.
 
     Args:
         specifications: of the run.
@@ -248,7 +275,10 @@ def _forecast_of(
 ) -> EpisodeForecast | ToldForecast | None:
     outside = episode.outside
     if outside is not None and isinstance(outside.talk, ToldTalk):
-        return ToldForecast(outside.talk.told().forecasts)
+        told = outside.talk.told()
+        if told.questions != QUESTIONS:
+            return None
+        return ToldForecast(told.forecasts, discs_of(episode.world))
     has_window = episode.config.engine.options.get("gui", False)
     if has_window or not episode.can_copy or not forking.can_fork():
         return None

@@ -69,6 +69,13 @@ class RemovingEngine(Protocol):
 
 
 @runtime_checkable
+class ReadableEngine(Protocol):
+    """An engine whose whole state stands in its Python objects, for whoever compares it."""
+
+    has_no_hidden_state: bool  #: always true; a physics library's client keeps state of its own
+
+
+@runtime_checkable
 class ShiftingEngine(Protocol):
     """An engine that can move robots a little."""
 

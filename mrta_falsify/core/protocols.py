@@ -26,6 +26,7 @@ from mrta_falsify.core.fleet import (
 )
 from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
+from mrta_falsify.core.steadiness import Memory
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
 
@@ -354,11 +355,30 @@ class SpeculativeWatch(ResumedWatch, Protocol):
         """Whether the answer is the expected one; asked once it is complete."""
 
 
+class SteadyRun(Protocol):
+    """A run whose memory can be read, so that it can be proven to be at rest."""
+
+    @property
+    def longest_timer(self) -> float:
+        """The longest time for which the stack waits by a clock [s]; inf: it is not known."""
+
+    def memory(self) -> Memory:
+        """Read all that decides the next ticks."""
+
+
+@runtime_checkable
+class ProvingWatch(Watch, Protocol):
+    """A watch that may end early, once the run is proven to be at rest."""
+
+    def take_run(self, run: SteadyRun) -> None:
+        """Take the run that is watched; called before its first frame is shown."""
+
+
 class Forecast(Protocol):
-    """Runs a continuation: a copy of the run without further outside events."""
+    """Runs a continuation: a copy of the run, usually without further outside events."""
 
     def __call__(
-        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0
+        self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0, to_come: bool = False
     ) -> dict[str, Any] | None:
         """Answer by ``watch``; None: the engine cannot, or the stack fails in the continuation.
 
@@ -369,6 +389,8 @@ class Forecast(Protocol):
             watch: sees the frames.
             without: robots that are taken away.
             nudge: number of a copy with small differences, 0: without any.
+            to_come: whether what is still to come from outside comes: tasks arrive, blockages and
+                outages begin.
         """
 
 

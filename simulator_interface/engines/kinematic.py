@@ -79,6 +79,8 @@ class _Clock(NamedTuple):
 class KinematicEngine:
     """Moves robots and people by geometry alone."""
 
+    has_no_hidden_state = True  #: see :class:`simulator_interface.staging.ReadableEngine`
+
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
         """Accuracy and sensing."""

@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import shapely
+
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.specs.deadlock.shut import Disc
 from simulator_interface.engines.footprints import convex_outline, read_footprint
 
+DISC_ERROR = 0.001  # m of the largest disc inside a body
 ROBOTS = Path(__file__).parent.parent / "robots"
 JOINT_COUNT = {"differential": 2, "holonomic": 3}
 
@@ -100,3 +104,11 @@ def _decode_model(data: Any, path: Path, name: str) -> RobotModel:
     elif len(footprint) < 3:
         raise ConfigError(f"{where}: footprint has {len(footprint)} corners; it needs at least 3")
     return replace(model, urdf=str(urdf), footprint=convex_outline(footprint, where))
+
+
+@functools.lru_cache(maxsize=64)
+def inner_disc(model: RobotModel) -> Disc:
+    """Find the largest disc inside a body: it goes wherever the body does."""
+    line = shapely.maximum_inscribed_circle(shapely.Polygon(model.footprint), DISC_ERROR)
+    (x, y), _ = line.coords
+    return Disc(x, y, line.length)

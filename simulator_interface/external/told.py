@@ -26,6 +26,9 @@ from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
 TOLD_NAME = "answers.zip"
+#: version of what specifications ask of copies of a run; answers to earlier questions answer no
+#: others, so that a run told again by them is judged without
+QUESTIONS = 2
 BLOCK = 1 << 18  # bytes that are deflated at once
 _LENGTH = struct.Struct("<I")
 _HEAD, _BODY = "told.json", "answers"
@@ -41,6 +44,7 @@ class Told:
     failure: StackFailure | None  #: how it ended, if it failed
     #: what came of asking it again, in the order of the questions; None: nothing
     again: tuple[AskedAgain | None, ...] = ()
+    questions: int = QUESTIONS  #: version of what ``forecasts`` answer
 
     def answers(self) -> Iterator[bytes]:
         """Give the answers to the ticks, from the first on."""
@@ -106,6 +110,7 @@ def write_told(told: Told, path: Path) -> None:
     head = {
         "ready": codec.encode(told.ready),
         "forecasts": list(told.forecasts),
+        "questions": told.questions,
         "failure": codec.encode(told.failure),
         "again": codec.encode(told.again),
     }
@@ -133,6 +138,7 @@ def read_told(path: Path) -> Told:
         ready=codec.decode(Ready, head.get("ready"), where=str(path)),
         packed=packed,
         forecasts=tuple(head.get("forecasts", ())),
+        questions=codec.decode(int, head.get("questions", 1), where=str(path)),
         failure=codec.decode(StackFailure, failure, where=str(path)) if failure else None,
         again=tuple(
             codec.decode(AskedAgain, row, where=str(path)) if row else None

@@ -427,7 +427,9 @@ def foretold(script: Script, fate, **options) -> NoDeadlock:
     """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
     world, judged = script.world(), oracle(**options)
     judged.start(world, DT)
-    judged.foresee(lambda watch, *, without=(), nudge=0: fate(watch, *without or (-1,), nudge))
+    judged.foresee(
+        lambda watch, *, without=(), nudge=0, to_come=False: fate(watch, *without or (-1,), nudge)
+    )
     for frame in script.frames(world):
         judged.update(frame)
     return judged
@@ -567,24 +569,15 @@ def test_a_forecast_is_forgotten_once_something_comes_from_outside():
     assert not judged(500.0).violated
 
 
-@pytest.mark.parametrize(("nudged_free", "is_deadlock"), [(0, True), (1, True), (2, False)])
-def test_who_goes_free_late_is_stuck_unless_most_of_several_copies_go_free(
-    nudged_free, is_deadlock
-):
+def test_who_goes_free_late_in_the_run_itself_is_not_stuck_and_no_copies_vote():
     nudges = []
 
     def fate(watch, without, nudge):
-        if without >= 0:
-            return {"freed": [1 - without]}
-        if nudge:
-            nudges.append(nudge)
-        if nudge > nudged_free:
-            return shown({0: 3.0, 1: 3.0})
+        nudges.append(nudge)
         return shown(freed={0: 190.0, 1: 190.0})
 
-    verdict = foretold(head_on(), fate).verdict()
-    assert max(nudges) == {0: 3, 1: 4, 2: 2}[nudged_free]
-    assert verdict.violated == is_deadlock
+    assert not foretold(head_on(), fate).verdict().violated
+    assert set(nudges) == {0}
 
 
 def test_who_stays_on_a_balance_is_stuck_unless_most_of_several_copies_go_free():
@@ -696,31 +689,13 @@ def looked_for(robot, **more) -> float:
     return watched([Robot(robot, goal=(5.0, 0.0))], **more)[0]
 
 
-def test_a_forecast_ends_once_nothing_has_moved_for_half_a_minute():
-    assert looked_for((0.0, 0.0)) == pytest.approx(30.0, abs=0.5)
-    settles = looked_for(lambda time: (0.01 * np.exp(-time), 0.0, 0.0))
-    assert 30.0 < settles < 40.0
-
-
-def test_a_forecast_does_not_take_the_creep_off_an_unstable_balance_for_rest():
-    def balanced(time):
-        return (1e-6 * np.exp(time / 8.0), 0.0, 0.0)
-
-    looked, _ = watched([Robot(balanced, goal=(5.0, 0.0))])
-    assert looked >= 60.0
-
-
-def test_a_forecast_goes_on_while_a_person_squeezes_past_but_not_for_one_who_walks_about():
-    squeezes = looked_for((0.0, 0.0), person_speed=lambda time: 0.005, seconds=140.0)
-    assert squeezes == pytest.approx(139.0, abs=0.5)
-    walks = looked_for((0.0, 0.0), person_speed=lambda time: abs(np.sin(time / 5.0)), seconds=140.0)
-    assert walks == pytest.approx(120.0, abs=0.5)
+def test_a_forecast_of_which_nothing_is_proven_goes_on_to_its_bound():
+    assert looked_for((0.0, 0.0)) == pytest.approx(70.0, abs=0.5)
 
 
 @pytest.mark.parametrize("speed", [0.0002, 0.0013])
 def test_a_robot_that_creeps_steadily_is_stuck(speed):
-    looked, answer = watched([Robot(drive((0, 0), (5, 0), speed), goal=(5.0, 0.0))], seconds=180.0)
-    assert looked < 122.0
+    _, answer = watched([Robot(drive((0, 0), (5, 0), speed), goal=(5.0, 0.0))], seconds=180.0)
     assert list(answer["stuck"]) == ["0"]
 
 

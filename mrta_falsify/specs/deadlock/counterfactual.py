@@ -1,13 +1,15 @@
 """Deadlocks by continuation and counterfactual.
 
-A robot is stuck if it never reaches its next stop although nothing more comes from outside. A
-robot holds those who reach theirs without it; members of a deadlock hold each other. Both are read
-off copies of the run. Copies with small differences vote on robots that stay, or get going late.
+A robot is stuck if it never reaches its next stop although nothing more comes from outside, nor if
+all comes that is still to come. A robot holds those who reach theirs without it; members of a
+deadlock hold each other, or wait for each other in a ring. All of it is read off copies of the run.
+Copies with small differences vote on robots that stay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,15 +20,16 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
+from mrta_falsify.specs.deadlock.bystanders import BystanderClock, Bystanders
+from mrta_falsify.specs.deadlock.corrections import Removals, corrected
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.rest import timed
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
-from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
+from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot, rings_of
 from mrta_falsify.specs.deadlock.watches import (
     A_MINUTE,
     ContinuationAnswer,
     ContinuationWatch,
-    CounterfactualAnswer,
-    CounterfactualWatch,
     Question,
 )
 
@@ -34,18 +37,44 @@ COPIES = 5  # of the run that vote at most, all but the first with poses moved b
 #: s between two questions about a robot; doubled, to a minute, while it makes no progress
 ASK_SOONEST = 1.0
 HALFWAY = 0.5  # of the time to what copies foretell, after which they vote again
-AWAITED_WITHIN = 300.0  # s; events in force that end this soon are waited for
-LOOK_AHEAD = 240.0  # s that a continuation goes on for at most, once no event is awaited
+AWAITED_WITHIN = 300.0  # s; events in force that end this soon, or by the horizon, are waited for
+LOOK_AHEAD = 240.0  # s that a continuation goes on for, once no event is awaited
+LOOK_WITHOUT = 120.0  # s in which a robot should get going that another one has held up
 NOTHING_SEEN = ContinuationAnswer(stuck={}, freed={}, edges=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FoundDeadlock:
-    """A deadlock as the continuation shows it."""
+    """A deadlock as continuations show it."""
 
     group: StuckGroup
-    edges: EdgesByRobot  #: at the end of the continuation
+    edges: EdgesByRobot  #: at the end of the continuation, as removals correct them
+    seen: EdgesByRobot  #: the same as geometry alone shows them
+    members_alone: tuple[int, ...]  #: members as removals alone tell them
     last: dict[int, float]  #: last progress of each robot of the group [s]
+    ended: float  #: until when the members stand at least, whatever is still to come [s]
+    proven: bool  #: for good
+    bystanders: Bystanders  #: furniture and people at the end
+
+    @property
+    def is_mutual(self) -> bool:
+        """Whether several robots wait for each other."""
+        return len(self.group.members) > 1
+
+    def shown_by(self, end: ContinuationAnswer) -> FoundDeadlock:
+        """Take in the continuation that shows for how long the members stand."""
+        return dataclasses.replace(
+            self, ended=end.ended, proven=end.proven, bystanders=end.bystanders
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldUntilWork:
+    """Robots that stand until something new comes from outside, and then go on."""
+
+    robots: tuple[int, ...]
+    since: float  #: when the last of them stopped [s]
+    until: float  #: when the first of them goes on [s]
 
 
 class Prospect(NamedTuple):
@@ -69,47 +98,6 @@ class _Span(NamedTuple):
     time: float  #: it is made [s]
     settled: float  #: before, rest means nothing [s]
     until: float  #: [s]
-
-
-class _Removals:
-    """Asks who goes free without a robot; each question once.
-
-    Args:
-        world: of the episode.
-        forecast: from the moment in question.
-        span: that is looked at.
-        stride: ticks from one look to the next.
-    """
-
-    def __init__(self, world: World, forecast: Forecast, span: _Span, stride: int) -> None:
-        self.span = span
-        self._world = world
-        self._forecast = forecast
-        self._stride = stride
-        self._answers: dict[int, set[int] | None] = {}
-
-    def freed_without(self, i: int, stuck: set[int]) -> set[int] | None:
-        """Find who of the others in ``stuck`` goes free; None: that cannot be tried."""
-        if i not in self._answers:
-            question = Question(frozenset(stuck - {i}), frozenset(), *self.span)
-            watch = CounterfactualWatch(self._world, question, stride=self._stride)
-            answer = self._forecast(watch, without=(i,))
-            self._answers[i] = (
-                None
-                if answer is None
-                else set(codec.decode(CounterfactualAnswer, answer, where="forecast").freed)
-            )
-        return self._answers[i]
-
-    def freed_by(self, stuck: set[int]) -> dict[int, set[int]]:
-        """Find who goes free without each of ``stuck``; all others, if that cannot be tried."""
-        freed = {i: stuck - {i} for i in stuck}
-        for i in sorted(stuck) if len(stuck) > 1 else ():
-            answer = self.freed_without(i, stuck)
-            if answer is None:
-                break
-            freed[i] = answer
-        return freed
 
 
 class CounterfactualTest:
@@ -136,6 +124,11 @@ class CounterfactualTest:
         members: bool = True,
     ) -> None:
         robots = len(world.robots)
+        self.bystanders = BystanderClock(world)  #: kept up to date by the owner
+        self.held: list[HeldUntilWork] = []  #: found so far
+        #: (N,) until then a robot stands only because nothing new comes [s]
+        self._held_until = np.full(robots, -np.inf)
+        self._seen_to_come: ContinuationAnswer | None = None  #: of a continuation with all to come
         self._copies = copies
         self._tells_members = members
         self._world = world
@@ -144,6 +137,7 @@ class CounterfactualTest:
         self._look_ahead = look_ahead
         self._progress = progress
         self._events = begin_times(world)
+        self._to_come = timed(world, to_come=True, deadlines=False)  # sorted [s]
         self._begun = 0  # of the events
         #: (N,) until then a robot is known to be no part of a deadlock [s]
         self.free_until = np.full(robots, -np.inf)
@@ -155,7 +149,8 @@ class CounterfactualTest:
     def is_open(self, i: int, time: float) -> bool:
         """Whether it is worth asking about robot ``i`` at ``time`` [s]."""
         will_progress = self._before[i] >= self._progress.last[i]
-        return bool(self.free_until[i] <= time and not will_progress)
+        is_known = max(self.free_until[i], self._held_until[i]) > time
+        return not is_known and not will_progress
 
     def note(self, time: float, waits: BoolArray) -> None:
         """Forget the forecasts that no longer hold.
@@ -182,24 +177,119 @@ class CounterfactualTest:
             time: [s].
         """
         span = self._span(time)
-        removals = _Removals(self._world, forecast, span, self._stride)
         seen = self._first(forecast, asked, time, span, speculates=True)
         if seen.as_expected:
             for i in asked:
                 self._before[i] = self._progress.last[i]
                 self.free_until[i] = max(self.free_until[i], time + self._pause[i])
             return []
+        last = {int(i): progress for i, progress in seen.stuck.items()}
+        here = {i for i in asked & set(last) if last[i] <= time}
+        end = self._end_of(forecast, seen, here, time) if here else seen
+        held = {i for i in here if end is None or not _stands(i, end, time)}
+        if here and (end is None or held == here):
+            freed = {int(i): at for i, at in seen.freed.items()}
+            self._note_free(asked - here, last, freed, time)
+            return []
+        assert end is not None
+        removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
         if self._tells_members and self._is_incomplete(seen, asked, removals, time):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
         if not any(last[i] <= time for i in asked & set(last)):
             return []
-        if self._tells_members:
-            freed_by = removals.freed_by(set(last))
-        else:
-            last = {i: progress for i, progress in last.items() if progress <= time}
-            freed_by = {i: set(last) - {i} for i in last}
-        return self._standing(last, freed_by, edges, time)
+        return [
+            group.shown_by(end)
+            for group in self._groups(last, edges, removals, time)
+            if not self._is_passed(group, seen, removals, time)
+            and not self._is_held(group.group.members, last, end, time)
+        ]
+
+    def _is_passed(
+        self, group: FoundDeadlock, seen: ContinuationAnswer, removals: Removals, time: float
+    ) -> bool:
+        """Whether others who go on pass again and again a robot that waits for them.
+
+        It is asked about again once they have. Where they are not to blame, it stays without them.
+        """
+        if group.is_mutual:
+            return False
+        held_by: dict[int, float] = {}
+        for i in group.group.members:
+            passed = seen.passed.get(str(i), {})
+            held_by |= {int(j): at for j, at in passed.items() if int(j) not in group.last}
+        if max(held_by.values(), default=time) <= time:
+            return False
+        members = set(group.group.members)
+        stays = removals.without(tuple(sorted(held_by)), members)
+        if stays is not None and not removals.is_outside and not members & set(stays.freed):
+            return False
+        for i in group.group.robots:
+            self.free_until[i] = max(self.free_until[i], *held_by.values())
+        return True
+
+    def _end_of(
+        self, forecast: Forecast, seen: ContinuationAnswer, here: set[int], time: float
+    ) -> ContinuationAnswer | None:
+        """Continue the run with all that is still to come, and note whom that frees.
+
+        What was seen before of the same future is used again.
+
+        Args:
+            forecast: from this moment on.
+            seen: what a continuation without anything new shows; the answer, if nothing is to come.
+            here: robots that stand in that one.
+            time: [s].
+
+        Returns:
+            What that continuation shows; None: it cannot be made, or the stack fails in it.
+        """
+        ahead = self._to_come[(self._to_come > time) & (self._to_come <= self._world.horizon)]
+        if not len(ahead):
+            return seen
+        known = self._seen_to_come
+        if known is None or not _still_tells(known, here, time, self._look_ahead):
+            settled = float(ahead[-1])
+            others = frozenset(int(i) for i in seen.stuck) - here
+            span = (time, settled, settled + self._look_ahead)
+            watch = ContinuationWatch(
+                self._progress,
+                Question(frozenset(here), others, *span),
+                stride=self._stride,
+                bystanders=self.bystanders,
+                to_come=True,
+            )
+            answer = forecast(watch, to_come=True)
+            if answer is None:
+                return None
+            known = self._seen_to_come = codec.decode(ContinuationAnswer, answer, where="forecast")
+        self._is_held(here, {int(i): at for i, at in seen.stuck.items()}, known, time)
+        return known
+
+    def _is_held(
+        self,
+        robots: Collection[int],
+        last: Mapping[int, float],
+        end: ContinuationAnswer,
+        time: float,
+    ) -> bool:
+        """Note robots that stand at ``time`` [s] and that what is to come frees; if there are any.
+
+        Args:
+            robots: that stand as long as nothing new comes.
+            last: since when [s].
+            end: a continuation with all that is to come.
+            time: [s].
+        """
+        goes_on = [i for i in sorted(robots) if not _stands(i, end, time)]
+        freed = {i: max(time, end.freed.get(str(i), end.ended)) for i in goes_on}
+        new = {i: at for i, at in freed.items() if at > self._held_until[i]}
+        for i, at in new.items():
+            self._held_until[i] = at
+        if new:
+            since, until = max(last[i] for i in new), min(new.values())
+            self.held.append(HeldUntilWork(robots=tuple(new), since=since, until=until))
+        return bool(freed)
 
     def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
         """Find which robots are stuck, whether or not they are part of a deadlock.
@@ -211,7 +301,15 @@ class CounterfactualTest:
         """
         span = self._span(time)
         seen = self._first(forecast, asked, time, span)
-        return self._voted(forecast, seen, asked, time, span)
+        found = self._voted(forecast, seen, asked, time, span)
+        here = {i for i in asked & set(found.last) if found.last[i] <= time}
+        end = self._end_of(forecast, seen, here, time) if here else seen
+        stays = {
+            i: at
+            for i, at in found.last.items()
+            if end is not None and _stands(i, end, max(time, at))
+        }
+        return found._replace(last=stays)
 
     def _first(
         self,
@@ -231,7 +329,7 @@ class CounterfactualTest:
         return seen
 
     def _is_incomplete(
-        self, seen: ContinuationAnswer, asked: set[int], removals: _Removals, time: float
+        self, seen: ContinuationAnswer, asked: set[int], removals: Removals, time: float
     ) -> bool:
         """Say whether all of ``asked`` are free or held by robots that get stuck only later.
 
@@ -240,7 +338,7 @@ class CounterfactualTest:
         last = {int(i): progress for i, progress in seen.stuck.items()}
         later = sorted((progress, i) for i, progress in last.items() if progress > time)
         here = {i for i in asked & set(last) if last[i] <= time}
-        if not here or not later or _late_ones(seen, asked, removals.span):
+        if not here or not later:
             return False
         until: dict[int, float] = {}
         for progress, i in later:
@@ -268,15 +366,10 @@ class CounterfactualTest:
         last = {int(i): progress for i, progress in seen.stuck.items()}
         freed = {int(i): at for i, at in seen.freed.items()}
         edges = edges_by_robot(seen.edges)
-        # Robots that stay, or get going late, may do so only because nothing pushes them off a
-        # balance; only copies with small differences tell.
-        doubtful = _late_ones(seen, asked, span) | set(last)
-        vote = self._vote(forecast, asked, doubtful, set(last), span)
-        for i, is_stuck in vote.stuck.items():
-            if is_stuck:
-                last.setdefault(i, float(self._progress.on_the_way()[i]))
-            else:
-                last.pop(i, None)
+        # Robots that stay may do so only because nothing pushes them off a balance; only copies
+        # with small differences tell.
+        vote = self._vote(forecast, asked, set(last), span)
+        last = {i: progress for i, progress in last.items() if vote.stuck[i]}
         self._note_free(asked, last, freed, time)
         self._note_outvoted(asked & set(vote.freed) - set(last) - set(freed), vote.freed, time)
         return Prospect(last, {int(i): way for i, way in seen.driven.items()}, edges)
@@ -296,6 +389,7 @@ class CounterfactualTest:
             self._progress,
             Question(frozenset(asked), frozenset(others), *span),
             stride=self._stride,
+            bystanders=self.bystanders,
             series=None if nudge else self._future,
             speculates=speculates,
         )
@@ -308,31 +402,30 @@ class CounterfactualTest:
         self,
         forecast: Forecast,
         asked: set[int],
-        doubtful: set[int],
         stuck: set[int],
         span: _Span,
     ) -> _Vote:
-        """Decide which of ``doubtful`` are stuck in most copies; no more are made than it takes.
+        """Decide which of ``stuck`` are so in most copies; no more are made than it takes.
 
         None are made once all of ``asked`` are free: the others do not matter then. Where a copy
         cannot be made, the first continuation alone decides.
         """
-        votes = {i: int(i in stuck) for i in doubtful}
+        votes = dict.fromkeys(stuck, 1)
         freed: dict[int, float] = {}
         for nudge in range(1, self._copies):
-            free = {i for i in doubtful if 2 * (nudge - votes[i]) > self._copies}
-            open_ = {i for i in doubtful - free if 2 * votes[i] < self._copies}
-            if not open_ or not asked & doubtful - free:
+            free = {i for i in stuck if 2 * (nudge - votes[i]) > self._copies}
+            open_ = {i for i in stuck - free if 2 * votes[i] < self._copies}
+            if not open_ or not asked & stuck - free:
                 break
             first = asked & open_ or open_
             seen = self._continue(forecast, first, span, others=open_ - first, nudge=nudge)
             if seen is None:
-                return _Vote({i: i in stuck for i in doubtful}, {})
+                return _Vote(dict.fromkeys(stuck, True), {})
             for i in open_ & {int(i) for i in seen.stuck}:
                 votes[i] += 1
             for name, progress in seen.freed.items():
                 freed[int(name)] = min(progress, freed.get(int(name), np.inf))
-        return _Vote({i: 2 * votes[i] > self._copies for i in doubtful}, freed)
+        return _Vote({i: 2 * votes[i] > self._copies for i in stuck}, freed)
 
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
@@ -363,41 +456,80 @@ class CounterfactualTest:
         for i in robots:
             self.free_until[i] = max(self.free_until[i], again)
 
-    def _standing(
+    def _groups(
         self,
         last: Mapping[int, float],
-        freed_by: Mapping[int, set[int]],
-        edges: EdgesByRobot,
+        seen: EdgesByRobot,
+        removals: Removals,
         time: float,
     ) -> list[FoundDeadlock]:
         """Find the deadlocks complete at ``time`` [s]; the others are asked about later."""
+        if self._tells_members:
+            freed_by = removals.freed_by(set(last))
+            edges = corrected(seen, set(last), removals)
+        else:
+            last = {i: progress for i, progress in last.items() if progress <= time}
+            freed_by, edges = {i: set(last) - {i} for i in last}, seen
         here = {i for i in last if last[i] <= time}
         # A robot that gets stuck later counts if one that is stuck now depends on it.
-        party = here | {i for i in last if freed_by[i] & here}
-        standing = []
-        for members, robots in stuck_groups(party, {i: freed_by[i] & party for i in party}, edges):
+        party = {i for i in last if i in here or freed_by[i] & here}
+        rings = rings_of(last, edges)
+        party |= {i for ring in rings if here & set(ring) for i in ring}
+        freed = {i: freed_by[i] & party for i in party}
+        found = []
+        for alone, others in stuck_groups(party, freed, edges):
+            ring = next((ring for ring in rings if set(alone) <= set(ring)), ())
+            members = ring if len(ring) > len(alone) else alone
+            robots = {*others, *members}
             complete = max(last[i] for i in members)
             if complete > time:
                 for i in robots:
                     self.free_until[i] = max(complete, time + self._pause[i])
                 continue
-            held = set(robots).union(*(freed_by[i] for i in members))
-            group = StuckGroup(members, tuple(sorted(held)))
-            known = {i: last[i] for i in group.robots}
-            standing.append(FoundDeadlock(group=group, edges=edges, last=known))
-        return standing
+            held = robots.union(*(freed_by[i] for i in members))
+            found.append(
+                FoundDeadlock(
+                    group=StuckGroup(members, tuple(sorted(held))),
+                    edges=edges,
+                    seen=seen,
+                    members_alone=alone,
+                    last={i: last[i] for i in held},
+                    ended=time,
+                    proven=False,
+                    bystanders=Bystanders(),
+                )
+            )
+        return _without_parts(found)
 
     def _span(self, time: float) -> _Span:
         """Find the time to look at, once blockages, outages and people who leave have gone."""
         ends = [event.end for event in self._world.events if event.start <= time]
         ends += [human.leaves_at for human in self._world.humans]
-        settled = max([time, *(end for end in ends if end <= time + AWAITED_WITHIN)])
+        latest = max(time + AWAITED_WITHIN, self._world.horizon)
+        settled = max([time, *(end for end in ends if end <= latest)])
         return _Span(time, settled, settled + self._look_ahead)
 
 
-def _late_ones(seen: ContinuationAnswer, asked: set[int], span: _Span) -> set[int]:
-    """Find the robots in question that may have gone free by chance."""
-    return {i for i in asked if seen.came_late(i, span.settled)}
+def _without_parts(found: list[FoundDeadlock]) -> list[FoundDeadlock]:
+    """Leave out deadlocks whose members are all members of one found before, or of a larger one."""
+    kept: list[FoundDeadlock] = []
+    for one in sorted(found, key=lambda found: -len(found.group.members)):
+        if not any(set(one.group.members) <= set(other.group.members) for other in kept):
+            kept.append(one)
+    return sorted(kept, key=lambda found: found.group.members)
+
+
+def _stands(i: int, end: ContinuationAnswer, time: float) -> bool:
+    """Whether robot ``i`` stands from ``time`` [s] to the end of a continuation."""
+    return end.stuck.get(str(i), np.inf) <= time
+
+
+def _still_tells(
+    known: ContinuationAnswer, here: Collection[int], time: float, look_ahead: float
+) -> bool:
+    """Whether a continuation seen before tells that robots stand from ``time`` [s] on."""
+    lasts = known.proven or known.ended - time >= look_ahead
+    return lasts and all(_stands(i, known, time) for i in here)
 
 
 def begin_times(world: World) -> Array:

@@ -100,6 +100,17 @@ class DeadlockEvidence:
         return {**rows, "others": [codec.encode(other) for other in others]}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contradiction:
+    """A claim that the run itself refuted, and that was withdrawn."""
+
+    members: tuple[str, ...]
+    kind: ClaimKind
+    claimed_at: float  #: [s]
+    refuted_at: float  #: when one of the members went on [s]
+    robot: str  #: that member
+
+
 def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence:
     """Describe a deadlock for its verdict.
 
@@ -137,6 +148,11 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         confirmed=deadlock.confirmed,
         kind="deadlock" if len(members) > 1 else "stuck",
     )
+
+
+def edge_rows(robots: Iterable[int], edges: EdgesByRobot, world: World) -> tuple[EdgeRow, ...]:
+    """Write the edges of robots by name, sorted by robot."""
+    return tuple(_edge_row(edge, world) for i in sorted(robots) for edge in edges.get(i, ()))
 
 
 def _edge_row(edge: BlockedBy, world: World) -> EdgeRow:

@@ -1,11 +1,19 @@
 """The deadlock oracle: robots that never reach their next stop, because of each other.
 
-A robot is *stuck* if it never reaches its next stop although nothing more comes from outside. The
-run itself tells (see :class:`~mrta_falsify.core.protocols.Forecast`): a copy of it continues
-without new tasks, blockages and outages. A robot that creeps, or gets free in fewer than half of
-several copies with small differences, is stuck as well. Copies without one robot each tell the
-*members* of a deadlock: robots that hold each other, and whom no other robot holds. Whom they hold
-are its victims.
+A robot is *stuck* if it never reaches its next stop, neither if nothing more comes from outside
+nor if all comes that is still to come. The run itself tells (see
+:class:`~mrta_falsify.core.protocols.Forecast`): copies of it continue without new tasks, blockages
+and outages, and with them. A robot that creeps is stuck as well; one that most copies with small
+differences let go is not. What only new work frees is *held until new work arrives*: no failure.
+
+Copies without one robot each tell the *members*: robots that hold each other, and whom no other
+robot holds. Robots that wait for each other in a ring are members as well, since a stack may
+remember the locks of a robot that is gone. Whom members hold are victims. Two or more members are
+a *deadlock*, one is *stuck*. A place to which a body does not fit any more, past what was pushed
+or who stays there, is *shut by the world*.
+
+A claim states for how long its members were seen, or are proven, to stand. Where the run itself
+goes on and refutes that, the claim is withdrawn and told as a contradiction.
 
 Where the run cannot be copied (a recorded trace, a system other than Linux, an open window) one
 rule applies. Robots are *suspected* once they and all that they wait for have stood for 30 s. A
@@ -15,8 +23,15 @@ to a stack that does not tell where its robots go (see :mod:`.untold_goals`).
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Forecast
@@ -29,8 +44,15 @@ from mrta_falsify.specs.deadlock.counterfactual import (
     CounterfactualTest,
     FoundDeadlock,
 )
-from mrta_falsify.specs.deadlock.evidence import Deadlock, DeadlockEvidence, describe
+from mrta_falsify.specs.deadlock.evidence import (
+    Contradiction,
+    Deadlock,
+    DeadlockEvidence,
+    describe,
+    edge_rows,
+)
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
+from mrta_falsify.specs.deadlock.shut import Shut, shut_way
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
 from mrta_falsify.specs.deadlock.untold_goals import UntoldGoals
 from mrta_falsify.specs.deadlock.wait_graph import (
@@ -89,8 +111,8 @@ class NoDeadlock:
         self._untold: UntoldGoals | None = None  # made where it is needed
         self._forecast: Forecast | None = None
         self._lost = 0.0  # largest share of the robustness
-        self._found: list[Deadlock] = []
-        self._evidence: list[DeadlockEvidence] = []
+        self._claims: list[_Claim] = []
+        self._contradictions: list[Contradiction] = []
         self._suspected: DeadlockEvidence | None = None
         self._missing = ""
 
@@ -111,7 +133,9 @@ class NoDeadlock:
             return
         edges = edges_by_robot(frame.blocked_by)
         self._progress.update(frame)
+        self._test.bystanders.update(frame.sensed)
         self._suspects.look(frame, edges)
+        self._withdraw(frame)
         self._note_loss()
         if self._forecast is None or self._missing:
             self._suspect(edges, frame)
@@ -120,15 +144,16 @@ class NoDeadlock:
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
-        if self._evidence:
-            first, *others = self._evidence
+        if self._claims:
+            claims = sorted((claim.evidence for claim in self._claims), key=_by_gravity)
+            first, *others = claims
             return Verdict(
                 spec=SPEC,
                 robustness=min(first.onset - first.detected_at, -1e-9),
                 violated=True,
                 violated_at=first.detected_at,
                 who=first.members,
-                evidence=first.encoded(others),
+                evidence=first.encoded(others) | self._told_beside(),
             )
         if self._suspected is not None:
             seen = self._suspected
@@ -136,7 +161,23 @@ class NoDeadlock:
             return suspected(SPEC, "a deadlock", who=seen.members, evidence=seen.encoded(), why=why)
         if self._missing:
             return unjudged(SPEC, self._missing)
-        return Verdict(spec=SPEC, robustness=SUSPECTED_AFTER * (1.0 - self._lost), violated=False)
+        return Verdict(
+            spec=SPEC,
+            robustness=SUSPECTED_AFTER * (1.0 - self._lost),
+            violated=False,
+            evidence=self._told_beside(),
+        )
+
+    def _told_beside(self) -> dict[str, Any]:
+        """Give what is told of robots that are in no claim; empty: nothing is."""
+        names = [robot.name for robot in self._world.robots]
+        held = [
+            {"robots": [names[i] for i in row.robots], "since": row.since, "until": row.until}
+            for row in self._test.held
+        ]
+        refuted = codec.encode(tuple(self._contradictions))
+        rows = {"held_until_work": held, "contradictions": refuted}
+        return {name: found for name, found in rows.items() if found}
 
     def _note_loss(self) -> None:
         wait = self._suspects.longest_wait()
@@ -151,7 +192,7 @@ class NoDeadlock:
         """Ask for a forecast if a robot may be stuck about which nothing is known yet."""
         time = frame.sensed.time
         self._test.note(time, self._suspects.waits)
-        known = {i for deadlock in self._found for i in deadlock.robots}
+        known = {i for claim in self._claims for i in claim.deadlock.robots}
         is_last = time > self._world.horizon - EDGES_EVERY
         asked = {
             i
@@ -163,7 +204,7 @@ class NoDeadlock:
             return
         for found in self._test.deadlocks(forecast, asked, time):
             if not known & set(found.group.robots):
-                self._report(_confirmed(found, edges), frame)
+                self._claim(found, edges, frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -182,9 +223,83 @@ class NoDeadlock:
         )
         self._suspected = describe(deadlock, self._world, frame)
 
-    def _report(self, deadlock: Deadlock, frame: Frame) -> None:
-        self._found.append(deadlock)
-        self._evidence.append(describe(deadlock, self._world, frame))
+    def _claim(self, found: FoundDeadlock, now: EdgesByRobot, frame: Frame) -> None:
+        """Claim a deadlock that continuations have shown."""
+        deadlock = _confirmed(found, now)
+        time = frame.sensed.time
+        names = [robot.name for robot in self._world.robots]
+        described = describe(deadlock, self._world, frame)
+        shut = self._shut(found, frame)
+        is_ring = set(found.members_alone) == set(found.group.members)
+        evidence = dataclasses.replace(
+            described,
+            kind="shut" if shut else described.kind,
+            shut_room=shut.room if shut else "",
+            shut_by=shut.by if shut else (),
+            shut_since=shut.since if shut else None,
+            stands_for=found.ended - time,
+            for_good=found.proven,
+            cycle_seen=edge_rows(found.group.members, found.seen, self._world),
+            members_alone=() if is_ring else tuple(names[i] for i in sorted(found.members_alone)),
+        )
+        self._claims.append(_Claim(deadlock, evidence, frame.served.copy()))
+
+    def _shut(self, found: FoundDeadlock, frame: Frame) -> Shut | None:
+        """Say what shuts the ways of all members; None: one of them could get to its goal."""
+        discs = getattr(self._forecast, "discs", ())
+        ways = [
+            shut_way(
+                self._world,
+                frame.sensed.pose[i],
+                frame.intent.goal[i],
+                discs[i],
+                found.bystanders,
+                stands_since=frame.sensed.time,
+                ended=found.ended,
+            )
+            for i in found.group.members
+            if discs
+        ]
+        shut = [way for way in ways if way is not None]
+        if not shut or len(shut) < len(found.group.members):
+            return None
+        return min(shut, key=lambda way: way.since)
+
+    def _withdraw(self, frame: Frame) -> None:
+        """Withdraw the claims that the run refutes: a member goes on within the claim's bound."""
+        time = frame.sensed.time
+        for claim in list(self._claims):
+            seen = claim.evidence
+            bound = np.inf if seen.for_good or seen.stands_for is None else seen.stands_for
+            if time > seen.detected_at + bound:
+                continue
+            members = np.array(claim.deadlock.members)
+            goes_on = self._progress.last[members] > seen.detected_at
+            goes_on |= frame.served[members] > claim.served[members]
+            if goes_on.any():
+                self._claims.remove(claim)
+                robot = self._world.robots[int(members[goes_on][0])].name
+                self._contradictions.append(
+                    Contradiction(
+                        members=seen.members,
+                        kind=seen.kind,
+                        claimed_at=seen.detected_at,
+                        refuted_at=time,
+                        robot=robot,
+                    )
+                )
+
+
+class _Claim(NamedTuple):
+    """A claim that stands so far."""
+
+    deadlock: Deadlock
+    evidence: DeadlockEvidence
+    served: IntArray  #: (N,) stops done when it was made
+
+
+def _by_gravity(evidence: DeadlockEvidence) -> tuple[int, float]:
+    return KINDS.index(evidence.kind), evidence.onset
 
 
 def _confirmed(found: FoundDeadlock, now: EdgesByRobot) -> Deadlock:

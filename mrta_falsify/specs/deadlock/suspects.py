@@ -12,10 +12,10 @@ from mrta_falsify.specs.deadlock.progress_clock import (
     ProgressClock,
     has_stop_to_reach,
 )
-from mrta_falsify.specs.deadlock.rest import SERVED_AFTER
 from mrta_falsify.specs.deadlock.standstill import SPOT_RADIUS, Standstill
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by
 
+SERVED_AFTER = 2.0  # s that a robot with a goal stands without an edge: it is being served
 #: of its largest speed; a robot that is slower than this may be held up by more than a crowd. At
 #: 1.5 m/s it has 1 s to leave its spot of 0.1 m, and 2.4 s to come nearer by 0.25 m
 CROWD_SHARE = 0.07

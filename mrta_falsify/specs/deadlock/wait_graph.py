@@ -44,6 +44,17 @@ def knots_of(stuck: Collection[int], edges: EdgesByRobot) -> list[tuple[int, ...
     return sorted(knots)
 
 
+def rings_of(among: Collection[int], edges: EdgesByRobot) -> list[tuple[int, ...]]:
+    """Find the rings: robots, two or more, each of which waits for each other one in the end."""
+    awaited = {i: awaited_by(i, among, edges) for i in sorted(among)}
+    rings = {
+        tuple(sorted({i} | {j for j in awaited[i] if i in awaited[j]}))
+        for i in awaited
+        if any(i in awaited[j] for j in awaited[i] - {i})
+    }
+    return sorted(rings)
+
+
 def victims_of(
     members: Collection[int], stuck: Collection[int], edges: EdgesByRobot
 ) -> frozenset[int]:

@@ -1,7 +1,7 @@
 """What the deadlock oracle looks for in a continuation of the run, and in a counterfactual.
 
-A *continuation* is a copy of the run that goes on without outside events. A *counterfactual* is
-a continuation without one of the robots.
+A *continuation* is a copy of the run that goes on, without outside events or with those that are
+still to come. A *counterfactual* is a continuation without one of the robots.
 """
 
 from __future__ import annotations
@@ -15,40 +15,37 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.fleet import BlockedBy, Frame
+from mrta_falsify.core.protocols import SteadyRun
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.deadlock.bystanders import BystanderClock, Bystanders, bystanders_of
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock, has_stop_to_reach
-from mrta_falsify.specs.deadlock.rest import ALL_REST_FOR, LastingRest
-from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
+from mrta_falsify.specs.deadlock.rest import ProvenRest
+from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, edges_by_robot
 
 SAME_TIME = 1e-6  # s
-A_MINUTE = 60.0  # s; progress that comes later in a continuation may be chance ...
-HALF_A_MINUTE = 30.0  # s ... after rest of this long
+A_MINUTE = 60.0  # s; progress this soon in a continuation is noted of all robots
+#: s without progress at the end of a continuation, after which a robot that was not asked about is
+#: asked about as well. It is claimed only once it has stood for a whole continuation
+ALSO_STANDS = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContinuationAnswer:
     """What a continuation showed; robots by number, as text."""
 
-    stuck: dict[str, float]  #: since when each robot that stays for good stands or creeps [s]
+    stuck: dict[str, float]  #: since when each robot that stays to the end stands or creeps [s]
     freed: dict[str, float]  #: when each robot in question made progress [s]
     edges: tuple[BlockedBy, ...]  #: at the end
-    #: for how long all rested that each robot in question waited for, at most [s]
-    rested: dict[str, float] = field(default_factory=dict)
     driven: dict[str, float] = field(default_factory=dict)  #: way of each robot in question [m]
-    #: last progress in the first minute of each robot that does not stay for good [s]
+    #: last progress in the first minute of each robot that does not stay to the end [s]
     soon: dict[str, float] = field(default_factory=dict)
-    #: all robots asked about make progress, and none of them by chance; nothing else is told then
+    #: when a robot that each stuck robot waited for made progress last, by that robot's number [s]
+    passed: dict[str, dict[str, float]] = field(default_factory=dict)
+    ended: float = 0.0  #: until when the robots that stay were seen, or are proven, to stand [s]
+    proven: bool = False  #: nothing moves any more for good
+    bystanders: Bystanders = Bystanders()  #: furniture and people at the end
+    #: all robots asked about make progress; nothing else is told then
     as_expected: bool = False
-
-    def came_late(self, i: int, settled: float) -> bool:
-        """Whether robot ``i`` went free so late, from rest, that it may be chance.
-
-        Args:
-            i: a robot in question.
-            settled: rest counts from this time on [s].
-        """
-        is_late = self.freed.get(str(i), -np.inf) > settled + A_MINUTE
-        return is_late and self.rested.get(str(i), np.inf) >= HALF_A_MINUTE
 
 
 AS_EXPECTED = ContinuationAnswer(stuck={}, freed={}, edges=(), as_expected=True)
@@ -59,13 +56,14 @@ class CounterfactualAnswer:
     """What a counterfactual showed."""
 
     freed: tuple[int, ...]  #: robots that reached their next stop
+    nearer: tuple[int, ...] = ()  #: robots that came nearer to it
+    edges: tuple[BlockedBy, ...] = ()  #: of the robots asked about, at the end
 
 
 class Question(NamedTuple):
     """What a continuation is asked."""
 
-    #: robots in question: it goes on until all of them have made progress, or nothing that they
-    #: wait for will move again
+    #: robots in question: it goes on until all of them have made progress, or to its bound
     asked: frozenset[int]
     others: frozenset[int]  #: they are in question if one of ``asked`` makes no progress
     time: float  #: of the question [s]
@@ -79,11 +77,12 @@ class _Looks:
     Args:
         world: of the episode.
         stride: ticks from one look to the next.
+        to_come: whether what is to come from outside comes in the copy.
     """
 
-    def __init__(self, world: World, stride: int) -> None:
+    def __init__(self, world: World, stride: int, *, to_come: bool = False) -> None:
         self._stride = stride
-        self.rest = LastingRest(world)
+        self.rest = ProvenRest(world, to_come=to_come)
         self.edges: EdgesByRobot = {}  # of each robot, as it last had any
         self.time = 0.0
         self.driven = np.zeros(len(world.robots))  # (N,) since the first look [m]
@@ -94,13 +93,16 @@ class _Looks:
         if frame.sensed.tick % self._stride:
             return False
         self.time = frame.sensed.time
-        edges = edges_by_robot(frame.blocked_by)
-        self.edges.update(edges)
-        self.rest.update(frame, edges)
+        self.edges.update(edges_by_robot(frame.blocked_by))
+        self.rest.update(frame.sensed)
         places = frame.sensed.pose[:, :2].copy()
         self.driven += np.nan_to_num(np.hypot(*(places - self._places).T))
         self._places = places
         return True
+
+    def are_settled(self, until: float) -> bool:
+        """Whether nothing moves any more before ``until`` [s], as is proven."""
+        return self.rest.lasts_until(self.time) >= until
 
 
 class _Seen(NamedTuple):
@@ -110,9 +112,10 @@ class _Seen(NamedTuple):
     last: Array  #: (N,) last progress [s]
     way: Array  #: (N,) until when each robot was on its way [s]
     waits: BoolArray  #: (N,) who has a stop to reach
-    moved: Array  #: (N,) when something that each robot waits for moved last [s]
     driven: Array  #: (N,) since the first look [m]
     edges: EdgesByRobot  #: of each robot, as it last had any since its last progress
+    rests_until: float  #: as is proven [s]
+    bystanders: tuple[Array, Array]  #: rows of a :class:`BystanderClock`
 
 
 class ContinuationWatch:
@@ -125,8 +128,10 @@ class ContinuationWatch:
         progress: of the run so far; the watch advances it, so it belongs into a copy.
         question: the first one.
         stride: ticks from one look to the next, as of ``progress``.
+        bystanders: furniture and people of the run so far; advanced as well.
         series: the same for all questions that one copy may answer; None: only this one.
         speculates: whether :data:`AS_EXPECTED` is told of robots that all make progress.
+        to_come: whether what is to come from outside comes in the continuation.
     """
 
     def __init__(
@@ -135,22 +140,30 @@ class ContinuationWatch:
         question: Question,
         *,
         stride: int,
+        bystanders: BystanderClock | None = None,
         series: object | None = None,
         speculates: bool = False,
+        to_come: bool = False,
     ) -> None:
         self.series = series
         self.expected: dict[str, Any] | None = codec.encode(AS_EXPECTED) if speculates else None
         self.question = question
         self._progress = progress
-        self._looks = _Looks(progress.world, stride)
+        self._bystanders = bystanders or BystanderClock(progress.world)
+        self._looks = _Looks(progress.world, stride, to_come=to_come)
         self._seen = [self._look(np.zeros(len(progress.last), dtype=np.bool_))]
         self._begin(question)
+
+    def take_run(self, run: SteadyRun) -> None:
+        """See :class:`mrta_falsify.core.protocols.ProvingWatch`."""
+        self._looks.rest.take_run(run)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
         looks = self._looks
         if not looks.are_due(frame):
             return False
+        self._bystanders.update(frame.sensed)
         last = self._progress.update(frame)
         for i in np.flatnonzero(last >= looks.time).tolist():
             looks.edges.pop(i, None)
@@ -158,18 +171,16 @@ class ContinuationWatch:
         if looks.time <= self.question.time + SAME_TIME:  # a copy that has fallen behind
             self._begin(self.question)
             return False
-        return self._note(self._seen[-1]) or self._is_over()
+        return self._note(self._seen[-1]) or self._is_over(self._seen[-1])
 
     def resume(self, question: Question) -> bool:
         """See :class:`mrta_falsify.core.protocols.ResumedWatch`."""
         self._begin(question)
-        return any(self._note(seen) for seen in self._seen[1:]) or self._is_over()
+        return any(self._note(seen) or self._is_over(seen) for seen in self._seen[1:])
 
     def is_as_expected(self) -> bool:
         """See :class:`mrta_falsify.core.protocols.SpeculativeWatch`."""
-        asked, settled = self.question.asked, self.question.settled
-        seen = self._answer()
-        return asked <= self._freed.keys() and not any(seen.came_late(i, settled) for i in asked)
+        return self.question.asked <= self._freed.keys()
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
@@ -181,16 +192,20 @@ class ContinuationWatch:
     def _answer(self) -> ContinuationAnswer:
         question, first, end = self.question, self._seen[0], self._end
         in_question = sorted(question.asked | question.others)
-        stuck = set(np.flatnonzero(end.waits & (end.time - end.last >= ALL_REST_FOR)).tolist())
+        until = min(end.rests_until, question.until) if end.time < question.until else end.time
+        stuck = set(np.flatnonzero(end.waits & (until - end.last >= ALSO_STANDS)).tolist())
         stuck |= {i for i in in_question if i not in self._freed}
         soon = set(np.flatnonzero(self._soon > first.last).tolist()) - stuck
         return ContinuationAnswer(
             stuck={str(i): float(end.way[i]) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
-            rested={str(i): time for i, time in self._rested.items()},
             edges=tuple(edge for i in sorted(end.edges) for edge in end.edges[i]),
             driven={str(i): float(end.driven[i] - first.driven[i]) for i in in_question},
             soon={str(i): float(self._soon[i]) for i in sorted(soon)},
+            passed={str(i): self._passed[i] for i in sorted(stuck) if self._passed.get(i)},
+            ended=float(max(end.time, until)),
+            proven=end.rests_until == np.inf,
+            bystanders=bystanders_of(end.bystanders),
         )
 
     def _begin(self, question: Question) -> None:
@@ -201,28 +216,27 @@ class ContinuationWatch:
         )
         self._seen = self._seen[max(0, before - 1) :]
         self._freed: dict[int, float] = {}
-        self._rested = dict.fromkeys(question.asked | question.others, 0.0)
+        self._passed: dict[int, dict[str, float]] = {}
         self._end = self._seen[0]
         self._soon = self._end.last  # (N,) last progress in the first minute [s]
 
     def _look(self, waits: BoolArray) -> _Seen:
         progress, looks = self._progress, self._looks
-        moved = np.zeros(len(waits))
-        for i in np.flatnonzero(waits).tolist():
-            moved[i] = looks.rest.party_moved(i)
         return _Seen(
             looks.time,
             progress.last.copy(),
             progress.on_the_way(),
             waits,
-            moved,
             looks.driven.copy(),
             dict(looks.edges),
+            looks.rest.lasts_until(looks.time),
+            self._bystanders.rows(),
         )
 
     def _note(self, seen: _Seen) -> bool:
         """Take in what was seen; whether all robots asked about have made progress by now."""
         question, before = self.question, self._seen[0].last
+        moved_on = set(np.flatnonzero(seen.last > self._end.last).tolist())
         self._end = seen
         for i in sorted(question.asked | question.others):
             if i in self._freed:
@@ -230,59 +244,62 @@ class ContinuationWatch:
             if seen.last[i] > before[i] or not seen.waits[i]:
                 self._freed[i] = seen.time
                 continue
-            rested = seen.time - max(float(seen.moved[i]), question.settled)
-            self._rested[i] = max(self._rested[i], rested)
+            if moved_on:
+                ahead = awaited_by(i, moved_on, {i: seen.edges.get(i, [])})
+                self._passed.setdefault(i, {}).update({str(j): seen.time for j in ahead - {i}})
         if seen.time <= question.settled + A_MINUTE:
             self._soon = seen.last
         return question.asked <= self._freed.keys()
 
-    def _is_over(self) -> bool:
-        """Whether nothing that the robots wait for will move again, or it takes too long."""
-        question, rest = self.question, self._looks.rest
-        return (
-            self._looks.time >= question.until
-            or rest.is_complete(question.settled)
-            or all(
-                i in self._freed or rest.keeps(i, question.settled)
-                for i in question.asked | question.others
-            )
-        )
+    def _is_over(self, seen: _Seen) -> bool:
+        """Whether the bound is reached, or nothing moves any more until then."""
+        return max(seen.time, seen.rests_until) >= self.question.until
 
 
 class CounterfactualWatch:
     """Watches which of the robots asked about reach their next stop now that another is gone.
 
     Args:
-        world: of the episode.
+        progress: of the run so far; the watch advances it, so it belongs into a copy.
         question: the watch ends once all robots asked about have reached it.
         stride: ticks from one look to the next.
     """
 
-    def __init__(self, world: World, question: Question, *, stride: int) -> None:
+    def __init__(self, progress: ProgressClock, question: Question, *, stride: int) -> None:
+        self._progress = progress
+        self._before = progress.last.copy()  # (N,) [s]
         self._question = question
         self._served: IntArray | None = None
         self.freed: set[int] = set()  #: who has reached it
-        self._looks = _Looks(world, stride)
+        self._nearer: set[int] = set()
+        self._looks = _Looks(progress.world, stride)
+
+    def take_run(self, run: SteadyRun) -> None:
+        """See :class:`mrta_falsify.core.protocols.ProvingWatch`."""
+        self._looks.rest.take_run(run)
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
-        looks = self._looks
+        looks, asked = self._looks, self._question.asked
         if not looks.are_due(frame):
             return False
         if self._served is None:
             self._served = frame.served
+        last = self._progress.update(frame)
+        self._nearer |= asked & set(np.flatnonzero(last > self._before).tolist())
         reached = frame.served > self._served
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        self.freed |= self._question.asked & set(np.flatnonzero(reached).tolist())
-        left, settled = self._question.asked - self.freed, self._question.settled
-        is_at_rest = looks.rest.is_complete(settled) or all(
-            looks.rest.keeps(i, settled) for i in left
-        )
-        return not left or is_at_rest or looks.time >= self._question.until
+        self.freed |= asked & set(np.flatnonzero(reached).tolist())
+        until = self._question.until
+        return not asked - self.freed or looks.time >= until or looks.are_settled(until)
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`CounterfactualAnswer`, encoded."""
-        encoded: dict[str, Any] = codec.encode(
-            CounterfactualAnswer(freed=tuple(sorted(self.freed)))
+        edges = self._looks.edges
+        answer = CounterfactualAnswer(
+            freed=tuple(sorted(self.freed)),
+            nearer=tuple(sorted(self._nearer | self.freed)),
+            edges=tuple(e for i in sorted(self._question.asked) for e in edges.get(i, ())),
         )
+        encoded: dict[str, Any] = codec.encode(answer)
         return encoded

@@ -17,6 +17,7 @@ from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
+from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
 from mrta_falsify.trial import Job
 from reports.sentences import listed
@@ -72,7 +73,9 @@ def _removal(
     """Take a robot away, and look who of the others goes on."""
     time = running.last.sensed.time
     question = Question(frozenset(others.values()), frozenset(), time, time, time + LOOK_AHEAD)
-    watch = CounterfactualWatch(world, question, stride=look_stride(running.episode.dt))
+    clock = ProgressClock(world)
+    watch = CounterfactualWatch(clock, question, stride=look_stride(running.episode.dt))
+    watch.take_run(running.episode)
     watch.update(running.last)
     running.episode.forget_events()
     running.episode.remove(robot)
