@@ -319,11 +319,11 @@ class TrialWatch:
         """Take in a tick; give the reason to end here, empty: there is none."""
         self.descriptors.update(frame)
         sensed = frame.sensed
-        if sensed.tick % self._stride == 0 and self._decided == np.inf:
+        if sensed.tick % self._stride == 0:
             verdicts = [specification.verdict() for specification in self._specifications]
-            for verdict in primary(verdicts, self.then):
-                if verdict.violated_at is not None:
-                    self._decided = min(self._decided, verdict.violated_at)
+            found = (verdict.violated_at for verdict in primary(verdicts, self.then))
+            # looked at anew each time: a claim that the run refutes is withdrawn
+            self._decided = min((time for time in found if time is not None), default=np.inf)
         return "decided" if sensed.time >= self._decided + SETTLE else ""
 
 
