@@ -14,7 +14,6 @@ import functools
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -24,7 +23,7 @@ from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.directives import Appear, Push, begins_outside
-from mrta_falsify.core.free_space import free_space, widest_gap
+from mrta_falsify.core.free_space import Disc, free_space, widest_gap
 from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.protocols import Planner
 from mrta_falsify.core.tight_ways import TightWay, listed
@@ -32,7 +31,7 @@ from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec, Task, World
 from mrta_falsify.specs.books import ROOM_REACH, stop_area
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.timing import closed_travel_times
-from simulator_interface.engines.robot_models import RobotModel, find_model
+from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.engines.sensing import PUT_DOWN
 
 CELL = 0.05  # m of the map on which ways are measured
@@ -41,7 +40,6 @@ WAY_ERROR = 0.9  # of a planned way's length is surely no longer than the shorte
 NODES = 200_000  # of the prover's search, about 50 ms
 NEVER = 1e9  # s, for the prover, which counts in finite times
 MOST_TASKS = 40  # more are not proved together: the limit would be reached
-DISC_ERROR = 0.001  # m of the largest disc inside a body
 FASTEST_WALK = 3.0  # m/s; somebody who wants to walk slower runs no faster
 
 
@@ -111,29 +109,6 @@ def why_impossible(world: World, specifications: Collection[str]) -> str:
 # --- shut ways --------------------------------------------------------------------------------
 
 
-class _Disc(NamedTuple):
-    """A disc around a point that moves with a robot."""
-
-    offset: tuple[float, float]  #: of its centre, in the robot's frame [m]
-    half_width: float  #: [m]
-
-    def at(self, pose: Array) -> Array:
-        return transform(np.array(self.offset), pose)
-
-    @property
-    def width(self) -> float:
-        return 2.0 * self.half_width
-
-    @property
-    def away(self) -> float:
-        """Distance [m] of its centre from the robot's point."""
-        return math.hypot(*self.offset)
-
-    def is_within(self, other: _Disc) -> bool:
-        between = math.dist(self.offset, other.offset)
-        return between + self.half_width <= other.half_width
-
-
 class _Ground:
     """The solids and stops of a world, and where discs can go among them."""
 
@@ -150,11 +125,11 @@ class _Ground:
         self._shut_by = functools.cache(self._find_shut_by)
         self._gap = functools.cache(self._measure_gap)
 
-    def fits(self, robot: RobotSpec, disc: _Disc) -> bool:
+    def fits(self, robot: RobotSpec, disc: Disc) -> bool:
         """Whether a robot's disc fits where the robot starts."""
         return bool(self._free(disc.half_width).at(disc.at(robot.pose)).any())
 
-    def target(self, task: Task, robot: RobotSpec, disc: _Disc) -> int | None:
+    def target(self, task: Task, robot: RobotSpec, disc: Disc) -> int | None:
         """Find the room of a task to which a robot's disc cannot get.
 
         None: it gets to both, or does not fit where the robot starts, and nothing is known.
@@ -168,7 +143,7 @@ class _Ground:
                 return room
         return None
 
-    def tight_way(self, number: int, room: int, robot: RobotSpec, disc: _Disc) -> TightWay:
+    def tight_way(self, number: int, room: int, robot: RobotSpec, disc: Disc) -> TightWay:
         """Describe the way to a room to which a robot's disc cannot get."""
         start = tuple(disc.at(robot.pose).tolist())
         by = self._shut_by(start, room, disc)
@@ -180,16 +155,16 @@ class _Ground:
             needed=disc.width,
         )
 
-    def _find_shut_by(self, start: tuple[float, float], room: int, disc: _Disc) -> tuple[str, ...]:
+    def _find_shut_by(self, start: tuple[float, float], room: int, disc: Disc) -> tuple[str, ...]:
         space = self._free(disc.half_width)
         return space.shut_by(start, self._goal(room, disc.away)) or ()
 
-    def _measure_gap(self, start: tuple[float, float], room: int, disc: _Disc) -> float:
+    def _measure_gap(self, start: tuple[float, float], room: int, disc: Disc) -> float:
         goal = self._goal(room, disc.away)
         gap = widest_gap(lambda half: self._free(half).is_open(start, goal), high=disc.half_width)
         return min(gap, disc.width)
 
-    def _shut_room(self, start: tuple[float, float], room: int, disc: _Disc) -> str:
+    def _shut_room(self, start: tuple[float, float], room: int, disc: Disc) -> str:
         """Name the one room that is cut off: where the robot starts, or where it is to go."""
         space, rooms = self._free(disc.half_width), self.world.rooms
         goals = [self._reaching(k, disc) for k in range(len(rooms))]
@@ -207,7 +182,7 @@ def _tight_ways(world: World) -> tuple[tuple[TightWay, ...], tuple[TightWay, ...
     """Find the ways that no body fits through, and those that no planning radius does."""
     ground = _Ground(world)
     joining = [robot for robot in world.robots if robot.joins_at <= world.horizon]
-    both = [(r, body_disc(r), _Disc((0.0, 0.0), r.radius)) for r in joining]
+    both = [(r, body_disc(r), Disc((0.0, 0.0), r.radius)) for r in joining]
     shut, narrow = [], []
     for number, task in enumerate(world.tasks):
         serving = [discs for discs in both if task.robot in ("", discs[0].name)]
@@ -230,7 +205,7 @@ def _tight_ways(world: World) -> tuple[tuple[TightWay, ...], tuple[TightWay, ...
     return tuple(shut), tuple(narrow)
 
 
-def _best_way(ground: _Ground, number: int, discs: Sequence[tuple[RobotSpec, _Disc]]) -> TightWay:
+def _best_way(ground: _Ground, number: int, discs: Sequence[tuple[RobotSpec, Disc]]) -> TightWay:
     """Describe the way of the robot that comes nearest to passing."""
     task = ground.world.tasks[number]
     ways = []
@@ -241,16 +216,9 @@ def _best_way(ground: _Ground, number: int, discs: Sequence[tuple[RobotSpec, _Di
     return min(ways, key=lambda way: (way.needed - way.gap, not way.by, len(way.by)))
 
 
-def body_disc(robot: RobotSpec) -> _Disc:
+def body_disc(robot: RobotSpec) -> Disc:
     """Find the largest disc inside a robot's body: it goes wherever the body does."""
-    return _inside(find_model(robot.model))
-
-
-@functools.lru_cache(maxsize=64)
-def _inside(model: RobotModel) -> _Disc:
-    line = shapely.maximum_inscribed_circle(Polygon(model.footprint), DISC_ERROR)
-    (x, y), _ = line.coords
-    return _Disc((x, y), line.length)
+    return inner_disc(find_model(robot.model))
 
 
 # --- what stands ------------------------------------------------------------------------------

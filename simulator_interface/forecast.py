@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.protocols import (
     Foreseeing,
     ProvingWatch,
@@ -25,7 +26,6 @@ from mrta_falsify.core.protocols import (
 )
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.deadlock.shut import Disc
 from simulator_interface import forking
 from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.episode import Episode

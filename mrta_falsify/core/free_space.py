@@ -11,15 +11,17 @@ from __future__ import annotations
 import functools
 import heapq
 import itertools
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.shapes import polygons
 
 SLACK = 0.002  # m by which a disc is thought smaller
@@ -29,6 +31,32 @@ GAP_ERROR = 0.005  # m of a measured gap
 
 #: polygons or multipolygons of shapely, which has no types
 Shapes = NDArray[np.object_]
+
+
+class Disc(NamedTuple):
+    """A disc around a point that moves with a robot."""
+
+    offset: tuple[float, float]  #: of its centre, in the robot's frame [m]
+    half_width: float  #: [m]
+
+    def at(self, pose: Array) -> Array:
+        """Place its centre ``(2,)`` [m] for a robot at ``pose`` ``(3,)`` [m, m, rad]."""
+        return transform(np.array(self.offset), pose)
+
+    @property
+    def width(self) -> float:
+        """Full width [m]."""
+        return 2.0 * self.half_width
+
+    @property
+    def away(self) -> float:
+        """Distance [m] of its centre from the robot's point."""
+        return math.hypot(*self.offset)
+
+    def is_within(self, other: Disc) -> bool:
+        """Whether it lies inside another disc of the same robot."""
+        between = math.dist(self.offset, other.offset)
+        return between + self.half_width <= other.half_width
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
-from mrta_falsify.specs.deadlock.shut import Disc
+from mrta_falsify.core.free_space import Disc
 from simulator_interface.engines.footprints import convex_outline, read_footprint
 
 DISC_ERROR = 0.001  # m of the largest disc inside a body
@@ -111,4 +111,4 @@ def inner_disc(model: RobotModel) -> Disc:
     """Find the largest disc inside a body: it goes wherever the body does."""
     line = shapely.maximum_inscribed_circle(shapely.Polygon(model.footprint), DISC_ERROR)
     (x, y), _ = line.coords
-    return Disc(x, y, line.length)
+    return Disc((x, y), line.length)

@@ -7,13 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, Furniture
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
-from mrta_falsify.specs.deadlock.shut import Disc, shut_way
+from mrta_falsify.specs.deadlock.shut import shut_way
 from tests.specs.frames import Human, Robot, Script
 
-DISC = Disc(0.0, 0.0, 0.15)
+DISC = Disc((0.0, 0.0), 0.15)
 WALLS = [rectangle(0.1, 4.0, (0.0, 2.5)), rectangle(0.1, 4.0, (0.0, -2.5))]  # a door of 1 m at 0, 0
 INSIDE, OUTSIDE = (2.0, 0.0), (-2.0, 0.0)
 FOUND, ENDED = 50.0, 290.0

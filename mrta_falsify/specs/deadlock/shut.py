@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,22 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.free_space import around, free_space
-from mrta_falsify.core.geometry import transform
+from mrta_falsify.core.free_space import Disc, around, free_space
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.books import ROOM_REACH
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
 from mrta_falsify.specs.deadlock.goals import GoalMap, is_inside
 
 CORNERS = 16  # of the outline of a person
-
-
-class Disc(NamedTuple):
-    """The largest disc inside a robot's body: it goes wherever the body does."""
-
-    x: float  #: of its centre, in the robot's frame [m]
-    y: float  #: [m]
-    half_width: float  #: [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,8 +64,7 @@ def shut_way(
     walls = [wall.polygon for wall in world.walls]
     outlines = [(thing.name, thing.outline) for thing in things]
     space = free_space(world.bounds, walls, outlines, disc.half_width)
-    start = transform(np.array([disc.x, disc.y]), pose)
-    by = space.shut_by(start, around(target, ROOM_REACH + math.hypot(disc.x, disc.y)))
+    by = space.shut_by(disc.at(pose), around(target, ROOM_REACH + disc.away))
     if by is None:
         return None
     closing = [thing for thing in things if thing.name in by]
