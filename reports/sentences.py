@@ -221,11 +221,12 @@ def beside_sentences(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
 
 
 def _held_until_work(row: Mapping[str, Any]) -> str:
+    names = list(row.get("robots", ())) or [row.get("robot", "a robot")]
     until = row.get("until")
     to = f" to {float(until):.1f} s" if isinstance(until, (int, float)) else " on"
     return (
-        f"{row.get('robot', 'a robot')} was held until new work arrived, from "
-        f"{float(row.get('since', 0.0)):.1f} s{to}{_place(row.get('place'))}: no deadlock."
+        f"{listed(names)} {'was' if len(names) == 1 else 'were'} held until new work arrives, from "
+        f"{float(row.get('since', 0.0)):.1f} s{to}{_place(row.get('place'))}: no failure."
     )
 
 

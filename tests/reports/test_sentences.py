@@ -107,14 +107,14 @@ def test_what_only_work_freed_and_what_the_run_refuted_is_told_beside_the_verdic
         robustness=4.0,
         violated=False,
         evidence={
-            "held_until_work": [{"robot": "robot1", "since": 12.0, "until": 60.0}],
+            "held_until_work": [{"robots": ["robot1"], "since": 12.0, "until": 60.0}],
             "contradictions": [
                 {"members": ["robot2"], "claimed_at": 10.0, "refuted_at": 44.0, "robot": "robot2"}
             ],
         },
     )
     held, refuted = beside_sentences([holds])
-    assert held == ("robot1 was held until new work arrived, from 12.0 s to 60.0 s: no deadlock.")
+    assert held == ("robot1 was held until new work arrives, from 12.0 s to 60.0 s: no failure.")
     assert "at 10.0 s it claimed that robot2 stands, at 44.0 s the run refuted it" in refuted
     assert beside_sentences([stuck(*PAIR, members=["robot1", "robot2"])]) == ()
 
