@@ -58,7 +58,14 @@ def drawn_campaign(planted, directory, seed: int):
                     is_afterthought=after,
                 )
             if random.random() < 0.2:
-                record = dataclasses.replace(record, status="crashed", verdicts=(), error="gone")
+                record = dataclasses.replace(
+                    record,
+                    status="crashed",
+                    verdicts=(),
+                    signature="",
+                    is_afterthought=False,
+                    error="gone",
+                )
             store.add(record)
     return open_campaign(directory)
 
