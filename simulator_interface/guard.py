@@ -9,7 +9,6 @@ error of no known cause.
 
 from __future__ import annotations
 
-import time as wall_clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -18,6 +17,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.stack_failure import StackFailure, StackLimits
 from simulator_interface import forking
+from simulator_interface.external.wire import NOT_OURS
 from simulator_interface.failing_layer import layer_of_places, shared_places, texts_of
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
@@ -31,11 +31,10 @@ class Guard:
     """Runs episodes in a copy of this process; the copy is kept from one to the next.
 
     Args:
-        on_lost: called with the wall-clock time [s] of a run in which the stack brought the copy
-            down.
+        on_lost: called after a run in which the stack brought the copy down, before the next one.
     """
 
-    def __init__(self, on_lost: Callable[[float], None] = lambda seconds: None) -> None:
+    def __init__(self, on_lost: Callable[[], None] = lambda: None) -> None:
         self._on_lost = on_lost
         self._copy: WatchedCopy | None = None
         self._limits: StackLimits | None = None
@@ -59,7 +58,8 @@ class Guard:
             on_time: called with the simulated time [s] as it goes on.
 
         Raises:
-            HarnessError: the stack failed in one of two runs only, or the toolkit did.
+            HarnessError: the stack failed in one of two runs only, a stack that runs already was
+                late, or the toolkit failed.
             Exception: what ``call`` raised.
         """
         if not portable or limits != self._limits:
@@ -68,11 +68,12 @@ class Guard:
         seen: list[CopyFailed] = []
         ending: StackFailure | None = None
         while len(seen) < MOST_RUNS:
-            began = wall_clock.monotonic()
             try:
                 answer: T = self._ask(Request(call, ending, True), limits, on_time)
             except CopyFailed as failed:
-                self._on_lost(wall_clock.monotonic() - began)
+                if failed.kind == "hang" and config.stack is not None and config.stack.connect:
+                    raise HarnessError(f"{_what(failed)}; {NOT_OURS}") from None
+                self._on_lost()
                 seen.append(failed)
                 if len(seen) > 1:
                     ending = _failure(seen, config)

@@ -386,10 +386,11 @@ class Store:
             raise
         self.finished[record.number] = record
 
-    def keep_budget(self, budget: int) -> None:
-        """Note the budget that a resumed campaign keeps."""
-        if budget != self.settings.budget:
-            self.settings = dataclasses.replace(self.settings, budget=budget)
+    def keep(self, *, budget: int, time_limit: float) -> None:
+        """Note what may change when a campaign is resumed, and is kept."""
+        kept = dataclasses.replace(self.settings, budget=budget, time_limit=time_limit)
+        if kept != self.settings:
+            self.settings = kept
             self._write_settings()
 
     def campaign(self) -> Campaign:
