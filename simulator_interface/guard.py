@@ -17,7 +17,6 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.stack_failure import StackFailure, StackLimits
 from simulator_interface import forking
-from simulator_interface.external.wire import NOT_OURS
 from simulator_interface.failing_layer import layer_of_places, shared_places, texts_of
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
@@ -58,8 +57,7 @@ class Guard:
             on_time: called with the simulated time [s] as it goes on.
 
         Raises:
-            HarnessError: the stack failed in one of two runs only, a stack that runs already was
-                late, or the toolkit failed.
+            HarnessError: the stack failed in one of two runs only, or the toolkit did.
             Exception: what ``call`` raised.
         """
         if not portable or limits != self._limits:
@@ -71,8 +69,6 @@ class Guard:
             try:
                 answer: T = self._ask(Request(call, ending, True), limits, on_time)
             except CopyFailed as failed:
-                if failed.kind == "hang" and config.stack is not None and config.stack.connect:
-                    raise HarnessError(f"{_what(failed)}; {NOT_OURS}") from None
                 self._on_lost()
                 seen.append(failed)
                 if len(seen) > 1:

@@ -29,8 +29,6 @@ MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty l
 LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
 LOOK_EVERY = 0.1  # s of waiting between two looks at the stack; the first one begins to count
 SOONEST = 0.01  # s until the next look, however little of a limit is left
-#: why nobody can tell whether a stack that runs already is slow
-NOT_OURS = "it was not started here, so whether it waited for a processor is not known"
 FAREWELL = 0.1  # s of wall clock that a stack has to read the last message
 
 
@@ -129,7 +127,8 @@ class Wire:
             if isinstance(self._connection.clock, ProcessClock):
                 raise Late from None
             raise LateByWallClock(
-                f"the stack did not answer within {self._limit:g} s of wall-clock time; {NOT_OURS}"
+                f"the stack did not answer within {self._limit:g} s of wall-clock time; it was not "
+                "started here, so whether it waited for a processor is not known"
             ) from None
 
     def send(self, message: Message) -> bytes:
