@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,19 +76,22 @@ def compared(folder: Path, name: str, options: list[str], processes: int) -> dic
     with busy(processes):
         busy_code, busy_wall, busy_said = campaign(beside, options)
     one, other = outcomes(alone), outcomes(beside)
-    judged = [number for number, record in other.items() if record["status"] == "ok"]
+
+    def count(is_one: Callable[[Any], bool]) -> list[int]:
+        return [sum(map(is_one, found.values())) for found in (one, other)]
+
     return {
         "campaign": name,
         "trials": [len(one), len(other)],
         "exit_codes": [code, busy_code],
         "wall_s": [wall, busy_wall],
-        "errors": [sum(r["status"] in ("crashed", "timeout") for r in of.values()) for of in (one, other)],
+        "errors": count(lambda record: record["status"] in ("crashed", "timeout")),
         "missing": len(one.keys() - other.keys()),
         "different": sum(other[n] != one[n] for n in one.keys() & other.keys()),
-        "judged": len(judged),
-        "hangs": [sum("hang" in r["signature"] for r in of.values()) for of in (one, other)],
+        "judged": count(lambda record: record["status"] == "ok"),
+        "hangs": count(lambda record: "hang" in record.get("signature", "")),
         "said": [said, busy_said],
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

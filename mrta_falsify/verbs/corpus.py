@@ -87,7 +87,7 @@ def recheck(
         config: the changed stack; the campaign's own if None.
         jittered: copies of each world with small differences (see ``jitter_world``).
         workers: processes at a time; they change no result.
-        time_limit: time of one run, as a campaign measures it [s]; the campaign's own limit if None.
+        time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         only: ids of the failures to run; all if empty.
         pictures: directory for a picture of each run that fails; none are drawn if None.
         on_done: called after each failure, in the order in which they end.

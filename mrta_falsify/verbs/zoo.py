@@ -89,7 +89,7 @@ def run_zoo(
         settings: ``--set`` texts applied to the stack.
         jittered: copies with small differences that are run of each scene.
         workers: processes; one per core if None.
-        time_limit: time of one run, as a campaign measures it [s]; 60 if None.
+        time_limit: what one run may work and sleep [s]; 60 if None.
         on_done: called with each row, in the order in which they end.
 
     Returns:
