@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,11 @@ from pathlib import Path
 from typing import Any
 
 COMMAND = [sys.executable, "-m", "mrta_falsify.cli"]
+#: the stack is started as `python3`, which is to be this one
+ENVIRONMENT = {
+    **os.environ,
+    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+}
 MEASURED = ("wall_s", "scene_s")  # fields of a record, at any depth
 
 
@@ -40,8 +46,9 @@ def busy(processes: int) -> Iterator[None]:
 
 def outcomes(directory: Path) -> dict[int, Any]:
     """What came of each trial, as the log of the campaign has it."""
-    found = {}
-    for line in (directory / "records.jsonl").read_text().splitlines():
+    found: dict[int, Any] = {}
+    log = directory / "records.jsonl"
+    for line in log.read_text().splitlines() if log.exists() else ():
         record = record_of(line)
         found[record["candidate"]["number"]] = record
     return found
@@ -56,25 +63,27 @@ def _steady(data: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in data.items() if name not in MEASURED}
 
 
-def campaign(directory: Path, options: Sequence[str]) -> tuple[int, float, str]:
-    """Run a campaign; its exit code, how long it took [s], and what it said of lost trials."""
+def campaign(directory: Path, options: Sequence[str]) -> tuple[int, float, int]:
+    """Run a campaign; its exit code, how long it took [s], and how often it lost a trial."""
     began = time.monotonic()
     done = subprocess.run(
         [*COMMAND, "campaign", *options, "-o", str(directory), "--format", "json"],
-        capture_output=True,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
         text=True,
+        env=ENVIRONMENT,
         check=False,
     )
-    said = [line for line in done.stderr.splitlines() if "lost" in line or "error" in line]
-    return done.returncode, round(time.monotonic() - began, 1), " | ".join(said)
+    lost = sum("was lost" in line for line in done.stderr.splitlines())
+    return done.returncode, round(time.monotonic() - began, 1), lost
 
 
 def compared(folder: Path, name: str, options: list[str], processes: int) -> dict[str, Any]:
     """Run a campaign alone and beside busy processes, and compare."""
     alone, beside = folder / f"{name}-alone", folder / f"{name}-beside"
-    code, wall, said = campaign(alone, options)
+    code, wall, lost = campaign(alone, options)
     with busy(processes):
-        busy_code, busy_wall, busy_said = campaign(beside, options)
+        busy_code, busy_wall, busy_lost = campaign(beside, options)
     one, other = outcomes(alone), outcomes(beside)
 
     def count(is_one: Callable[[Any], bool]) -> list[int]:
@@ -90,7 +99,7 @@ def compared(folder: Path, name: str, options: list[str], processes: int) -> dic
         "different": sum(other[n] != one[n] for n in one.keys() & other.keys()),
         "judged": count(lambda record: record["status"] == "ok"),
         "hangs": count(lambda record: "hang" in record.get("signature", "")),
-        "said": [said, busy_said],
+        "lost_and_run_again": [lost, busy_lost],
     }
 
 
@@ -102,6 +111,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="narrow_doors")
     parser.add_argument("--time-limit", type=float, default=12.0, help="s, of one trial")
     parser.add_argument("--tick-limit", type=float, default=0.05, help="s, of the stack outside")
+    parser.add_argument("--only", default="", choices=("", "shipped", "outside"))
     args = parser.parse_args()
     common = [
         "--budget", str(args.budget), "--workers", str(args.workers), "--sampler", "random",
@@ -114,7 +124,10 @@ def main() -> None:
             str(folder / "my_scenario.scenic"), "--stack", str(folder / "stack.yaml"),
             "--verify", "1", *common, "--set", f"stack.tick_limit={args.tick_limit}",
         ]  # fmt: skip
-        for name, options in (("shipped", [args.scenario, *common]), ("outside", outside)):
+        campaigns = {"shipped": [args.scenario, *common], "outside": outside}
+        for name, options in campaigns.items():
+            if args.only not in ("", name):
+                continue
             print(json.dumps(compared(folder, name, options, args.busy)), flush=True)
 
 

@@ -98,7 +98,9 @@ def test_a_stack_that_is_slow_is_never_judged_and_the_run_can_be_repeated(hall, 
     slow = connected(address, params={"slow": True}, tick_limit=0.3)
     with running(address):
         usual = reached(hall, address)
-        with pytest.raises(HarnessError, match=r"within 0.3 s of wall-clock time; it was not start"):
+        with pytest.raises(
+            HarnessError, match=r"within 0.3 s of wall-clock time; it was not start"
+        ):
             simulate(world, slow)
         again = simulate(world, connected(address, params={"slow": False}))
     assert not any(verdict.violated for verdict in again.verdicts)
