@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.process_clock import cpu_of_tree
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import Task, World, write_world
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.bench.fleet_speed import processes_seconds
 from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
@@ -104,14 +104,14 @@ def main() -> None:
     def mark(sim_time: float) -> None:
         if marks and sim_time - marks[-1].sim_s < MARK_EVERY:
             return
-        marks.append(Mark(sim_time, processes_seconds(os.getpid()), resident_mb()))
+        marks.append(Mark(sim_time, cpu_of_tree(os.getpid()), resident_mb()))
         if len(marks) > 1:
             print(row_of(marks[-2], marks[-1]), flush=True)
 
     with guarded():
         job = Job(world=world, config=config)
         outcome = run_job(job, keep_trace=args.trace is not None, on_progress=mark)
-    spent = processes_seconds(os.getpid())
+    spent = cpu_of_tree(os.getpid())
     print(f"ended {outcome.ended} at {outcome.sim_time:.0f} s, {spent:.0f} s of CPU")
     print(f"tasks {outcome.tasks}, contacts {outcome.contacts}")
     for verdict in outcome.verdicts:

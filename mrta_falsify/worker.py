@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrta_falsify.campaigns import lost_time
+from mrta_falsify.campaigns import time_limit
 from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
@@ -89,7 +89,7 @@ class TrialRunner:
     def __init__(self, settings: TrialSettings, program: Program) -> None:
         self._settings = settings
         self._program = program
-        self._guard = Guard(on_lost=lost_time.tell)
+        self._guard = Guard(on_lost=time_limit.begin_anew)
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
         """Run proposal ``number`` at ``u`` ``(k,)``; its files are written before it returns."""
@@ -154,10 +154,8 @@ class TrialRunner:
         """Run a failing world and copies of it on other engines, each with the whole time limit."""
         settings, runs = self._settings, []
         others = [name for name in settings.confirm if name != config.engine.name]
-        if others:
-            lost_time.tell(judged.outcome.wall_s)
         for name in others:
-            with lost_time.untimed():
+            with time_limit.with_its_own():
                 there = dataclasses.replace(config, engine=Choice(name))
                 run = self._judge(world, there, scene, keep_trace=False)
                 copies = settings.jittered or CONFIRMING_COPIES
@@ -181,8 +179,8 @@ class TrialRunner:
         )
 
     def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
-        """Run a world under the other stack; that time is not the trial's own."""
-        with lost_time.untimed():
+        """Run a world under the other stack, with the whole time limit."""
+        with time_limit.with_its_own():
             return self._judge(world, config, scene)
 
     def _keep_other(self, world: World, record: TrialRecord, said: Comparison) -> OtherRun | None:
@@ -198,13 +196,12 @@ class TrialRunner:
         """Run a failing world again, nothing changed; each run has the whole time limit."""
         if config.stack is None or not self._settings.verify:
             return None
-        lost_time.tell(judged.outcome.wall_s)
         runs = [self._run_again(world, config, scene) for _ in range(self._settings.verify)]
         return counted_repeats(judged, runs)
 
     def _run_again(self, world: World, config: StackConfig, scene: Any) -> Judged | None:
         try:
-            with lost_time.untimed():
+            with time_limit.with_its_own():
                 return self._judge(world, config, scene, keep_trace=False)
         except InputError:  # the stack did not start this time
             return None

@@ -9,7 +9,6 @@ error of no known cause.
 
 from __future__ import annotations
 
-import time as wall_clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -31,11 +30,10 @@ class Guard:
     """Runs episodes in a copy of this process; the copy is kept from one to the next.
 
     Args:
-        on_lost: called with the wall-clock time [s] of a run in which the stack brought the copy
-            down.
+        on_lost: called after a run in which the stack brought the copy down, before the next one.
     """
 
-    def __init__(self, on_lost: Callable[[float], None] = lambda seconds: None) -> None:
+    def __init__(self, on_lost: Callable[[], None] = lambda: None) -> None:
         self._on_lost = on_lost
         self._copy: WatchedCopy | None = None
         self._limits: StackLimits | None = None
@@ -68,11 +66,10 @@ class Guard:
         seen: list[CopyFailed] = []
         ending: StackFailure | None = None
         while len(seen) < MOST_RUNS:
-            began = wall_clock.monotonic()
             try:
                 answer: T = self._ask(Request(call, ending, True), limits, on_time)
             except CopyFailed as failed:
-                self._on_lost(wall_clock.monotonic() - began)
+                self._on_lost()
                 seen.append(failed)
                 if len(seen) > 1:
                     ending = _failure(seen, config)

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
 from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.core.process_clock import ProcessClock, read_process
 from mrta_falsify.core.stack_failure import (
     GIB,
     FailureKind,
@@ -34,7 +35,6 @@ from simulator_interface.checkpoint import RolledBack, is_resumed
 from simulator_interface.failing_layer import Place, dumped_places
 from simulator_interface.forking import become_copy, ending_of
 from simulator_interface.heartbeat import (
-    PAGE,
     Heartbeat,
     Post,
     Pulse,
@@ -47,7 +47,6 @@ LOOK_EVERY = 0.05  # s between two looks at a copy; a tick limit is kept to abou
 DUMP_WITHIN = 1.0  # s that a copy has to write where it hangs
 SHOW_PLACE = signal.SIGUSR2  # makes a copy write its traceback
 MOST_DUMPED = 1 << 16  # bytes of it
-TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 class CopyFailed(Exception):  # noqa: N818 - says what became of the copy
@@ -252,49 +251,37 @@ class WatchedCopy:
 class _Clock:
     """Measures how long a process has been inside one call of the stack.
 
-    CPU time counts, and time in which all of the process sleeps: a stack that waits for what
-    never comes hangs, too. Time in which it waits for a processor does not.
+    What the stack has started counts as well (:mod:`mrta_falsify.core.process_clock`): a stack that
+    waits for what never comes hangs, too.
     """
 
     def __init__(self) -> None:
         self._entry = -1
-        self._cpu = 0.0
-        self._asleep = 0.0
-        self._looked = time.monotonic()
+        self._clock = ProcessClock(0, counts_stops=True)
+        self._cpu = 0.0  # of the process itself at the first look at this entry [s]
         self._heavy = -1  # entry that was over the memory limit at the last look
 
     def over(self, pulse: Pulse, limits: StackLimits) -> FailureKind | None:
         """Say which limit the stack exceeds, None if it keeps to all."""
-        now = time.monotonic()
-        since, self._looked = now - self._looked, now
         if not pulse.in_stack or pulse.compiling:
             self._entry = -1
             return None
-        cpu, is_asleep, resident = usage(pulse.process)
-        if pulse.entries != self._entry:
-            self._entry, self._cpu, self._asleep = pulse.entries, cpu, 0.0
+        process = read_process(pulse.process)
+        if process is None:  # it has just ended
             return None
-        if is_asleep and cpu == self._cpu:
-            self._asleep += since
-        self._cpu = cpu
+        if pulse.entries != self._entry:
+            self._entry, self._cpu = pulse.entries, process.cpu
+            self._clock = ProcessClock(pulse.process, counts_stops=True)
+            self._clock.look()
+            return None
         # Memory first, since what takes up too much is slow as well. Two looks at one entry: the
         # figures of one may be of two moments.
         was_heavy, self._heavy = self._heavy == pulse.entries, -1
-        if (pulse.taken + resident - pulse.resident) / GIB > limits.memory:
+        if (pulse.taken + process.resident - pulse.resident) / GIB > limits.memory:
             self._heavy = pulse.entries
             return "memory" if was_heavy else None
-        return "hang" if cpu - pulse.entered_at + self._asleep > limits.tick else None
-
-
-def usage(process: int) -> tuple[float, bool, float]:
-    """Read the CPU time [s] of a process, whether it sleeps, and its resident memory [bytes]."""
-    try:
-        with open(f"/proc/{process}/stat", encoding="ascii", errors="replace") as file:
-            fields = file.read().rpartition(")")[2].split()
-    except (FileNotFoundError, ProcessLookupError):
-        return 0.0, False, 0.0  # it has just ended
-    cpu = (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
-    return cpu, fields[0] == "S", float(fields[21]) * PAGE
+        spent = self._cpu - pulse.entered_at + self._clock.look()
+        return "hang" if spent > limits.tick else None
 
 
 class _Raised(NamedTuple):

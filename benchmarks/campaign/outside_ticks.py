@@ -25,8 +25,8 @@ from typing import NamedTuple  # noqa: E402
 
 from mrta_falsify.core.config import Choice, StackConfig  # noqa: E402
 from mrta_falsify.core.fleet import Frame  # noqa: E402
+from mrta_falsify.core.process_clock import cpu_of_tree  # noqa: E402
 from mrta_falsify.trial import Job, campaign_specifications, judge  # noqa: E402
-from mrta_falsify.verbs.bench.fleet_speed import processes_seconds  # noqa: E402
 from scenic_worlds.program import compile_program, scenario_path  # noqa: E402
 from simulator_interface.guard import Guard  # noqa: E402
 from simulator_interface.simulate import EpisodeRun  # noqa: E402
@@ -71,7 +71,7 @@ def measure(scenario: str, config: StackConfig, trials: int, seconds: float) -> 
         job = Job(world=world, config=config, specifications=specifications, early_stop=True)
         call = functools.partial(_run, job)
         spent: _Spent = guard.run(call, config=config, limits=job.limits, portable=True)
-        now = processes_seconds(own)
+        now = cpu_of_tree(own)
         found.append(spent._replace(total=now - before))
         before = now
     guard.close()

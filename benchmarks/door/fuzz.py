@@ -108,12 +108,13 @@ def received(made: Garbled, binary: bool) -> Message:
             raise Unreadable("too long")
         return Wire.decoded(made.body, is_binary=binary)
     ours, theirs = socket.socketpair()
-    wire = Wire(ours)
+    wire = Wire(ours, None)
     wire.is_binary = binary
     try:
         theirs.sendall(made.frame)
         theirs.close()
-        return wire.receive(LIMIT)
+        wire.allow(LIMIT)
+        return wire.receive()
     finally:
         wire.close()
 

@@ -13,9 +13,10 @@ import json
 import os
 
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.process_clock import cpu_of_tree
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.verbs.bench.fleet_speed import NO_LIMITS, processes_seconds
+from mrta_falsify.verbs.bench.fleet_speed import NO_LIMITS
 from scenic_worlds.layouts import load_world
 from simulator_interface.guard import Guard
 from simulator_interface.simulate import EpisodeRun
@@ -32,14 +33,14 @@ def whole_run(world: World, config: StackConfig, *, copies: bool) -> dict[str, f
         speculates=True,
     )
     root = os.getpid()
-    before = processes_seconds(root)
+    before = cpu_of_tree(root)
     try:
         while not run.ended:
             run.advance()
         sim_time = run.outcome().sim_time
     finally:
         run.close()
-    return {"sim_s": sim_time, "cpu_s": processes_seconds(root) - before}
+    return {"sim_s": sim_time, "cpu_s": cpu_of_tree(root) - before}
 
 
 def main() -> None:

@@ -26,12 +26,14 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.interruption import is_interruption
+from mrta_falsify.core.process_clock import ProcessClock
 
 Job = dict[str, Any]
 #: runs one job; raises only if the toolkit itself fails
 Trial = Callable[[Job], dict[str, Any]]
 
-START_LIMIT = 300.0  # s for a worker to import and compile
+START_LIMIT = 300.0  # s for a worker to import and compile, of its own work and sleep
+LOOK_EVERY = 0.25  # s between two looks at the clocks of workers
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
@@ -40,7 +42,8 @@ class Finished:
     """What became of one job."""
 
     number: int
-    fate: Literal["ok", "crashed", "timeout"]
+    #: all but ``ok`` are no fault of the stack; ``refused``: the user's input is wrong
+    fate: Literal["ok", "crashed", "timeout", "refused"]
     record: dict[str, Any] | None = None  #: for ok
     error: str = ""  #: otherwise
 
@@ -89,8 +92,8 @@ class SerialExecutor:
         job = self._jobs.popleft()
         try:
             return (Finished(number=job["number"], fate="ok", record=self._trial(job)),)
-        except InputError:
-            raise
+        except InputError as error:
+            return (Finished(number=job["number"], fate="refused", error=str(error)),)
         except Exception as error:
             if is_interruption(error):
                 raise KeyboardInterrupt from error
@@ -110,12 +113,17 @@ class _Worker:
     """One worker process and the job it has."""
 
     process: subprocess.Popen[bytes]
+    clock: ProcessClock  #: of its start, or of its job
     results: int  #: file descriptor
     buffer: bytearray = field(default_factory=bytearray)
     ready: bool = False
     job: Job | None = None
-    since: float = 0.0  #: monotonic time at which it started or got its job [s]
     served: int = 0  #: jobs done
+
+    def begin_limit(self) -> None:
+        """Begin the time limit of its job, which may have begun before."""
+        self.clock.restart()
+        self.clock.look()
 
     def send(self, message: Any) -> None:
         """Send a line to the worker; a worker that has died is noticed when it is read."""
@@ -155,6 +163,7 @@ class ProcessExecutor:
         self._workers: list[_Worker] = []
         self._waiting: collections.deque[Job] = collections.deque()
         self._selector = selectors.DefaultSelector()
+        self._looked = 0.0  # at the clocks, monotonic [s]
 
     def open(self, settings: CampaignSettings) -> None:
         """Start the workers."""
@@ -210,7 +219,9 @@ class ProcessExecutor:
             start_new_session=True,  # Ctrl-C is the parent's business
         )
         os.close(write_end)
-        worker = _Worker(process=process, results=read_end, since=time.monotonic())
+        clock = ProcessClock(process.pid)
+        clock.look()
+        worker = _Worker(process=process, clock=clock, results=read_end)
         worker.send(codec.encode(self._settings))
         self._workers.append(worker)
         self._selector.register(read_end, selectors.EVENT_READ, worker)
@@ -230,7 +241,7 @@ class ProcessExecutor:
                 return
             if worker.ready and worker.job is None:
                 worker.job = self._waiting.popleft()
-                worker.since = time.monotonic()
+                worker.begin_limit()
                 worker.send(worker.job)
 
     def _read(self, worker: _Worker) -> list[Finished]:
@@ -246,15 +257,15 @@ class ProcessExecutor:
         return done
 
     def _message(self, worker: _Worker, message: dict[str, Any]) -> list[Finished]:
-        if "refused" in message:
+        if "refused" in message and not worker.ready:
             raise InputError(message["refused"])
         if "broken" in message:
             raise HarnessError(f"a worker cannot start: {message['broken']}")
         if "ready" in message:
             worker.ready = True
             return []
-        if "lost" in message:
-            worker.since += message["lost"]
+        if "limit" in message:
+            worker.begin_limit()
             return []
         job, worker.job = worker.job, None
         if job is None or job["number"] != message["number"]:
@@ -266,6 +277,8 @@ class ProcessExecutor:
             self._replace(worker)
         if "crashed" in message:
             return [Finished(number=job["number"], fate="crashed", error=message["crashed"])]
+        if "refused" in message:
+            return [Finished(number=job["number"], fate="refused", error=message["refused"])]
         return [Finished(number=job["number"], fate="ok", record=message["record"])]
 
     def _died(self, worker: _Worker) -> list[Finished]:
@@ -284,14 +297,19 @@ class ProcessExecutor:
         if self._settings is None:
             return []
         now = time.monotonic()
+        if now - self._looked < LOOK_EVERY:
+            return []
+        self._looked = now
         done = []
         for worker in list(self._workers):
-            age = now - worker.since
-            if not worker.ready and age > START_LIMIT:
+            job = worker.job
+            if worker.ready and job is None:
+                continue
+            spent = worker.clock.look()
+            if not worker.ready and spent > START_LIMIT:
                 raise HarnessError(f"a worker was not ready after {START_LIMIT:.0f} s")
-            if worker.job is not None and age > self._settings.time_limit:
-                job = worker.job
+            if job is not None and spent > self._settings.time_limit:
                 self._replace(worker)
-                text = f"killed after {self._settings.time_limit:g} s of wall-clock time"
+                text = f"killed after {self._settings.time_limit:g} s of work and sleep"
                 done.append(Finished(number=job["number"], fate="timeout", error=text))
         return done

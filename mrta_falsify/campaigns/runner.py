@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import shlex
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
@@ -23,21 +24,20 @@ from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import Store, StoreError, decode_record
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.candidate import Candidate, Proposal
+from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.specs.causes import kind_of, secondary
 from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
 COLLECT_TIMEOUT = 1.0  # s between two looks at overdue workers
 ROBUST_SHARE = 0.5  # of copies; a failure is robust if more of them fail
-MOST_ERRORS = 5  # a call whose first trials all end in errors has something to mend first
-Ended = Literal["budget", "clock", "stop-after", "saturated", "errors"]
+REPEATS = 2  # of a trial that is lost, before the campaign stops
+Ended = Literal["budget", "clock", "stop-after", "saturated"]
 
 
 class Executor(Protocol):
@@ -59,7 +59,7 @@ class Progress:
     ran: int = 0  #: simulated candidates
     rejected: int = 0
     impossible: int = 0  #: worlds that no stack can do, set apart
-    errors: int = 0
+    errors: int = 0  #: that older versions stored for trials that were lost
     failed: int = 0
     wanted: int = 0  #: of the failures, those that count for ``stop_after``
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
@@ -203,9 +203,12 @@ def run_campaign(
     *,
     on_record: Callable[[TrialRecord, bool], None] = lambda record, is_new: None,
     on_told: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
+    on_note: Callable[[str], None] = lambda text: None,
     rehearsal: Rehearsal | None = None,
 ) -> tuple[Progress, Ended]:
     """Run a campaign, or what is missing of it, within limits.
+
+    A trial that is lost by no fault of the stack is run again at once, twice at most.
 
     Args:
         store: open; may hold records.
@@ -213,6 +216,7 @@ def run_campaign(
         executor: open for ``store.settings``.
         on_record: called when a record is durable, with whether it is new.
         on_told: called when the sampler knows a record, in number order.
+        on_note: called when a trial was lost and is run again, with why.
         rehearsal: by which samplers may look at scenes before they propose one.
 
     Returns:
@@ -220,10 +224,11 @@ def run_campaign(
 
     Raises:
         StoreError: what is stored does not belong to these settings; the disc is full.
-        InputError: no proposal is accepted any more.
+        InputError: no proposal is accepted any more, or a trial cannot be run as the user asks.
+        HarnessError: a trial was lost each time; nothing of it is stored.
         KeyboardInterrupt: Ctrl-C; all finished trials are in the store.
     """
-    loop = _Loop(store, limits, executor, on_record, on_told, rehearsal)
+    loop = _Loop(store, limits, executor, on_record, on_told, on_note, rehearsal)
     return loop.progress, loop.run()
 
 
@@ -243,6 +248,7 @@ class _Loop:
         executor: Executor,
         on_record: Callable[[TrialRecord, bool], None],
         on_told: Callable[[TrialRecord, Progress], None],
+        on_note: Callable[[str], None],
         rehearsal: Rehearsal | None,
     ) -> None:
         self.progress = Progress(limits)
@@ -251,6 +257,7 @@ class _Loop:
         self._executor = executor
         self._on_record = on_record
         self._on_told = on_told
+        self._on_note = on_note
         self._sampler = build_sampler(store.settings)
         if rehearsal is not None and isinstance(self._sampler, RehearsingSampler):
             self._sampler.rehearse_by(rehearsal)
@@ -258,9 +265,7 @@ class _Loop:
         self._uniform: set[int] = set()  # proposals that were drawn evenly
         self._asked = 0
         self._submitted = 0
-        self._retried: set[int] = set()
-        self._new: set[int] = set()  # trials run by this call
-        self._own = Progress(limits)  # counts over them
+        self._lost: Counter[int] = Counter()  # how often, by trial
         self._began = time.monotonic()
         self._is_late = False  # a trial was not begun, since the time was over
         # The first and the last stored proposals are asked for again and compared.
@@ -291,8 +296,6 @@ class _Loop:
                 return "stop-after"
             if record.uniform and progress.is_saturated:
                 return "saturated"
-            if self._own.ran == self._own.errors >= MOST_ERRORS:
-                return "errors"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 none = "scene" if record.status == "rejected" else "world that can be done"
                 raise InputError(
@@ -353,34 +356,41 @@ class _Loop:
 
     def _take(self, finished: Finished) -> None:
         number = finished.number
-        if finished.fate != "ok" and number not in self._retried:
-            self._retried.add(number)
+        if finished.record is None:
+            self._lose(finished)
             self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
             return
-        if finished.record is not None:
-            record = decode_record(finished.record, where=f"trial {number}")
-        else:
-            record = self._error_record(finished)
+        record = decode_record(finished.record, where=f"trial {number}")
         record = dataclasses.replace(record, uniform=number in self._uniform)
         self._store.add(record)
-        self._new.add(number)
         self._on_record(record, True)
 
-    def _error_record(self, finished: Finished) -> TrialRecord:
-        u = self._proposals[finished.number]
-        seed = candidate_seed(self._store.settings.trials.seed, finished.number)
-        return TrialRecord(
-            candidate=Candidate(number=finished.number, u=u, seed=seed),
-            status="crashed" if finished.fate == "crashed" else "timeout",
-            proposal_digest=point_digest(u),
-            error=finished.error,
+    def _lose(self, finished: Finished) -> None:
+        """Take note that a trial was lost; raise if it is not to be run again."""
+        number = finished.number
+        self._lost[number] += 1
+        reason = (finished.error.strip().splitlines() or ["no reason given"])[-1]
+        if self._lost[number] <= REPEATS:
+            self._on_note(f"trial {number:04d} was lost ({reason}); it is run again")
+            return
+        resume = f"mrta-falsify campaign --resume {shlex.quote(str(self._store.directory))}"
+        hint = f"go on with: {resume}"
+        if finished.fate == "timeout":
+            most = self._store.settings.time_limit
+            hint = f"give it more than {most:g} s: {resume} --time-limit {2.0 * most:g}"
+        text = (
+            f"trial {number:04d} was lost {self._lost[number]} times ({reason}); "
+            f"nothing of it is stored; {hint}"
         )
+        if finished.fate == "refused":
+            raise InputError(text)
+        error = HarnessError(text)
+        error.add_note(finished.error)
+        raise error
 
     def _tell(self, record: TrialRecord) -> None:
         settings = self._store.settings
         self._sampler.tell(feedback_of(record, settings.cube, settings.trials.then))
         self._proposals.pop(record.number, None)
         self.progress.take(record)
-        if record.number in self._new:
-            self._own.take(record)
         self._on_told(record, self.progress)

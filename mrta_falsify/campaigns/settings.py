@@ -79,7 +79,8 @@ class TrialSettings:
         above=0.0,
         unit="s",
         default=TICK_LIMIT,
-        text="CPU time for one tick, after which the stack hangs; twice in two runs is a failure.",
+        text="CPU time for one tick, and sleep, after which the stack hangs; twice in two runs is "
+        "a failure.",
     )
     memory_limit: float = quantity(
         above=0.0,
@@ -134,8 +135,10 @@ class CampaignSettings:
         above=0.0,
         unit="s",
         default=300.0,
-        text="Wall clock of one trial, its copies included, after which it is killed.",
+        text="Time of one trial, its copies included, after which it is killed and run again: what "
+        "its processes work, and what they all sleep.",
     )
+    """Changes no trial: one that needs more is not stored."""
     rules: int = later(1)  #: number of its rules, see :mod:`mrta_falsify.campaigns.rules`
     budget: int = later(0)
     """Simulated candidates last asked for, which a resumed campaign keeps; 0: none were (the clock

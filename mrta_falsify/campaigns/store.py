@@ -323,7 +323,7 @@ class Store:
     finished: dict[int, TrialRecord] = field(default_factory=dict)  #: by number
     _lock: int = -1
     _log: int = -1
-    _has_new_budget: bool = False
+    _has_new_settings: bool = False
 
     @classmethod
     def create(cls, directory: Path, settings: CampaignSettings) -> Store:
@@ -384,7 +384,7 @@ class Store:
         if self._log >= 0:
             return
         self._sign_lock()
-        if self._has_new_budget:
+        if self._has_new_settings:
             self._write_settings()
         self._open_log()
 
@@ -415,11 +415,11 @@ class Store:
             raise
         self.finished[record.number] = record
 
-    def keep_budget(self, budget: int) -> None:
-        """Note the budget that a resumed campaign keeps; :meth:`begin` writes it."""
-        if budget != self.settings.budget:
-            self.settings = dataclasses.replace(self.settings, budget=budget)
-            self._has_new_budget = True
+    def keep(self, *, budget: int, time_limit: float) -> None:
+        """Note what may change when a campaign is resumed; :meth:`begin` writes it."""
+        kept = dataclasses.replace(self.settings, budget=budget, time_limit=time_limit)
+        if kept != self.settings:
+            self.settings, self._has_new_settings = kept, True
 
     def campaign(self) -> Campaign:
         """Give what is stored so far."""

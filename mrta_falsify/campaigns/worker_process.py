@@ -14,7 +14,7 @@ import time
 import traceback
 from typing import Any
 
-from mrta_falsify.campaigns import lost_time
+from mrta_falsify.campaigns import time_limit
 from mrta_falsify.campaigns.executors import open_target
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
@@ -53,11 +53,13 @@ def serve(results: int) -> None:
         answer({"broken": f"{type(error).__name__}: {error}"})
         raise
     answer({"ready": True})
-    lost_time.tell_to(lambda seconds: answer({"lost": seconds}))
+    time_limit.tell_to(lambda: answer({"limit": "anew"}))
     for line in sys.stdin:
         job = json.loads(line)
         try:
             answer({"number": job["number"], "record": trial(job)})
+        except InputError as error:
+            answer({"number": job["number"], "refused": str(error)})
         except Exception:
             answer({"number": job["number"], "crashed": traceback.format_exc()})
 

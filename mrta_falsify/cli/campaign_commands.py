@@ -97,7 +97,7 @@ def campaign_command(
                 **options,
                 on_record=watch.on_record,
                 on_told=watch.on_told,
-                on_note=output.say,
+                on_note=watch.say,
             )
     if result.ended == "interrupted":
         say_interrupted(result)
@@ -144,7 +144,7 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
             **given,
             on_record=watch.on_record,
             on_told=watch.on_told,
-            on_note=output.say,
+            on_note=watch.say,
         )
 
 

@@ -46,7 +46,8 @@ class CampaignWatch:
             self._bar.stop()
 
     def on_record(self, record: TrialRecord, is_new: bool) -> None:
-        """Announce the first failure, and errors of the toolkit."""
+        """Announce the first failure."""
+        del is_new
         announced = self._announced
         kind = _announced_kind(record)
         if kind and kind not in announced and "failure" not in announced:
@@ -54,12 +55,9 @@ class CampaignWatch:
             counted = [str(one) for one in (record.other, record.repeated, record.jittered) if one]
             counted += [record.confirmation] if record.confirmation else []
             copies = f" ({'; '.join(counted)})" if counted else ""
-            self._say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
+            self.say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
             place = shlex.quote(str(self._directory))
-            self._say(f"  replay it by: mrta-falsify replay {place} {record.id}")
-        if is_new and record.status in ("crashed", "timeout"):
-            reason = record.error.strip().splitlines()[-1]
-            self._say(f"trial {record.id} is an error, not a verdict: {reason}")
+            self.say(f"  replay it by: mrta-falsify replay {place} {record.id}")
 
     def on_told(self, record: TrialRecord, counts: Progress) -> None:
         """Show how far the campaign is."""
@@ -77,11 +75,11 @@ class CampaignWatch:
             if tenths > self._tenths:
                 self._tenths = tenths
                 left = output.time_left(spent, limits.wall_clock, spent)
-                self._say(f"{counts.ran} trials, {_count_text(counts)}{left}")
+                self.say(f"{counts.ran} trials, {_count_text(counts)}{left}")
         elif counts.ran % max(1, budget // LINES) == 0 and record.was_run:
             done, total = counts.ran - self._ran_before, budget - self._ran_before
             left = output.time_left(done, total, spent)
-            self._say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
+            self.say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
 
     def _show_bar(self, counts: Progress, ran: str) -> None:
         if self._bar is None:
@@ -90,7 +88,8 @@ class CampaignWatch:
             self._bar.start()
         self._bar.update(self._task, ran=ran, counts=_count_text(counts))
 
-    def _say(self, text: str) -> None:
+    def say(self, text: str) -> None:
+        """Print a line beside the progress."""
         if self._bar is not None:
             self._bar.console.print(text)
         else:
@@ -178,12 +177,6 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(f"{which}: {shut_sentence(data.shut)}")
     if data.uncounted:
         out.print(f"{data.uncounted} more were under way when it ended; they are stored, too")
-    if data.ended == "errors":
-        place = shlex.quote(data.directory)
-        out.print(
-            "stopped: the first trials of this call all ended in errors; mend what they name, then "
-            f"go on with: mrta-falsify campaign --resume {place}"
-        )
     if data.against is not None:
         out.print(comparison_sentence(data.against))
     if data.screening is not None:

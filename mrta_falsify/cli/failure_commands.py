@@ -210,7 +210,7 @@ def minimize_command(
     "--time-limit",
     type=FiniteRange(min=0.0, min_open=True),
     metavar="S",
-    help="Wall clock of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
+    help="Work and sleep of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
 )
 @click.option("--only", multiple=True, metavar="ID", help="Run this failure. Repeatable.")
 @click.option(

@@ -31,7 +31,7 @@ COMMANDS = {
         "campaign_commands",
         "Search a Scenic program for failures of the stack.",
         violated="a violation was found",
-        failed="every trial ended in an error",
+        failed="a trial was lost three times",
     ),
     "certify": Listed(
         "failure_commands",

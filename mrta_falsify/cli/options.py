@@ -27,7 +27,9 @@ MOST_WORKERS = 512
 STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
-RUN_OPTIONS = frozenset({"workers", "executor"} | {f.name for f in dataclasses.fields(Limits)})
+RUN_OPTIONS = frozenset(
+    {"workers", "executor", "time_limit"} | {f.name for f in dataclasses.fields(Limits)}
+)
 
 
 class WholeRange(click.IntRange):

@@ -35,7 +35,7 @@ class ExternalStack:
     #: by name, other parameters that ``explain`` tries
     variants: dict[str, dict[str, Any]] = field(default_factory=dict)
     branch: Branching = "auto"
-    tick_limit: float = quantity(above=0.0, unit="s", default=10.0)  #: wall clock, for one answer
+    tick_limit: float = quantity(above=0.0, unit="s", default=10.0)  #: for one answer
     start_limit: float = quantity(above=0.0, unit="s", default=60.0)  #: until it is ready
     #: simulated time that each answer is held back, on top of what the stack says that it took
     delay: float = quantity(low=0.0, unit="s", default=0.0, came_later=True)

@@ -118,7 +118,7 @@ def campaign(
         window: trials that may run before the sampler knows their results, and so at a time.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
-        time_limit: wall clock of one trial [s].
+        time_limit: work and sleep of all processes of one trial [s].
         on_record: called when a record is durable, with whether it is new.
         on_told: called when the sampler knows a record, in number order.
         on_note: called with what the user should know.
@@ -162,7 +162,9 @@ def campaign(
     place = chosen_executor(executor, workers)
     _note_idle_workers(chosen, executor, workers, on_note)
     with Store.create(Path(output), dataclasses.replace(chosen, budget=budget or 0)) as store:
-        return run_store(store, limits, place, on_record=on_record, on_told=on_told)
+        return run_store(
+            store, limits, place, on_record=on_record, on_told=on_told, on_note=on_note
+        )
 
 
 def resume_campaign(
@@ -172,6 +174,7 @@ def resume_campaign(
     wall_clock: float = DEFAULT_LIMITS.wall_clock,
     stop_after: int = DEFAULT_LIMITS.stop_after,
     until_saturated: float = DEFAULT_LIMITS.until_saturated,
+    time_limit: float | None = None,
     workers: int | None = None,
     executor: str | None = None,
     on_record: OnRecord = lambda record, is_new: None,
@@ -186,6 +189,7 @@ def resume_campaign(
         wall_clock: time [s] of this call after which no trial is begun; 0: as long as it takes.
         stop_after: failures to stop at; 0 runs the whole budget.
         until_saturated: chance of a situation not seen yet to stop at; 0 runs the whole budget.
+        time_limit: of one trial [s], as in :func:`campaign`; the campaign's own if None.
         workers: processes; one per core if None.
         executor: registered name; local processes if None.
         on_record: called when a record is durable, with whether it is new.
@@ -195,6 +199,7 @@ def resume_campaign(
     Raises:
         InputError: not a campaign, of other rules, or its program or what is proposed has changed;
             nothing is written then.
+        HarnessError: a trial was lost each time it was run.
     """
     place = chosen_executor(executor, workers)
     with Store.resume(Path(directory)) as store:
@@ -208,8 +213,10 @@ def resume_campaign(
             stop_after=stop_after,
             until_saturated=until_saturated,
         )
-        store.keep_budget(budget or 0)
-        return run_store(store, limits, place, on_record=on_record, on_told=on_told)
+        store.keep(budget=budget or 0, time_limit=time_limit or store.settings.time_limit)
+        return run_store(
+            store, limits, place, on_record=on_record, on_told=on_told, on_note=on_note
+        )
 
 
 def _or_clock(budget: int | None, wall_clock: float) -> int:
@@ -255,7 +262,9 @@ def open_store(directory: Path, settings: CampaignSettings) -> Store:
     """
     if not (directory / SETTINGS).exists():
         return Store.create(directory, settings)
-    there = dataclasses.replace(read_campaign_settings(directory), budget=settings.budget)
+    there = dataclasses.replace(
+        read_campaign_settings(directory), budget=settings.budget, time_limit=settings.time_limit
+    )
     if codec.digest(there) != codec.digest(settings):
         raise StoreError(f"{directory}: holds a campaign with other settings; choose another one")
     return Store.resume(directory)
@@ -268,6 +277,7 @@ def run_store(
     *,
     on_record: OnRecord = lambda record, is_new: None,
     on_told: OnTold = lambda record, progress: None,
+    on_note: OnNote = lambda text: None,
 ) -> CampaignResult:
     """Run an open campaign within limits, as :func:`~mrta_falsify.campaigns.runner.run_campaign`.
 
@@ -283,6 +293,7 @@ def run_store(
                 opened,
                 on_record=on_record,
                 on_told=on_told,
+                on_note=on_note,
                 rehearsal=SceneRehearsal(store.settings.trials),
             )
     except KeyboardInterrupt:

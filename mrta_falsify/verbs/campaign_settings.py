@@ -76,7 +76,7 @@ def new_settings(
         window: how far trials may run ahead of what the sampler knows.
         tick_limit: CPU time for one tick [s], after which the stack hangs.
         memory_limit: resident memory that the stack may take up [GiB].
-        time_limit: wall clock of one trial [s].
+        time_limit: work and sleep of all processes of one trial [s].
 
     Raises:
         InputError: anything of it is wrong.

@@ -6,6 +6,7 @@ its time limit can be killed.
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import dataclasses
 from collections.abc import Callable, Collection, Generator, Sequence
@@ -13,14 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
-from mrta_falsify.campaigns import lost_time
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.rules import RULES, signed
+from mrta_falsify.campaigns.runner import REPEATS
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.time_limit import begin_anew
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
@@ -86,7 +88,7 @@ def recheck(
         config: the changed stack; the campaign's own if None.
         jittered: copies of each world with small differences (see ``jitter_world``).
         workers: processes at a time; they change no result.
-        time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         only: ids of the failures to run; all if empty.
         pictures: directory for a picture of each run that fails; none are drawn if None.
         on_done: called after each failure, in the order in which they end.
@@ -157,6 +159,8 @@ def finished_jobs(
 ) -> Generator[Finished, None, None]:
     """Run jobs in workers, and yield what became of them in the order in which they end.
 
+    A job that is lost with its worker is run again, as a trial of a campaign.
+
     Args:
         settings: whose target the workers open.
         jobs: without their numbers, which are their places.
@@ -167,9 +171,14 @@ def finished_jobs(
     with open_executor(settings, local_workers(min(workers, len(jobs)))) as opened:
         for number, job in enumerate(jobs):
             opened.submit({"number": number, **job})
-        left = len(jobs)
+        left, lost = len(jobs), collections.Counter[int]()
         while left:
             for finished in opened.collect(WAIT):
+                number = finished.number
+                if finished.fate == "crashed" and lost[number] < REPEATS:
+                    lost[number] += 1
+                    opened.submit({"number": number, **jobs[number]})
+                    continue
                 left -= 1
                 yield finished
 
@@ -315,7 +324,7 @@ def answering(
     run: Callable[[dict[str, Any]], RecheckRun],
 ) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Make what a worker opens of a function from a job to its run: guarded, encoded."""
-    guard = Guard(on_lost=lost_time.tell)
+    guard = Guard(on_lost=begin_anew)
 
     def answer(job: dict[str, Any]) -> dict[str, Any]:
         try:

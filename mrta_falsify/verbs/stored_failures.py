@@ -101,7 +101,7 @@ def recheck_corpus(
         settings: ``--set`` texts applied to the stack.
         jittered: copies with small differences that are run of each failure.
         workers: processes; one per core if None.
-        time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         only: ids of the failures to run; all if empty.
         pictures: directory for a picture of each run that fails; none are drawn if None.
         on_done: called with each row.

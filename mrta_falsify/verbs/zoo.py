@@ -29,7 +29,7 @@ from scenic_worlds.variation import jitter_world
 from scenic_worlds.zoo import PREFIX, Answer, Scene, load_scene, scene_names
 
 ZOO = PREFIX.rstrip("/")  #: name of all scenes together
-TIME_LIMIT = 60.0  # s of wall clock for one run
+TIME_LIMIT = 60.0  # s that one run may work and sleep
 
 #: flaky: the scene passes, but a copy with small differences fails; refused: the stack runs other
 #: scenes, but cannot be started in this one
@@ -89,7 +89,7 @@ def run_zoo(
         settings: ``--set`` texts applied to the stack.
         jittered: copies with small differences that are run of each scene.
         workers: processes; one per core if None.
-        time_limit: wall clock of one run [s]; 60 if None.
+        time_limit: what one run may work and sleep [s]; 60 if None.
         on_done: called with each row, in the order in which they end.
 
     Returns:

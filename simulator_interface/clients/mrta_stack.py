@@ -82,7 +82,7 @@ class Connection:
             Closed: the other side is gone.
         """
         try:
-            self._link.sendall(_LENGTH.pack(len(body)) + body)
+            self._put(_LENGTH.pack(len(body)) + body)
         except (BrokenPipeError, ConnectionResetError):
             raise Closed from None
 
@@ -112,6 +112,9 @@ class Connection:
     def close(self) -> None:
         """Close the socket."""
         self._link.close()
+
+    def _put(self, data: bytes) -> None:
+        self._link.sendall(data)
 
     def _chunk(self, most: int) -> bytes:
         try:

@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 
 from simulator_interface.external.answers import shown
-from simulator_interface.external.wire import Late, Unreadable, Wire
+from simulator_interface.external.wire import Unreadable, Wire
 
 _SIZES = struct.Struct("<II")
 BLOCK = 1 << 20  # bytes that are kept in memory
@@ -102,12 +102,13 @@ def _read(number: int, size: int, at: int) -> bytes:
     return b"".join(parts)
 
 
-def connect_branch(wire: Wire, limit: float) -> tuple[Wire, int]:
+def connect_branch(wire: Wire, limit: float, *, is_kept: bool) -> tuple[Wire, int]:
     """Let a stack fork itself; its copy connects here.
 
     Args:
         wire: to the stack.
         limit: [s] that it has.
+        is_kept: whether the stack was started here.
 
     Returns:
         The wire to the copy, and its process number.
@@ -123,16 +124,14 @@ def connect_branch(wire: Wire, limit: float) -> tuple[Wire, int]:
         with socket.socket(socket.AF_UNIX) as door:
             door.bind(address)
             door.listen(1)
-            door.settimeout(limit)
-            wire.send({"type": "branch", "address": address}, limit)
-            answer = wire.receive(limit)
+            wire.allow(limit)
+            wire.send({"type": "branch", "address": address})
+            answer = wire.receive()
             if answer["type"] != "branched":
                 raise Unreadable(f"`branch` was answered by {shown(answer['type'])}")
-            try:
-                link, _ = door.accept()
-            except TimeoutError:
-                raise Late from None
+            link = wire.accept(door)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     peer = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
-    return Wire(link), _PEER.unpack(peer)[0]
+    process = _PEER.unpack(peer)[0]
+    return Wire(link, process if is_kept else None), process

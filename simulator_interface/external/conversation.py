@@ -8,7 +8,6 @@ import math
 import os
 import signal
 from collections.abc import Callable, Sequence
-from time import monotonic
 from typing import Any, Protocol
 
 from mrta_falsify.core.errors import ConfigError
@@ -185,18 +184,17 @@ class Conversation:
         Args:
             message: `world` or `tick`.
             time: simulated [s].
-            limit: wall-clock time that the stack has, with all that it asks [s].
+            limit: time that the stack has, with all that it asks [s].
         """
-        said = self._wire.send(message, limit)
+        self._wire.allow(limit)
+        said = self._wire.send(message)
         for _ in range(MOST_QUESTIONS):
-            began = monotonic()
-            body = self._wire.receive_bytes(limit)
-            limit -= monotonic() - began
+            body = self._wire.receive_bytes()
             self._exchanges.add(said, body)
             heard = self._wire.read(body)
             if heard["type"] not in self._services.known:
                 return heard, body
-            said = self._wire.send(self._services.answer(heard, time), limit)
+            said = self._wire.send(self._services.answer(heard, time))
         raise Unreadable(f"`{message['type']}` was answered by {MOST_QUESTIONS} questions")
 
     # --- copies -------------------------------------------------------------------------------
@@ -224,7 +222,9 @@ class Conversation:
         if not self._may_fork():
             return False
         try:
-            link, self._branch_pid = connect_branch(self._wire, self._options.tick_limit)
+            link, self._branch_pid = connect_branch(
+                self._wire, self._options.tick_limit, is_kept=bool(self._options.command)
+            )
         except (Closed, Late, Unreadable, OSError):
             self._exchanges.note_forking_failed()
             return False

@@ -22,6 +22,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.core.process_clock import children_of, descendants
 from simulator_interface.forking import PARENT_DEATH_SIGNAL
 
 CHILD_SUBREAPER = 36  # of prctl(2), Linux
@@ -55,8 +56,8 @@ class Keeper:
         sys.stdout.flush()
         sys.stderr.flush()
         with signals_held():
-            self._process = os.fork()
-            if self._process == 0:
+            self.process = os.fork()  #: of the keeper, the parent of all that it keeps
+            if self.process == 0:
                 _keep(theirs, command, folder, environment, link)
         theirs.close()
 
@@ -70,23 +71,18 @@ class Keeper:
 
     def kept(self) -> list[int]:
         """List the numbers of all processes that the program has started, itself among them."""
-        found, parents = [], [self._process]
-        while parents:
-            children = _children_of(parents.pop())
-            found += children
-            parents += children
-        return found
+        return descendants(self.process)
 
     def close(self) -> None:
         """Kill all that the program has started; may be called twice, not by copies."""
-        if self._process < 0 or os.getpid() != self._owner:
+        if self.process < 0 or os.getpid() != self._owner:
             return
         with contextlib.suppress(OSError):  # the keeper has been killed
             self._ours.shutdown(socket.SHUT_RDWR)  # copies of this process may hold it open
         self._ours.close()
         with contextlib.suppress(ChildProcessError):
-            os.waitpid(self._process, 0)
-        self._process = -1
+            os.waitpid(self.process, 0)
+        self.process = -1
 
     def _ask(self, question: str) -> dict[str, Any]:
         try:
@@ -205,7 +201,7 @@ class _Kept:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._program.wait(GRACE)  # it may have been told to end
         for _ in range(1000):
-            children = _children_of(os.getpid())
+            children = children_of(os.getpid())
             if not children:
                 return
             for child in children:
@@ -229,11 +225,3 @@ def _close_all_but(*kept: int) -> None:
         if number > last:
             os.closerange(last, number)
         last = number + 1
-
-
-def _children_of(process: int) -> list[int]:
-    try:
-        with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:
-            return [int(number) for number in file.read().split()]
-    except OSError:
-        return []

@@ -88,8 +88,9 @@ class ExternalLayer:
         process = self._running()
         limit = self._options.tick_limit
         try:
-            process.wire.send(message, limit)
-            answer = process.wire.receive(limit)
+            process.wire.allow(limit)
+            process.wire.send(message)
+            answer = process.wire.receive()
             process.note_answer()
         except NO_ANSWER as error:
             why = why_no_answer(error, limit, process)

@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
+from mrta_falsify.core.process_clock import ProcessClock
 from mrta_falsify.core.stack_failure import GIB, FailureKind
 from simulator_interface.external import messages
 from simulator_interface.external.answers import Ready, Wrong, read_ready
 from simulator_interface.external.keeper import Keeper
-from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
+from simulator_interface.external.wire import Closed, Late, LateByWallClock, Unreadable, Wire
 from simulator_interface.forking import ending_of
 from simulator_interface.heartbeat import PAGE, post
 
@@ -84,7 +85,7 @@ class StackProcess:
         else:
             ours = _connected(options)
         self._answers = 0
-        self.wire = Wire(ours)
+        self.wire = Wire(ours, self._keeper.process if self._keeper is not None else None)
         self.wire.look_at_stack(self.weigh)
         try:
             self.ready = self._shake_hands()
@@ -109,7 +110,7 @@ class StackProcess:
             raise ConfigError(f"the stack ({label}) {how} before it was ready{said}") from None
         except Heavy as heavy:
             raise ConfigError(f"the stack ({label}) {heavy} before it was ready") from None
-        except Late:
+        except (Late, LateByWallClock):
             limit = self._options.start_limit
             raise ConfigError(
                 f"the stack ({label}) was not ready within {limit:g} s (stack.start_limit)"
@@ -148,9 +149,9 @@ class StackProcess:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
         if self._keeper is None:
             return None, ()
-        until = time.monotonic() + ENDS_WITHIN
+        clock = ProcessClock(self._keeper.process, counts_stops=True)
         state = self._keeper.state()
-        while state and state.get("exit") is None and time.monotonic() < until:
+        while state and state.get("exit") is None and clock.look() < ENDS_WITHIN:
             time.sleep(0.01)
             state = self._keeper.state()
         return state.get("exit"), _last_lines(state.get("tail", ""))
@@ -164,8 +165,7 @@ class StackProcess:
         if os.getpid() != self._owner:
             self.wire.close()
             return
-        with contextlib.suppress(Closed, Late, OSError):
-            self.wire.send({"type": "bye"}, 0.1)
+        self.wire.say_bye()
         self.wire.close()
         if self._keeper is not None:
             self._keeper.close()
@@ -175,11 +175,9 @@ class StackProcess:
         if error:
             raise ConfigError(f"the stack cannot be started: {error}")
         with self.starting():
-            self.wire.send(
-                messages.hello(importlib.metadata.version("mrta-falsify")),
-                self._options.start_limit,
-            )
-            ready = read_ready(self.wire.receive(self._options.start_limit))
+            self.wire.allow(self._options.start_limit)
+            self.wire.send(messages.hello(importlib.metadata.version("mrta-falsify")))
+            ready = read_ready(self.wire.receive())
         self.wire.is_binary = ready.encoding == "msgpack"
         return ready
 

@@ -42,7 +42,7 @@ def told_again(
         wire: to it.
         exchanges: all that was said and heard.
         names: of the robots.
-        limits: [s] of wall clock for the first answer, and for each other one.
+        limits: [s] for the first answer, and for each other one.
         most_ticks: that it is asked.
 
     Raises:
@@ -56,8 +56,9 @@ def told_again(
                 if ticks >= most_ticks:
                     break
                 ticks, tick = ticks + 1, message
-            wire.send_bytes(said, limit)
-            again = wire.receive_bytes(limit)
+            wire.allow(limit)
+            wire.send_bytes(said)
+            again = wire.receive_bytes()
             limit = limits[1]
             if again == heard:
                 continue

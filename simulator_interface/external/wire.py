@@ -1,27 +1,43 @@
-"""One conversation with a stack's process: messages in its encoding, each within a time limit."""
+"""One conversation with a stack's process: messages in its encoding, within time limits.
+
+A limit counts what the processes of the stack work and sleep. Of a stack that was not started here
+they are not known: it has wall-clock time, and a run in which it is late is lost, never judged.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 import socket
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import msgpack
 
+from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.process_clock import ProcessClock, WallClock
 from simulator_interface.clients.mrta_stack import Closed, Connection
 from simulator_interface.external.messages import Message, plain
 
-__all__ = ["Closed", "Late", "Unreadable", "Wire"]
+__all__ = ["Closed", "Late", "LateByWallClock", "Unreadable", "Wire"]
+
+T = TypeVar("T")
 
 MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
 LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
-LOOK_EVERY = 0.1  # s of waiting between two looks at the stack
+LOOK_EVERY = 0.1  # s of waiting between two looks at the stack; the first one begins to count
+SOONEST = 0.01  # s until the next look, however little of a limit is left
+FAREWELL = 0.1  # s of wall clock that a stack has to read the last message
 
 
 class Late(Exception):  # noqa: N818 - says what happened to the stack
     """The stack has not answered within its limit."""
+
+
+class LateByWallClock(HarnessError):  # noqa: N818
+    """A stack that was not started here has not answered within its limit of wall-clock time."""
 
 
 class Unreadable(Exception):  # noqa: N818
@@ -29,25 +45,54 @@ class Unreadable(Exception):  # noqa: N818
 
 
 class _Timed(Connection):
-    """A connection whose messages must be complete at a given time."""
+    """A connection whose messages must be complete within a limit."""
 
     most = MOST_HEARD
 
-    def __init__(self, link: socket.socket) -> None:
+    def __init__(self, link: socket.socket, clock: ProcessClock | WallClock) -> None:
         super().__init__(link)
-        self.until = 0.0  #: s of ``time.monotonic``
         self.look: Callable[[], None] = lambda: None  #: called now and then while it waits
+        self.clock = clock  #: that limits are measured by
+        self._limit = 0.0  # s
+        self._waited = 0.0  # since the last look at the clock [s]
+
+    def allow(self, limit: float) -> None:
+        """Begin a limit [s] for all that is said and heard from now on."""
+        self._limit, self._waited = limit, 0.0
+        self.clock.restart()
+
+    def wait(self, link: socket.socket, attempt: Callable[[], T]) -> T:
+        """Do what waits for the stack, again and again until it is done.
+
+        Args:
+            link: that it uses.
+            attempt: raises TimeoutError once the timeout of ``link`` is over.
+
+        Raises:
+            TimeoutError: the limit is over.
+        """
+        while True:
+            left = max(SOONEST, self._limit - self.clock.spent)
+            link.settimeout(max(min(left, LOOK_EVERY) - self._waited, LEAST))
+            began = time.monotonic()
+            try:
+                return attempt()
+            except TimeoutError:
+                pass
+            finally:
+                self._waited += time.monotonic() - began
+            self.look()
+            waited, self._waited = self._waited, 0.0
+            if self.clock.look(waited) >= self._limit:
+                raise TimeoutError
+
+    def _put(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self.wait(self._link, functools.partial(self._link.send, rest)) :]
 
     def _chunk(self, most: int) -> bytes:
-        while True:
-            left = self.until - time.monotonic()
-            if left <= 0.0:
-                raise TimeoutError
-            self._link.settimeout(min(left, LOOK_EVERY))
-            try:
-                return super()._chunk(most)
-            except TimeoutError:
-                self.look()
+        return self.wait(self._link, functools.partial(super()._chunk, most))
 
 
 class Wire:
@@ -55,59 +100,81 @@ class Wire:
 
     Args:
         link: connected socket.
+        root: process that was started here, which is the stack or has started it; None: the stack
+            runs already.
     """
 
-    def __init__(self, link: socket.socket) -> None:
-        self._link = link
-        self._connection = _Timed(link)
+    def __init__(self, link: socket.socket, root: int | None) -> None:
+        clock = WallClock() if root is None else ProcessClock(root, counts_stops=True)
+        self._connection = _Timed(link, clock)
+        self._limit = 0.0
         self.is_binary = False  #: msgpack; the handshake is JSON
 
     def look_at_stack(self, look: Callable[[], None]) -> None:
         """Have ``look`` called now and then while an answer is waited for; it may raise."""
         self._connection.look = look
 
-    def send(self, message: Message, limit: float) -> bytes:
-        """Send a message; give the bytes that were sent.
+    def allow(self, limit: float) -> None:
+        """Begin a limit [s]: all that is said and heard from now on must be done within it."""
+        self._limit = limit
+        self._connection.allow(limit)
 
-        Args:
-            message: to send.
-            limit: [s] of wall-clock time.
+    @contextlib.contextmanager
+    def _within_limit(self) -> Iterator[None]:
+        try:
+            yield
+        except TimeoutError:
+            if isinstance(self._connection.clock, ProcessClock):
+                raise Late from None
+            raise LateByWallClock(
+                f"the stack did not answer within {self._limit:g} s of wall-clock time; it was not "
+                "started here, so whether it waited for a processor is not known"
+            ) from None
+
+    def send(self, message: Message) -> bytes:
+        """Send a message; give the bytes that were sent.
 
         Raises:
             Closed: the stack has closed the connection.
             Late: it does not read.
+            LateByWallClock: as ``Late``, of a stack that runs already.
         """
         shaped = plain(message, binary=self.is_binary)
         body = msgpack.packb(shaped) if self.is_binary else json.dumps(shaped).encode()
-        self.send_bytes(body, limit)
+        self.send_bytes(body)
         return body
 
-    def send_bytes(self, body: bytes, limit: float) -> None:
+    def send_bytes(self, body: bytes) -> None:
         """Send the bytes of a message; see :meth:`send`."""
-        self._link.settimeout(max(limit, LEAST))
-        try:
+        with self._within_limit():
             self._connection.send(body)
-        except TimeoutError:
-            raise Late from None
 
-    def receive_bytes(self, limit: float) -> bytes:
+    def receive_bytes(self) -> bytes:
         """Receive the bytes of a message.
-
-        Args:
-            limit: [s] of wall-clock time.
 
         Raises:
             Closed: the stack has closed the connection.
             Late: no whole message came within the limit.
+            LateByWallClock: as ``Late``, of a stack that runs already.
             Unreadable: too long a message is announced.
         """
-        self._connection.until = time.monotonic() + limit
         try:
-            return self._connection.receive()
-        except TimeoutError:
-            raise Late from None
+            with self._within_limit():
+                return self._connection.receive()
         except ValueError as error:
             raise Unreadable(f"{error}; is something printing to the connection?") from None
+
+    def accept(self, door: socket.socket) -> socket.socket:
+        """Accept a connection of a copy of the stack; errors as in :meth:`receive_bytes`."""
+        with self._within_limit():
+            return self._connection.wait(door, door.accept)[0]
+
+    def say_bye(self) -> None:
+        """Tell the stack that it may end, if it listens."""
+        self._connection.clock = WallClock()
+        self.allow(FAREWELL)
+        with contextlib.suppress(Closed, LateByWallClock, OSError):
+            self.send({"type": "bye"})
 
     def read(self, body: bytes) -> Message:
         """Decode a message; see :meth:`decoded`."""
@@ -129,9 +196,9 @@ class Wire:
             raise Unreadable("a message is not a map with a field `type`")
         return message
 
-    def receive(self, limit: float) -> Message:
+    def receive(self) -> Message:
         """Receive a message; see :meth:`receive_bytes` and :meth:`read`."""
-        return self.read(self.receive_bytes(limit))
+        return self.read(self.receive_bytes())
 
     def close(self) -> None:
         """Close the connection."""

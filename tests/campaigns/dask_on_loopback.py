@@ -50,12 +50,12 @@ def test_two_dask_workers_give_the_records_of_the_serial_executor(tmp_path, sche
 
 
 @pytest.mark.slow
-def test_a_crash_and_a_hang_on_a_worker_cost_one_trial_each(tmp_path, scheduler):
-    chosen = settings(crash=[2], hang=[4], time_limit=1.0)
-    records = run(tmp_path, chosen, on_dask(scheduler), budget=8)
-    fates = {record["candidate"]["number"]: record["status"] for record in records}
-    assert {n: fate for n, fate in fates.items() if fate != "ok"} == {2: "crashed", 4: "timeout"}
-    assert len(fates) == 8
+@pytest.mark.parametrize("fault", ["crash", "hang", "unfit"])
+def test_a_trial_that_a_worker_loses_is_run_again(tmp_path, scheduler, fault):
+    lost = {fault: [2], "tries": str(tmp_path / "tries"), "times": 1, "time_limit": 1.0}
+    serial = SerialExecutor(SerialExecutor.Options())
+    expected = run(tmp_path / "serial", settings(), serial, budget=5)
+    assert run(tmp_path / "dask", settings(**lost), on_dask(scheduler), budget=5) == expected
 
 
 def test_a_scenario_that_workers_refuse_is_bad_input(tmp_path, scheduler):

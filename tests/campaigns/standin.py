@@ -23,13 +23,15 @@ from mrta_falsify.core.verdict import Verdict
 
 RANDOM = Choice("random")
 TARGET = "tests.campaigns.standin:open_trials"
+FAULTS = ("crash", "raise", "unfit", "hang")
 
 
 def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Fails where the mean of u is below 0.3; rejects where u[0] > ``params.reject_above``.
 
     With ``trials.jittered`` copies lie up to 0.3 higher, evenly.
-    ``params``: ``sleep`` [s] per trial, ``crash`` and ``hang`` numbers of trials that do so.
+    ``params``: ``sleep`` [s] per trial; ``crash``, ``raise``, ``hang`` and ``unfit`` numbers of
+    trials that do so, where there is a file ``tries`` only ``times`` times.
     """
     params = settings.params
     if params.get("refuse"):
@@ -38,11 +40,20 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
     def trial(job: dict[str, Any]) -> dict[str, Any]:
         number, u = job["number"], np.asarray(job["u"])
         time.sleep(params.get("sleep", 0.0))
-        if number in params.get("crash", ()):
+        faults = {name: number in params.get(name, ()) for name in FAULTS}
+        if any(faults.values()) and "tries" in params:
+            with open(params["tries"], "a+", encoding="ascii") as tries:
+                tries.seek(0)
+                if len(tries.read()) >= params["times"]:
+                    faults = {}
+                tries.write("x")
+        if faults.get("crash"):
             os._exit(7)
-        if number in params.get("raise", ()):
+        if faults.get("raise"):
             raise RuntimeError("on demand")
-        if number in params.get("hang", ()):
+        if faults.get("unfit"):
+            raise InputError("the stack cannot be started")
+        if faults.get("hang"):
             time.sleep(3600.0)
         candidate = Candidate(number=number, u=u, seed=candidate_seed(settings.seed, number))
         record = TrialRecord(

@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -98,32 +101,144 @@ def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
     assert sampler_options(own)["robust"] is False
 
 
-@pytest.mark.parametrize("fault", ["crash", "raise"])
-def test_a_crash_costs_one_trial_and_is_an_error_not_a_failure(tmp_path, fault):
-    with Store.create(tmp_path, settings(**{fault: [3]})) as store:
-        progress, _ = _run(store, workers=2, budget=12)
-    records = read_campaign(tmp_path).records
-    assert [record.number for record in records if record.status == "crashed"] == [3]
-    assert not records[3].failed
-    assert records[3].error
-    assert progress.errors == 1
-    assert progress.ran == 12
+# --- lost trials --------------------------------------------------------------------------
 
 
-def test_a_call_whose_first_trials_are_all_errors_stops_and_a_later_one_goes_on(tmp_path):
-    with Store.create(tmp_path, settings(**{"raise": list(range(8))})) as store:
-        progress, ended = _run(store, workers=2, budget=30)
-        assert (ended, progress.ran, progress.errors) == ("errors", 5, 5)
-        progress, ended = _run(store, workers=2, budget=30)
-    assert (ended, progress.ran, progress.errors) == ("budget", 30, 8)
+def _undisturbed(directory, **limits):
+    with Store.create(directory, settings()) as store:
+        _run(store, **limits)
+    return _records(directory)
 
 
-def test_a_hang_is_killed_and_costs_one_trial(tmp_path):
-    with Store.create(tmp_path, settings(hang=[1], time_limit=1.0)) as store:
-        _run(store, workers=2, budget=5)
-    records = read_campaign(tmp_path).records
-    assert [record.status for record in records] == ["ok", "timeout", "ok", "ok", "ok"]
-    assert "killed after 1 s" in records[1].error
+def _noted(store, executor, **limits):
+    notes = []
+    try:
+        executor.open(store.settings)
+        run_campaign(store, Limits(**limits), executor, on_note=notes.append)
+    finally:
+        executor.close()
+    return notes
+
+
+@pytest.mark.parametrize(
+    ("fault", "times", "workers", "why"),
+    [
+        ("raise", 2, 0, "RuntimeError: on demand"),
+        ("unfit", 2, 0, "the stack cannot be started"),
+        ("raise", 1, 1, "RuntimeError: on demand"),
+        ("unfit", 1, 1, "the stack cannot be started"),
+        ("crash", 1, 1, "worker ended by exit code 7"),
+        ("hang", 1, 1, "killed after 0.5 s of work and sleep"),
+    ],
+)
+def test_a_trial_that_was_lost_is_run_again_and_the_campaign_is_the_same(
+    tmp_path, fault, times, workers, why
+):
+    lost = {fault: [3], "tries": str(tmp_path / "tries"), "times": times, "time_limit": 0.5}
+    with Store.create(tmp_path / "c", settings(**lost)) as store:
+        made = (
+            ProcessExecutor(ProcessExecutor.Options(workers=workers))
+            if workers
+            else SerialExecutor(SerialExecutor.Options())
+        )
+        notes = _noted(store, made, budget=6)
+    assert notes == [f"trial 0003 was lost ({why}); it is run again"] * times
+    assert _records(tmp_path / "c") == _undisturbed(tmp_path / "peace", budget=6)
+
+
+def test_a_worker_that_is_stopped_for_longer_than_the_limit_is_not_lost():
+    made = ProcessExecutor(ProcessExecutor.Options(workers=1))
+    try:
+        made.open(settings(sleep=0.2, time_limit=0.4))
+        made.submit({"number": 0, "u": [0.5]})
+        (worker,) = made._workers
+        while worker.job is None:
+            made.collect(0.05)
+        os.kill(worker.process.pid, signal.SIGSTOP)
+        until = time.monotonic() + 1.2
+        while time.monotonic() < until:
+            assert made.collect(0.05) == ()
+        os.kill(worker.process.pid, signal.SIGCONT)
+        done = ()
+        while not done:
+            done = made.collect(0.05)
+    finally:
+        made.close()
+    assert [(one.number, one.fate) for one in done] == [(0, "ok")]
+
+
+class Losing(SerialExecutor):
+    """Loses the first jobs of trial 3 in one way or another."""
+
+    def __init__(self, fate, times):
+        super().__init__(SerialExecutor.Options())
+        self.fate, self.left, self.ran = fate, times, []
+
+    def collect(self, timeout):
+        (finished,) = super().collect(timeout)
+        self.ran.append(finished.number)
+        if finished.number != 3 or not self.left:
+            return (finished,)
+        self.left -= 1
+        error = "Traceback: ...\n  where it was\nOSError: no room\n"
+        return (dataclasses.replace(finished, fate=self.fate, record=None, error=error),)
+
+
+@pytest.mark.parametrize(
+    ("fate", "kind", "hint"),
+    [
+        ("crashed", HarnessError, r"go on with: mrta-falsify campaign --resume \S+"),
+        ("refused", InputError, r"go on with: mrta-falsify campaign --resume \S+"),
+        ("timeout", HarnessError, r"give it more than 60 s: .* --resume \S+ --time-limit 120"),
+    ],
+)
+def test_a_trial_that_is_lost_three_times_stops_the_campaign_and_a_later_call_runs_it(
+    tmp_path, fate, kind, hint
+):
+    losing = Losing(fate, 3)
+    with Store.create(tmp_path / "c", settings()) as store:
+        text = r"^trial 0003 was lost 3 times \(OSError: no room\); nothing of it is stored; "
+        with pytest.raises(kind, match=text + hint) as stopped:
+            _noted(store, losing, budget=12)
+        assert losing.ran.count(3) == 3
+        assert 3 not in store.finished
+        assert {record.status for record in store.finished.values()} == {"ok"}
+        if kind is HarnessError:
+            assert any("where it was" in note for note in stopped.value.__notes__)
+    with Store.resume(tmp_path / "c") as store:
+        _run(store, budget=12)
+    assert _records(tmp_path / "c") == _undisturbed(tmp_path / "peace", budget=12)
+
+
+def test_no_sampler_is_told_of_a_trial_that_was_lost(tmp_path):
+    told = []
+    with Store.create(tmp_path, settings()) as store:
+        losing = Losing("crashed", 2)
+        losing.open(store.settings)
+        run_campaign(
+            store, Limits(budget=6), losing, on_told=lambda record, counts: told.append(record)
+        )
+    assert [(record.number, record.status) for record in told] == [(n, "ok") for n in range(6)]
+
+
+def test_errors_that_an_older_version_stored_stay_and_are_told_as_rejected(tmp_path):
+    with Store.create(tmp_path, settings()) as store:
+        _run(store, budget=6)
+        whole = dict(store.finished)
+    old = [dataclasses.replace(whole[n], verdicts=(), score=0.0) for n in (1, 2)]
+    old = [
+        dataclasses.replace(r, status=s) for r, s in zip(old, ("crashed", "timeout"), strict=True)
+    ]
+    (tmp_path / RECORDS).unlink()
+    with Store.resume(tmp_path) as store:
+        for record in old:
+            store.add(record)
+        progress, ended = _run(store, budget=6)
+    assert (ended, progress.ran, progress.errors) == ("budget", 6, 2)
+    assert [record.status for record in read_campaign(tmp_path).records] == [
+        "ok", "crashed", "timeout", "ok", "ok", "ok",
+    ]  # fmt: skip
+    assert {feedback_of(record, settings().cube).fate for record in old} == {"rejected"}
 
 
 def test_a_scenario_that_workers_refuse_is_bad_input(tmp_path):
@@ -178,7 +293,7 @@ def test_what_cannot_go_on_is_left_as_it_is(tmp_path):
     )
     before = _bytes_of(tmp_path / "b")
     with Store.resume(tmp_path / "b") as store:
-        store.keep_budget(99)
+        store.keep(budget=99, time_limit=store.settings.time_limit)
         with pytest.raises(StoreError, match="trial 0004 was asked for at another point"):
             _run(store, budget=99)
     assert _bytes_of(tmp_path / "b") == before

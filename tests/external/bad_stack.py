@@ -1,6 +1,7 @@
 """A stack that fails in a given way at a given tick: ``python bad_stack.py HOW TICK``."""
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -50,6 +51,10 @@ class Bad:
             case "spin":
                 while True:
                     pass
+            case "stops":
+                os.kill(os.getpid(), signal.SIGSTOP)
+            case "child spins":
+                subprocess.run([sys.executable, "-S", "-c", "while True: pass"], check=True)
             case "inquires":
                 while True:
                     self.harness.visible((0.0, 0.0), (1.0, 1.0))

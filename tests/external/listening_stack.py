@@ -1,6 +1,10 @@
-"""A stack that runs already: it listens at the address that is its argument."""
+"""A stack that runs already: it listens at the address that is its argument.
+
+At its fifth tick it takes a minute if its parameter ``slow`` is true.
+"""
 
 import sys
+import time
 
 import numpy as np
 
@@ -12,9 +16,12 @@ class Turning:
 
     def __init__(self, world: dict, harness: object) -> None:
         self.robots, self.ticks = len(world["robots"]), 0
+        self.is_slow = world["params"].get("slow", False)
 
     def step(self, tick: dict) -> dict:
         self.ticks += 1
+        if self.ticks == 5 and self.is_slow:
+            time.sleep(60.0)
         return {"twist": np.tile((0.0, 0.0, 0.01 * self.ticks), (self.robots, 1))}
 
 

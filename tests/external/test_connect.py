@@ -16,7 +16,7 @@ import pytest
 
 import mrta_falsify as mf
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.errors import ConfigError, HarnessError
 from mrta_falsify.core.external import parse_stack
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
@@ -90,6 +90,21 @@ def test_copies_of_a_run_have_copies_of_the_stack(hall, tmp_path, branch):
         assert run_in_watched_copy(turning) == pytest.approx(0.06)
         assert next(frames).command.twist[0, 2] == pytest.approx(0.06)
         frames.close()
+
+
+def test_a_stack_that_is_slow_is_never_judged_and_the_run_can_be_repeated(hall, tmp_path):
+    address = f"{tmp_path}/door"
+    world = dataclasses.replace(hall, horizon=1.0)
+    slow = connected(address, params={"slow": True}, tick_limit=0.3)
+    with running(address):
+        usual = reached(hall, address)
+        with pytest.raises(
+            HarnessError, match=r"within 0.3 s of wall-clock time; it was not start"
+        ):
+            simulate(world, slow)
+        again = simulate(world, connected(address, params={"slow": False}))
+    assert not any(verdict.violated for verdict in again.verdicts)
+    assert again.trace.digest == usual.trace.digest
 
 
 def test_nothing_that_listens_is_bad_input(hall, tmp_path):

@@ -109,7 +109,7 @@ def test_an_exception_is_found_in_last_words(lines, name):
     assert named_in(lines) == name
 
 
-@pytest.mark.parametrize("how", ["hang", "spin", "dawdles"])
+@pytest.mark.parametrize("how", ["hang", "spin", "dawdles", "stops", "child spins"])
 def test_no_answer_within_the_limit_is_a_hang(hall, how):
     evidence = failure_of(hall, how, tick_limit=0.5)
     assert evidence["kind"] == "hang"

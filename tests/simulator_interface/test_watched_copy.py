@@ -2,6 +2,9 @@
 
 import mmap
 import os
+import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -119,6 +122,26 @@ def test_a_call_of_the_stack_that_takes_too_long_is_killed():
     failed = caught.value
     assert (failed.kind, failed.pulse.tick, failed.pulse.time) == ("hang", 7, 0.35)
     assert any(place.function == "burn" for place in failed.places)
+
+
+def a_child_burns() -> None:
+    program = "while True: pass"
+    subprocess.run([sys.executable, "-S", "-c", program], check=True)
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda: time.sleep(30.0),
+        lambda: os.kill(os.getpid(), signal.SIGSTOP),
+        a_child_burns,
+    ],
+    ids=["sleeps", "stops itself", "has a child that burns"],
+)
+def test_a_call_of_the_stack_that_gives_no_answer_hangs_whatever_it_does(work):
+    with pytest.raises(CopyFailed) as caught:
+        asked(in_stack(work))
+    assert caught.value.kind == "hang"
 
 
 def test_time_outside_the_stack_and_time_to_compile_do_not_count():

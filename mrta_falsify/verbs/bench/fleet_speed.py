@@ -16,6 +16,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.process_clock import cpu_of_tree
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import TraceRecorder
 from mrta_falsify.core.world import World
@@ -34,7 +35,6 @@ from simulator_interface.episode import Episode
 from simulator_interface.guard import Guard
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import EpisodeRun
-from simulator_interface.watched_copy import TICKS_PER_SECOND
 
 WINDOW = 10.0  # s, "minimum over any 10 s"
 SAMPLE = 1.0  # s between two looks at CPU time, which is counted in hundredths
@@ -96,14 +96,14 @@ def _time_fleet(world: World, config: StackConfig, robots: int, seconds: float) 
     root, per_sample = os.getpid(), max(1, round(SAMPLE / dt))
     with contextlib.closing(run):
         run.advance()
-        cpu = [processes_seconds(root)]
+        cpu = [cpu_of_tree(root)]
         for tick in range(ticks):
             before = time.perf_counter()
             frame = run.advance()
             wall[tick] = time.perf_counter() - before
             busy[tick] = _is_busy(frame)
             if (tick + 1) % per_sample == 0:
-                cpu.append(processes_seconds(root))
+                cpu.append(cpu_of_tree(root))
         stages_ms = _stages_of_next_ticks(run, own, max(1, round(ticks * SHARE_FOR_STAGES)))
         calls = _calls_of_a_quiet_tick(run)
     return FleetSpeed(
@@ -140,19 +140,6 @@ def _stages_of_next_ticks(
 
 def _spec_stage(kind: type) -> str:
     return "oracle" if kind is NoDeadlock else "specifications"
-
-
-def processes_seconds(process: int) -> float:
-    """CPU time of a process and of all that it has started, ended or not [s]; by Linux's /proc."""
-    try:
-        with open(f"/proc/{process}/stat", encoding="ascii", errors="replace") as file:
-            fields = file.read().rpartition(")")[2].split()
-        with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:
-            children = [int(child) for child in file.read().split()]
-    except (FileNotFoundError, ProcessLookupError):
-        return 0.0 if process != os.getpid() else time.process_time()
-    spent = sum(map(int, fields[11:15])) / TICKS_PER_SECOND  # with that of children waited for
-    return spent + sum(map(processes_seconds, children))
 
 
 def _mean_factor(spent: Array, dt: float) -> float:

@@ -99,7 +99,7 @@ def bisect_failures(
         jittered: copies with small differences, so many runs of each commit beside the world's.
         only: ids of the failures; the first of each mode if empty.
         workers: processes; one per core if None.
-        time_limit: wall clock of one run [s]; the campaign's own limit if None.
+        time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         on_commit: called with each commit and what it gave.
 
     Raises:

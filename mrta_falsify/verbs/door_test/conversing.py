@@ -19,7 +19,7 @@ from simulator_interface.external.answers import Reader, Ready, Wrong
 from simulator_interface.external.messages import Message, tick_message, world_message
 from simulator_interface.external.process import StackProcess
 from simulator_interface.external.services import Services
-from simulator_interface.external.wire import Closed, Late, Unreadable
+from simulator_interface.external.wire import Closed, Late, LateByWallClock, Unreadable
 
 TICKS = 5
 ENDS_WITHIN = 2.0  # s
@@ -64,12 +64,13 @@ class Messages:
 
     def _ask(self, message: Message) -> Message:
         wire = self.process.wire
-        wire.send(message, self._limit)
+        wire.allow(self._limit)
+        wire.send(message)
         while True:
-            heard = wire.receive(self._limit)
+            heard = wire.receive()
             if heard["type"] not in self._services.known:
                 return heard
-            wire.send(self._services.answer(heard, 0.0), self._limit)
+            wire.send(self._services.answer(heard, 0.0))
 
 
 @contextmanager
@@ -78,7 +79,7 @@ def talking(config: StackConfig, world: World) -> Iterator[Messages]:
     talk = Messages(config, world)
     try:
         yield talk
-    except (Closed, Late, Unreadable, Wrong) as error:
+    except (Closed, Late, LateByWallClock, Unreadable, Wrong) as error:
         code, lines = talk.process.last_words()
         said = f"; it printed last: {lines[-1]}" if lines else ""
         how = f"exit code {code}" if code is not None else str(error) or type(error).__name__
@@ -122,7 +123,7 @@ def ends_on_bye(config: StackConfig, world: World, can: tuple[str, ...]) -> str:
     with talking(config, world) as talk:
         talk.open()
         talk.tick(0)
-        talk.process.wire.send({"type": "bye"}, 1.0)
+        talk.process.wire.say_bye()
         return _ends(talk, "bye")
 
 
