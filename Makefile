@@ -3,6 +3,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3 || echo python3.11)
 BIN := .venv/bin
 STAMP := .venv/.installed
+KERNELS := .venv/.kernels
 WORKERS ?= 2
 # A worker that is done takes over tests of one that is not.
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
@@ -29,16 +30,20 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,docs,gym,mcap,mujoco,qd,ros,smt,tsp,video]'
 	@touch $@
 
-demo: $(STAMP)
+# It compiles what has changed; after an edit of anything else it only looks, for two seconds.
+$(KERNELS): $(STAMP) tools/compile_kernels.py $(shell find mrta_falsify simulator_interface -name '*.py')
+	@$(BIN)/python -m tools.compile_kernels $@
+
+demo: $(KERNELS)
 	$(BIN)/mrta-falsify demo
 
-test: $(STAMP)
+test: $(KERNELS)
 	$(PYTEST) -m "not long"
 
-unit: $(STAMP)
+unit: $(KERNELS)
 	$(PYTEST) -m "not slow and not long and not browser"
 
-long: $(STAMP)
+long: $(KERNELS)
 	$(PYTEST) -m long
 
 check: $(STAMP)
@@ -52,7 +57,7 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(STAMP)
+bench: $(KERNELS)
 	$(BIN)/mrta-falsify bench --format json
 
 docs: $(STAMP)
@@ -60,5 +65,5 @@ docs: $(STAMP)
 	@echo build/site/index.html
 
 clean:
-	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis build demo-run
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis build demo-run $(KERNELS)
 	find . -path ./.venv -prune -o -type d -name __pycache__ -exec rm -rf {} +

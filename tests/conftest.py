@@ -16,7 +16,6 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, Room, Task, Wall, World
 from tests.shared_parses import share_parses
-from tests.warm_kernels import warm_kernels
 
 # Timings of a shared machine must not fail a property; the examples are few and fixed in CI.
 settings.register_profile("house", deadline=None, max_examples=40, derandomize=True)
@@ -32,14 +31,6 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Let the tests of this process share what Scenic parses."""
     share_parses()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _compiled_kernels(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    """On a clean clone, two workers compile half of the kernels each before their first test."""
-    warm_kernels(len(request.session.items), tmp_path_factory.getbasetemp().parent)
 
 
 @pytest.fixture

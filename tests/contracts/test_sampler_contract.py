@@ -30,8 +30,24 @@ CUBE = {
 }
 
 
-def build(name, cube=CUBE, seed=5):
-    return registry.build("sampler", Choice(name, {"cube": cube, "seed": seed}))
+#: Samplers that fit a model at each proposal. ``make test`` takes ``FEW`` proposals of them, with
+#: these options, so that the model is reached; ``make long`` takes as many as of the others.
+MODEL_BASED = {"auto": {}, "surrogate": {"initial": 4}, "tpe": {"initial": 4}}
+FEW = 16
+
+
+def cases(many, names=NAMES):
+    """Pairs of sampler and number of proposals."""
+    few = [pytest.param(name, FEW if name in MODEL_BASED else many) for name in names]
+    return few + [
+        pytest.param(name, many, marks=pytest.mark.long) for name in names if name in MODEL_BASED
+    ]
+
+
+def build(name, cube=CUBE, seed=5, *, count=1):
+    """A sampler of which ``count`` proposals are taken."""
+    sooner = MODEL_BASED.get(name, {}) if count <= FEW else {}
+    return registry.build("sampler", Choice(name, {"cube": cube, "seed": seed, **sooner}))
 
 
 def result(proposal, *, flat=False):
@@ -71,10 +87,10 @@ def drive(sampler, count, *, window=1, flat=False):
     return asked
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "count"), cases(90))
 @pytest.mark.parametrize("window", [1, 8])
-def test_proposals_are_numbered_frozen_and_in_the_cube(name, window):
-    for i, proposal in enumerate(drive(build(name), 90, window=window)):
+def test_proposals_are_numbered_frozen_and_in_the_cube(name, count, window):
+    for i, proposal in enumerate(drive(build(name, count=count), count, window=window)):
         assert proposal.number == i
         assert proposal.u.shape == (7,)
         assert proposal.u.min() >= 0.0
@@ -82,14 +98,14 @@ def test_proposals_are_numbered_frozen_and_in_the_cube(name, window):
         assert not proposal.u.flags.writeable
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_asking_and_telling_again_gives_the_same_proposals(name):
+@pytest.mark.parametrize(("name", "count"), cases(70))
+def test_asking_and_telling_again_gives_the_same_proposals(name, count):
     random.seed(1)
     np.random.seed(1)  # noqa: NPY002 - proves that global state plays no part
-    first = [proposal.u for proposal in drive(build(name), 70, window=4)]
+    first = [proposal.u for proposal in drive(build(name, count=count), count, window=4)]
     random.seed(2)
     np.random.seed(2)  # noqa: NPY002
-    second = [proposal.u for proposal in drive(build(name), 70, window=4)]
+    second = [proposal.u for proposal in drive(build(name, count=count), count, window=4)]
     np.testing.assert_array_equal(first, second)
 
 
@@ -99,21 +115,22 @@ def test_seeds_differ(name):
     assert (one != other).any()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "count"), cases(45))
 @pytest.mark.parametrize("dimensions", [0, 1, 300])
-def test_any_number_of_dimensions_will_do(name, dimensions):
-    proposals = drive(build(name, {"dimensions": dimensions}), 45, window=3)
+def test_any_number_of_dimensions_will_do(name, count, dimensions):
+    sampler = build(name, {"dimensions": dimensions}, count=count)
+    proposals = drive(sampler, count, window=3)
     assert all(proposal.u.shape == (dimensions,) for proposal in proposals)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_flat_score_does_not_stop_the_search_from_moving(name):
-    points = np.array([p.u for p in drive(build(name), 80, window=2, flat=True)])
-    assert len(np.unique(points.round(9), axis=0)) > 70
-    assert points[40:].std(axis=0).max() > 0.05
+@pytest.mark.parametrize(("name", "count"), cases(80))
+def test_a_flat_score_does_not_stop_the_search_from_moving(name, count):
+    points = np.array([p.u for p in drive(build(name, count=count), count, window=2, flat=True)])
+    assert len(np.unique(points.round(9), axis=0)) > 70 * count / 80
+    assert points[count // 2 :].std(axis=0).max() > 0.05
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES)  # no model learns from rejections
 def test_nothing_but_rejections_does_not_stop_it_either(name):
     sampler = build(name)
     points = []
@@ -128,18 +145,24 @@ def test_nothing_but_rejections_does_not_stop_it_either(name):
 # demanding from what scenes ask for: none of them climbs a slope
 SPREADING = {"random", "halton", "sobol", "situations", "demanding", "splitting"}
 LEARNERS = sorted(set(NAMES) - SPREADING - {"verifai_ce", "verifai_mab", "verifai_halton"})
-HEAVY = ("auto", "surrogate", "tpe")  # each learns for seconds
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in HEAVY else ()) for n in LEARNERS]
+    ("name", "seeds", "count"),
+    [
+        *(pytest.param(name, 1, 40, marks=pytest.mark.slow) for name in MODEL_BASED),
+        *(
+            pytest.param(name, 3, 200, marks=pytest.mark.long if name in MODEL_BASED else ())
+            for name in LEARNERS
+        ),
+    ],
 )
-def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
+def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name, seeds, count):
     cube = {"dimensions": 12}
 
     def best_of(sampler):
         scores = [np.inf]
-        for _ in range(200):
+        for _ in range(count):
             proposal = sampler.ask()
             score = float(((proposal.u - 0.3) ** 2).sum())
             scores.append(score)
@@ -151,8 +174,8 @@ def test_those_that_learn_do_better_than_chance_on_a_smooth_score(name):
             )  # fmt: skip
         return min(scores)
 
-    learned = np.median([best_of(build(name, cube, seed)) for seed in range(3)])
-    chance = np.median([best_of(build("random", cube, seed)) for seed in range(3)])
+    learned = np.median([best_of(build(name, cube, seed)) for seed in range(seeds)])
+    chance = np.median([best_of(build("random", cube, seed)) for seed in range(seeds)])
     assert learned < 0.8 * chance
 
 
@@ -195,15 +218,18 @@ def test_the_cube_of_a_space_knows_objects_and_levels():
     assert cube_of(space).blocks_of({"bed_1", "tasks[0][1]", "bed"}) == (0, 1)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if isinstance(build(n), SkippingSampler)])
-def test_skipped_proposals_change_nothing_in_later_ones(name):
-    asked = drive(build(name), 70)
-    skipping = build(name)
-    for proposal in asked[:60]:
+SKIPPING = [name for name in NAMES if isinstance(build(name), SkippingSampler)]
+
+
+@pytest.mark.parametrize(("name", "count"), cases(70, SKIPPING))
+def test_skipped_proposals_change_nothing_in_later_ones(name, count):
+    asked = drive(build(name, count=count), count)
+    skipping, first = build(name, count=count), count * 6 // 7
+    for proposal in asked[:first]:
         skipping.skip()
         skipping.tell(result(proposal))
-    later = [proposal.u for proposal in drive_on(skipping, asked[60:])]
-    np.testing.assert_array_equal(later, [proposal.u for proposal in asked[60:]])
+    later = [proposal.u for proposal in drive_on(skipping, asked[first:])]
+    np.testing.assert_array_equal(later, [proposal.u for proposal in asked[first:]])
 
 
 def drive_on(sampler, expected):

@@ -77,7 +77,7 @@ def outside(world, config: StackConfig, folder: Path, branch: str) -> StackConfi
     [
         ("narrow_pair", "kinematic"),
         pytest.param("closing_doors", "bullet", marks=pytest.mark.long),
-        ("costmap_blind_to_furniture", "kinematic"),
+        pytest.param("costmap_blind_to_furniture", "kinematic", marks=pytest.mark.long),
     ],
 )
 def test_the_same_stack_through_the_door_gives_the_same_run(

@@ -10,10 +10,7 @@ from mrta_falsify.specs.library import build_specifications
 from simulator_interface.simulate import simulate
 from tests.external.lane_worlds import built, lane_config, lane_world
 
-pytestmark = [
-    pytest.mark.slow,  # whole runs
-    pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux"),
-]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux")
 
 
 def run(world, config):
@@ -27,7 +24,14 @@ def run(world, config):
     return outcome.trace.digest, outcome.verdicts
 
 
-def test_language_and_way_of_copying_change_nothing(tmp_path):
+@pytest.mark.parametrize(
+    "ways",
+    [
+        pytest.param([("C++", "fork")], marks=pytest.mark.slow),
+        pytest.param([("Python", "replay"), ("C++", "replay")], marks=pytest.mark.long),
+    ],
+)
+def test_language_and_way_of_copying_change_nothing(tmp_path, ways):
     program = built(tmp_path) or pytest.skip("there is no C++ compiler")
     world = lane_world(followers=1)
     wanted = run(world, lane_config(None, "fork"))
@@ -36,5 +40,6 @@ def test_language_and_way_of_copying_change_nothing(tmp_path):
     assert deadlock.evidence["confirmed"]
     held = {*deadlock.evidence["members"], *deadlock.evidence["victims"]}
     assert held >= {"robot1", "robot3"}  # who meet head-on
-    for stack, branch in ((None, "replay"), (program, "fork"), (program, "replay")):
+    for language, branch in ways:
+        stack = program if language == "C++" else None
         assert run(world, lane_config(stack, branch)) == wanted

@@ -19,7 +19,7 @@ from benchmarks.mutation.trees import sound_tree
 from benchmarks.mutation.worlds import Case, mutation_specifications, read_cases, write_cases
 from mrta_falsify.core import codec
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long  # compiles the kernels in a copy of the sources
 
 ROOT = Path(__file__).resolve().parents[2]
 ITINERARY = "mrta_falsify/stack/itinerary.py"

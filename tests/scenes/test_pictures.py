@@ -12,6 +12,7 @@ from tests.scenes.moments import SCENES
 from tests.scenes.pictures import FOLDER
 from tests.scenes.watching import watch, went_well
 
+QUICK = ("idle_robots_make_room", "queue_tail_then_place")
 PAGE = Path(__file__).parents[2] / "docs" / "scenes.md"
 
 
@@ -31,8 +32,17 @@ def test_page_shows_every_picture_and_every_picture_is_there():
         assert (FOLDER / f"{scene.name}.png").is_file()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(
+            scene,
+            id=scene.name,
+            marks=pytest.mark.slow if scene.name in QUICK else pytest.mark.long,
+        )
+        for scene in SCENES
+    ],
+)
 def test_scene_goes_well_in_bullet(scene):
     assert went_well(watch(scene.world(), *scene.settings, engine="bullet"))
 

@@ -40,13 +40,13 @@ def noisy_day(seed: int) -> World:
 
 
 @pytest.mark.parametrize(
-    ("runs", "processes"),
+    ("engine", "runs", "processes"),
     [
-        pytest.param(4, 2, marks=pytest.mark.slow),
-        pytest.param(20, 3, marks=pytest.mark.long),
+        pytest.param("bullet", 4, 2, marks=pytest.mark.slow),
+        pytest.param("kinematic", 8, 3, marks=pytest.mark.long),
+        pytest.param("bullet", 8, 3, marks=pytest.mark.long),
     ],
 )
-@pytest.mark.parametrize("engine", ["kinematic", "bullet"])
 def test_runs_in_several_processes_give_one_digest(engine, runs, processes):
     world = noisy_day(7)
     context = multiprocessing.get_context("spawn")

@@ -87,7 +87,7 @@ class Case:
     over: str = ""  #: file whose being there makes the next call another one
 
 
-QUICK = ("run", "campaign", "replay", "minimize")  # in every run of CI; `make long` has all
+QUICK = ("run", "campaign")  # in every run of CI; `make long` has all
 CASES = {
     "run": Case(("run", "c/trials/{id}/world.json", *STACK, "-o", "out"), ("out/verdicts.json",)),
     "campaign": Case(
@@ -208,7 +208,7 @@ def _check_interrupted(ended: Ended) -> None:
     ("command", "moments", "seed"),
     [
         *(pytest.param(name, 1, 1, marks=pytest.mark.slow) for name in CASES if name in QUICK),
-        *(pytest.param(name, 20, 2, marks=pytest.mark.long) for name in CASES),
+        *(pytest.param(name, 5, 2, marks=pytest.mark.long) for name in CASES),
     ],
 )
 def test_a_command_that_was_interrupted_comes_to_the_same_result(

@@ -225,7 +225,7 @@ def test_a_hang_in_compiled_code_is_a_trial_s_verdict_and_is_replayed(place):
     assert json.loads(again.stdout)["identical"] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_crash_is_minimised_explained_rechecked_and_reported(place):
     record = campaign(place, "RaisesIfFast")
     assert record.signature == "stack_runs/crash/controller/ZeroDivisionError"

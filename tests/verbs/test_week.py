@@ -82,7 +82,7 @@ def team(tmp_path, monkeypatch):
     return team
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_week(team):
     # Day 1: a campaign finds a deadlock; `ci` knows it from now on, and runs nothing twice.
     specs = [word for spec in SPECS for word in ("--spec", spec)]

@@ -74,7 +74,7 @@ def test_nodes_drive_a_robot_in_each_coupling_and_the_run_says_which(coupling, t
         assert time.monotonic() - began > SECONDS / 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.long  # what the test before this one asks of a run, asked of two
 def test_stepped_runs_are_equal(tmp_path):
     config = bridge(tmp_path, commands=nodes("stepped"))
     assert run(config).trace.digest == run(config).trace.digest
@@ -96,7 +96,7 @@ def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tm
     assert not any(verdict.not_judged or verdict.violated for verdict in outcome.verdicts)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_deadlock_of_stepped_nodes_is_confirmed_by_copies_with_nodes_of_their_own(tmp_path):
     config = bridge(
         tmp_path,
