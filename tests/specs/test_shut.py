@@ -11,7 +11,7 @@ from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, Furniture
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
-from mrta_falsify.specs.deadlock.shut import shut_way
+from mrta_falsify.specs.deadlock.shut import Ground
 from tests.specs.frames import Human, Robot, Script
 
 DISC = Disc((0.0, 0.0), 0.15)
@@ -35,15 +35,11 @@ NOBODY = Bystanders()
 
 
 def shut(in_world, bystanders=NOBODY, *, start=OUTSIDE, goal=INSIDE):
-    return shut_way(
-        in_world,
-        np.array([*start, 0.0]),
-        np.array(goal),
-        DISC,
-        bystanders,
-        stands_since=FOUND,
-        ended=ENDED,
-    )
+    return ground(in_world, bystanders).shut_way(np.array([*start, 0.0]), np.array(goal), DISC)
+
+
+def ground(in_world, bystanders):
+    return Ground(world=in_world, bystanders=bystanders, stands_since=FOUND, ended=ENDED)
 
 
 def bed(width: float) -> Furniture:
@@ -108,3 +104,10 @@ def test_a_blockage_shuts_only_if_it_lasts():
     found = shut(world(events=(cart(1e6),)))
     assert (found.by, found.since) == (("cart",), 20.0)
     assert shut(world(events=(cart(200.0),))) is None
+
+
+def test_an_idle_robot_that_cannot_make_room_is_shut_in_by_what_keeps_it_there():
+    in_world = world(furniture=(bed(0.9),))
+    here = np.array([*INSIDE, 0.0])
+    assert ground(in_world, pushed(0.0, 0.0)).shut_in(here, DISC) == ("bed_1",)
+    assert ground(in_world, pushed(3.0, 2.0)).shut_in(here, DISC) == ()

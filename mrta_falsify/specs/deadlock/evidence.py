@@ -37,6 +37,11 @@ class Deadlock:
         """Members and victims."""
         return frozenset({*self.members, *self.victims})
 
+    def awaited(self) -> frozenset[int]:
+        """Find the robots that a member or a victim waits for, by its own edges."""
+        own = [edge for i in self.robots for edge in self.edges.get(i, ())]
+        return frozenset(edge.other for edge in own if edge.cause != "human" and edge.other >= 0)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeRow:
@@ -78,7 +83,7 @@ class DeadlockEvidence:
     victims: tuple[str, ...]  #: robots that wait for members
     blockers: tuple[str, ...]  #: robots outside the deadlock that members wait for
     cycle: tuple[EdgeRow, ...]  #: edges of the members
-    chain: tuple[EdgeRow, ...]  #: edges of the victims
+    chain: tuple[EdgeRow, ...]  #: edges of the victims, and of robots in the way that cannot go on
     objects: tuple[ObjectRow, ...]  #: things and people on those edges
     place: PlaceRow
     onset: float  #: since when no member has made progress [s]
@@ -122,7 +127,8 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
     names = [robot.name for robot in world.robots]
     members = sorted(deadlock.members, key=lambda i: (deadlock.onsets[i], i))
     cycle = [edge for i in sorted(members) for edge in deadlock.edges.get(i, ())]
-    chain = [edge for i in sorted(deadlock.victims) for edge in deadlock.edges.get(i, ())]
+    behind = [*sorted(deadlock.victims), *sorted(deadlock.awaited() - deadlock.robots)]
+    chain = [e for i in behind for e in deadlock.edges.get(i, ()) if e.cause != "task"]
     others = {edge.other for edge in cycle if edge.cause != "human"}
     stand = frame.sensed.pose[members, :2]
     place = stand.mean(axis=0)

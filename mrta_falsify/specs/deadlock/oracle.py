@@ -33,7 +33,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -52,7 +52,7 @@ from mrta_falsify.specs.deadlock.evidence import (
     edge_rows,
 )
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
-from mrta_falsify.specs.deadlock.shut import Shut, shut_way
+from mrta_falsify.specs.deadlock.shut import Ground, Shut
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
 from mrta_falsify.specs.deadlock.untold_goals import UntoldGoals
 from mrta_falsify.specs.deadlock.wait_graph import (
@@ -225,11 +225,17 @@ class NoDeadlock:
 
     def _claim(self, found: FoundDeadlock, now: EdgesByRobot, frame: Frame) -> None:
         """Claim a deadlock that continuations have shown."""
-        deadlock = _confirmed(found, now)
         time = frame.sensed.time
+        ground = Ground(
+            world=self._world,
+            bystanders=found.bystanders,
+            stands_since=time,
+            ended=found.ended,
+        )
+        deadlock = self._with_last_links(_confirmed(found, now), ground, frame)
         names = [robot.name for robot in self._world.robots]
         described = describe(deadlock, self._world, frame)
-        shut = self._shut(found, frame)
+        shut = self._shut(found, ground, frame)
         is_ring = set(found.members_alone) == set(found.group.members)
         evidence = dataclasses.replace(
             described,
@@ -244,22 +250,21 @@ class NoDeadlock:
         )
         self._claims.append(_Claim(deadlock, evidence, frame.served.copy()))
 
-    def _shut(self, found: FoundDeadlock, frame: Frame) -> Shut | None:
+    def _with_last_links(self, deadlock: Deadlock, ground: Ground, frame: Frame) -> Deadlock:
+        """Add what holds idle robots that stand in the way and could not make room."""
+        discs = getattr(self._forecast, "discs", ())
+        edges = dict(deadlock.edges)
+        for i in sorted(deadlock.awaited() - deadlock.robots) if discs else ():
+            own = [edge for edge in edges.get(i, ()) if edge.cause != "task"]
+            by = () if own else ground.shut_in(frame.sensed.pose[i], discs[i])
+            edges[i] = own or [BlockedBy(i, "no-path", -1, name) for name in by]
+        return dataclasses.replace(deadlock, edges=edges)
+
+    def _shut(self, found: FoundDeadlock, ground: Ground, frame: Frame) -> Shut | None:
         """Say what shuts the ways of all members; None: one of them could get to its goal."""
         discs = getattr(self._forecast, "discs", ())
-        ways = [
-            shut_way(
-                self._world,
-                frame.sensed.pose[i],
-                frame.intent.goal[i],
-                discs[i],
-                found.bystanders,
-                stands_since=frame.sensed.time,
-                ended=found.ended,
-            )
-            for i in found.group.members
-            if discs
-        ]
+        pose, goal = frame.sensed.pose, frame.intent.goal
+        ways = [ground.shut_way(pose[i], goal[i], discs[i]) for i in found.group.members if discs]
         shut = [way for way in ways if way is not None]
         if not shut or len(shut) < len(found.group.members):
             return None

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.free_space import Disc, around, free_space
+from mrta_falsify.core.free_space import Disc, FreeSpace, around, free_space
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.books import ROOM_REACH
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
 from mrta_falsify.specs.deadlock.goals import GoalMap, is_inside
 
 CORNERS = 16  # of the outline of a person
+ELSEWHERE_BEYOND = 1.0  # m from a robot, a place is somewhere else
+REACH_OF_SPOT = 0.3  # m from a parking spot, a robot stands there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,48 +36,66 @@ class _Thing(NamedTuple):
     since: float  #: [s]
 
 
-def shut_way(
-    world: World,
-    pose: Array,
-    goal: Array,
-    disc: Disc,
-    bystanders: Bystanders,
-    *,
-    stands_since: float,
-    ended: float,
-) -> Shut | None:
-    """Say what shuts a robot's way for good; None: its body would get there.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """What stands in everybody's way at the end of a continuation.
 
-    Robots are in no way: they could be elsewhere. In the way are walls, furniture as it stands at
-    the end, blockages that last to the end, and people who stand all the time.
-
-    Args:
-        world: of the episode.
-        pose: of the robot ``(3,)`` [m, m, rad].
-        goal: where it is to go ``(2,)`` [m]; of a waiting spot, the room that it waits for.
-        disc: inside the robot's body.
-        bystanders: furniture and people at the end of a continuation.
-        stands_since: people who have stood since then at the latest are in the way [s].
-        ended: when the continuation ended [s].
+    Robots are in no way: they could be elsewhere. In the way are walls, furniture as it stands,
+    blockages that last to the end, and people who stand all the time.
     """
-    target, name = _target(world, goal)
-    if not np.isfinite(target).all():
-        return None
-    things = _things(world, bystanders, stands_since, ended)
-    walls = [wall.polygon for wall in world.walls]
-    outlines = [(thing.name, thing.outline) for thing in things]
-    space = free_space(world.bounds, walls, outlines, disc.half_width)
-    by = space.shut_by(disc.at(pose), around(target, ROOM_REACH + disc.away))
-    if by is None:
-        return None
-    closing = [thing for thing in things if thing.name in by]
-    inside = _room_of(world, pose[:2])
-    centres = [thing.outline.mean(axis=0) for thing in closing]
-    is_shut_in = bool(inside) and (
-        not name or _distance(centres, pose[:2]) < _distance(centres, target)
-    )
-    since = max((thing.since for thing in closing), default=0.0)
-    return Shut(room=inside if is_shut_in else name, by=by, since=since)
+
+    world: World
+    bystanders: Bystanders  #: furniture and people at the end
+    stands_since: float  #: people who have stood since then at the latest are in the way [s]
+    ended: float  #: when the continuation ended [s]
+
+    def shut_way(self, pose: Array, goal: Array, disc: Disc) -> Shut | None:
+        """Say what shuts a robot's way for good; None: its body would get there.
+
+        Args:
+            pose: of the robot ``(3,)`` [m, m, rad].
+            goal: where it is to go ``(2,)`` [m]; of a waiting spot, the room that it waits for.
+            disc: inside the robot's body.
+        """
+        target, name = _target(self.world, goal)
+        if not np.isfinite(target).all():
+            return None
+        by = self._space(disc).shut_by(disc.at(pose), around(target, ROOM_REACH + disc.away))
+        if by is None:
+            return None
+        closing = [thing for thing in self._things() if thing.name in by]
+        inside = _room_of(self.world, pose[:2])
+        centres = [thing.outline.mean(axis=0) for thing in closing]
+        is_shut_in = bool(inside) and (
+            not name or _distance(centres, pose[:2]) < _distance(centres, target)
+        )
+        since = max((thing.since for thing in closing), default=0.0)
+        return Shut(room=inside if is_shut_in else name, by=by, since=since)
+
+    def shut_in(self, pose: Array, disc: Disc) -> tuple[str, ...]:
+        """Name what keeps a robot from every parking spot and every other room; empty: nothing.
+
+        Args:
+            pose: of the robot ``(3,)`` [m, m, rad].
+            disc: inside the robot's body.
+        """
+        places = [*self.world.parking, *(room.point for room in self.world.rooms)]
+        areas = [
+            around(place, disc.away + REACH_OF_SPOT)
+            for place in places
+            if np.hypot(*(place - pose[:2])) > ELSEWHERE_BEYOND
+        ]
+        if not areas:
+            return ()
+        return self._space(disc).shut_by(disc.at(pose), shapely.union_all(areas)) or ()
+
+    def _space(self, disc: Disc) -> FreeSpace:
+        walls = [wall.polygon for wall in self.world.walls]
+        outlines = [(thing.name, thing.outline) for thing in self._things()]
+        return free_space(self.world.bounds, walls, outlines, disc.half_width)
+
+    def _things(self) -> list[_Thing]:
+        return _things(self.world, self.bystanders, self.stands_since, self.ended)
 
 
 def _target(world: World, goal: Array) -> tuple[Array, str]:
