@@ -345,8 +345,9 @@ class Episode:
         """
         if self.outside is not None or not isinstance(self._engine, ReadableEngine):
             return math.inf
-        pushes = any(self.crowd.script_of(i) for i in range(len(self.world.humans)))
-        return max(longest_timer(self.config), LONGEST_OF_PUSHING if pushes else 0.0)
+        people = range(len(self.world.humans))
+        pushing = LONGEST_OF_PUSHING if any(self.crowd.script_of(i) for i in people) else 0.0
+        return max(longest_timer(self.config, people=bool(people)), pushing)
 
     def memory(self) -> Memory:
         """Read all that decides the next ticks of stack, engine and people."""

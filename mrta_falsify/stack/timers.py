@@ -19,11 +19,12 @@ LONGEST_OF_STAGES = 20.0
 LONGEST_OF_PUSHING = 100.0
 
 
-def longest_timer(config: StackConfig) -> float:
+def longest_timer(config: StackConfig, *, people: bool = True) -> float:
     """Find the longest time for which a layer of a stack may stand by a clock, at most [s].
 
     Args:
         config: of the stack.
+        people: whether there are any, who move by its human model.
 
     Returns:
         The longest of the stages' clocks and of all options of the layers that are times. Infinity
@@ -31,7 +32,8 @@ def longest_timer(config: StackConfig) -> float:
     """
     if config.stack is not None:
         return math.inf
-    times = (_times_of(layer, getattr(config, layer)) for layer in LAYERS)
+    layers = [layer for layer in LAYERS if people or layer != "human_model"]
+    times = (_times_of(layer, getattr(config, layer)) for layer in layers)
     return max(LONGEST_OF_STAGES, *(time for found in times for time in found))
 
 

@@ -279,7 +279,7 @@ class NoDeadlock:
             if time > seen.detected_at + bound:
                 continue
             members = np.array(claim.deadlock.members)
-            goes_on = self._progress.last[members] > seen.detected_at
+            goes_on = self._progress.on_the_way()[members] > seen.detected_at
             goes_on |= frame.served[members] > claim.served[members]
             if goes_on.any():
                 self._claims.remove(claim)
