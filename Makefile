@@ -14,7 +14,7 @@ help:
 	@echo "make demo    one run of the AWS hospital: picture, verdicts, report page"
 	@echo "make test    all tests but the long ones"
 	@echo "make unit    the quick tests"
-	@echo "make long    what takes minutes and is not in make test"
+	@echo "make long    what takes minutes and is not in make test; run it before an issue is resolved"
 	@echo "make check   format, lint, types, import contracts, quick tests"
 	@echo "make format  mend what ruff can mend"
 	@echo "make docs    the documentation as a site, in build/site"

@@ -16,8 +16,10 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
 from mrta_falsify.specs.library import build_specifications
+from scenic_worlds.writing import write_program
 from simulator_interface.external.told import read_told, write_told
 from simulator_interface.simulate import Outcome, simulate
+from tests.external.lane_worlds import lane_world
 from tests.recorded.record import stored_cases, stored_world
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -126,7 +128,8 @@ def test_a_live_replay_names_the_first_tick_that_differs(tmp_path, monkeypatch):
             }
         )
     )
-    mf.campaign("narrow_doors", stack="stack.yaml", output="runs", budget=1, workers=1)
+    write_program(dataclasses.replace(lane_world(), horizon=5.0), Path("lane.scenic"))
+    mf.campaign("lane.scenic", stack="stack.yaml", output="runs", budget=1, workers=1)
     told, live = mf.replay("runs", 0), mf.replay("runs", 0, live=True)
     assert told.identical
     assert not live.identical

@@ -26,7 +26,6 @@ from simulator_interface.engines import bodies
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # compiles Scenic programs
 
 #: what the issue asks for; more are welcome
-LONG_RUNS = ("hot_room", "communication_outage", "narrow_doors")  # left to `make long`
 WANTED = {
     "hospital_day", "crowded_corridor", "narrow_doors", "opposing_flows", "hot_room",
     "bed_in_the_doorway", "blockage_mid_run", "communication_outage", "burst_of_tasks",
@@ -84,17 +83,13 @@ def test_a_scenario_has_variation_worth_searching(programs, name):
         bodies.check_start_footprints(world)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.long] if name in LONG_RUNS else [])
-        for name in scenario_names()
-    ],
-)
-def test_a_scenario_runs_to_an_end(programs, name):
+@pytest.mark.parametrize("horizon", [30.0, pytest.param(np.inf, marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_scenario_runs_to_an_end(programs, name, horizon):
     config = apply_setting(StackConfig(), "engine=kinematic")
-    outcome = run(programs(name).sample(0), config, keep_trace=False)
+    world = programs(name).sample(0)
+    world = dataclasses.replace(world, horizon=min(world.horizon, horizon))
+    outcome = run(world, config, keep_trace=False)
     assert outcome.ended in ("all-tasks-done", "horizon")
     assert outcome.sim_time > 10.0
 
