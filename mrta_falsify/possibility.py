@@ -48,7 +48,7 @@ class Possibility:
     """What of a world no stack can do, and what is narrow in it."""
 
     shut: tuple[TightWay, ...] = ()  #: one for each task that no robot that may serve it fits to
-    late: str = ""  #: why deadlines cannot be kept, empty: they may, or no task may be shut
+    late: str = ""  #: why deadlines cannot be kept, empty: they may; not asked if a way is shut
     #: one for each task that the planning radius of no robot that may serve it fits to
     narrow: tuple[TightWay, ...] = ()
     stuck_pushes: tuple[str, ...] = ()  #: furniture that does not fit to where it is pushed

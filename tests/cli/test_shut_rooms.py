@@ -43,7 +43,8 @@ def test_check_counts_the_worlds_in_which_a_thing_shuts_a_room(cli, program):
 
 
 def test_sample_says_which_worlds_no_stack_can_do(cli, program, tmp_path):
-    assert cli("sample", str(program), "-o", str(tmp_path), "--count", "5").exit_code == 0
+    options = ["--count", "2", "--seed", "1"]
+    assert cli("sample", str(program), "-o", str(tmp_path), *options).exit_code == 0
     rows = json.loads((tmp_path / "samples.json").read_text())["samples"]
     reasons = [row.get("impossible", "") for row in rows]
     assert any("ward_1 is shut by trolley" in reason for reason in reasons)
