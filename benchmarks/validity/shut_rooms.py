@@ -8,8 +8,8 @@ Small hospital floors, each with things put at one or two doors at random. Three
 - `called`: worlds in which `possibility` finds a room shut. They are run on two stacks, the shipped
   one and one that plans for the half width of the narrowest body; neither may deliver the tasks.
 - `shut`: worlds shut by hand, of which it must find nearly all.
-- `open`: worlds with a gap that a robot passes, of which it must find none. Those of which the
-  narrow stack delivers the task into the room are counted as well: there the gap was passed.
+- `open`: worlds with a gap that a robot passes, of which it must find none. Those in which either
+  stack does the task into the room, or out of it, are counted as well: there the gap was passed.
 
 What is shut by hand, and what has a gap, is decided by distances between neighbours at the door:
 jamb, things in their order, jamb. `run` goes on where it was stopped.
@@ -264,15 +264,15 @@ def _judged(part: str, world: World, room: int) -> Row:
         row["shipped"] = sorted(_delivered(world, StackConfig()) & concerned)
         row["narrow_stack"] = sorted(_delivered(world, narrow_stack(world)) & concerned)
     elif part == "open":
-        row["passed"] = 0 in _delivered(world, narrow_stack(world), until=0)
+        stacks = (StackConfig(), narrow_stack(world))
+        row["passed"] = any(0 in _delivered(world, stack, until=0) for stack in stacks)
     return row
 
 
 def narrow_stack(world: World) -> StackConfig:
     """Make the shipped stack, planning for the half width of the narrowest body of a world."""
     half = min(body_disc(robot).half_width for robot in world.robots)
-    options = {"robot_radius": half, "inflation_radius": half + 0.1}
-    return dataclasses.replace(StackConfig(), costmap=Choice("layered", options))
+    return dataclasses.replace(StackConfig(), costmap=Choice("layered", {"robot_radius": half}))
 
 
 def _delivered(world: World, config: StackConfig, until: int | None = None) -> set[int]:
@@ -300,7 +300,7 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
     yield _line("shut by hand: found", [bool(r["shut"]) for r in shut])
     yield _line("shut by hand: the room is named", [_names_room(r) for r in shut])
     yield _line("with a gap: called impossible", [bool(r["reason"]) for r in gaps])
-    yield _line("with a gap: the narrow stack passes it", [r["passed"] for r in gaps])
+    yield _line("with a gap: one of the stacks passes it", [r["passed"] for r in gaps])
     for row in rows:
         is_wrong = {
             "called": bool(row.get("shipped") or row.get("narrow_stack")),
