@@ -122,7 +122,8 @@ def main() -> None:
         subprocess.run([*COMMAND, "init", place, "--stack", "python"], check=True, stdout=2)
         outside = [
             str(folder / "my_scenario.scenic"), "--stack", str(folder / "stack.yaml"),
-            "--verify", "1", *common, "--set", f"stack.tick_limit={args.tick_limit}",
+            "-p", "horizon=60", "--verify", "1", *common,
+            "--set", f"stack.tick_limit={args.tick_limit}",
         ]  # fmt: skip
         campaigns = {"shipped": [args.scenario, *common], "outside": outside}
         for name, options in campaigns.items():

@@ -36,7 +36,7 @@ class Late(Exception):  # noqa: N818 - says what happened to the stack
     """The stack has not answered within its limit."""
 
 
-class LateByWallClock(HarnessError):  # noqa: N818
+class LateByWallClock(HarnessError):  # noqa: N818 - says what happened to the stack
     """A stack that was not started here has not answered within its limit of wall-clock time."""
 
 
