@@ -24,7 +24,7 @@ class Comparison:
     is_kind_right: bool  #: it is of the deadlock's kind; True for a claim that states none
     is_borderline: bool  #: the label or a deadlock of it is borderline
     bound: float | None  #: that the claim states [s]
-    delay: float | None  #: from when the first deadlock stands to the claim [s], < 0: before
+    delay: float | None  #: from when the first deadlock stands to the claim [s], < 0: before it
 
 
 def compare(label: Row, claim: Row | None) -> Comparison:
@@ -55,7 +55,7 @@ def compare(label: Row, claim: Row | None) -> Comparison:
     right = all(stands(label, name, at, bound) for name in members)
     hits = [d for d in found if members & {*d["members"], *d["victims"]}]
     exact = [d for d in hits if members == set(d["members"])]
-    first = min((d["stands"] for d in found if not d["moving"]), default=None)
+    first = min((d for d in found if not d["moving"]), key=lambda d: d["stands"], default=None)
     kind = claim.get("kind")
     return Comparison(
         is_true=bool(due) or right,
@@ -67,8 +67,15 @@ def compare(label: Row, claim: Row | None) -> Comparison:
         is_kind_right=kind is None or kind in {d["kind"] for d in exact or hits},
         is_borderline=doubtful,
         bound=bound,
-        delay=round(at - first, 2) if right and hits and first is not None else None,
+        delay=_delay(first, at) if right and hits and first is not None else None,
     )
+
+
+def _delay(deadlock: Row, time: float) -> float:
+    """From when the last member stands to a claim; < 0: before it was even near its place [s]."""
+    if time >= deadlock["stands"]:
+        return round(time - deadlock["stands"], 2)
+    return round(min(0.0, time - deadlock["there"]), 2)
 
 
 def bound_of(claim: Row) -> float:

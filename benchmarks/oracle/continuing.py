@@ -34,7 +34,10 @@ CHECK_EVERY = 10.0  # s between two looks whether the poses repeat themselves
 WINDOW = 10.0  # s over which a robot's speed is taken
 #: of its top speed; who makes less way than this stands or creeps (4 cm/s for a Waffle)
 CREEPING = 0.03
+NEAR = 1.0  # m; who is no farther from where it ends up may have moved a little since it stood
 PLACE = 0.25  # m, about a robot's radius; who stays within this of one place for good stands too
+MOVED = 1e-7  # m or rad in a tick; less is rounding
+DRIFT = 0.002  # m/s; a slower person stands
 NEVER = -1.0
 
 
@@ -54,6 +57,8 @@ class Fate:
     freed_at: tuple[float, ...]  #: N when each reached its next stop [s], -1: never
     #: N since when each stands or creeps, up to the end or to 600 s after the fork [s]
     still_since: tuple[float, ...]
+    #: N since when each stays within 1 m of its place then [s]
+    there_since: tuple[float, ...]
     ended: float  #: [s]
     proved: bool  #: it ended because the poses repeated themselves
     furniture: tuple[tuple[float, ...], ...] = ()  #: (F, 3) poses of movable furniture at the end
@@ -80,7 +85,8 @@ class Run:
         self._episode = ShiftingEpisode(world, config)
         self._frames = self._episode.frames()
         self._poses: list[Array] = []
-        self._clock = clock_of(config) + _longest_pause(world)
+        self._clock = max(clock_of(config), _longest_pause(world))
+        self._quiet_since = 0.0  #: since when neither robot nor person has moved [s]
         self._slowest = CREEPING * np.array([robot.max_speed for robot in world.robots])
         self.count = StopCount(world, is_outside=config.stack is not None)
         self.time = 0.0
@@ -104,6 +110,9 @@ class Run:
         self.last, self.goal = frame.sensed, frame.intent.goal
         self.time = frame.sensed.time
         self._poses.append(frame.sensed.pose)
+        before = self._poses[-2] if len(self._poses) > 1 else np.inf
+        if np.abs(frame.sensed.pose - before).max() > MOVED or self._walks(frame):
+            self._quiet_since = self.time
         self.is_over = self._episode.all_done and not self.count.wants.any()
 
     def still_since(self, until: float | None = None) -> Array:
@@ -112,14 +121,26 @@ class Run:
         Args:
             until: up to when [s]; None: up to now.
         """
-        kept = len(self._poses) if until is None else round(until / self._episode.dt) + 1
-        position = np.array([pose[:, :2] for pose in self._poses[:kept]])
-        last, dt = len(position) - 1, self._episode.dt
+        position, dt = self._positions(until), self._episode.dt
+        last = len(position) - 1
         later = np.minimum(np.arange(last + 1) + round(WINDOW / dt), last)
         moves = np.hypot(*(position[later] - position).transpose(2, 0, 1)) > self._slowest * WINDOW
         moves &= np.hypot(*(position - position[last]).transpose(2, 0, 1)) > PLACE
-        behind = np.argmax(moves[::-1], axis=0)
-        return np.where(moves.any(axis=0), last - behind + 1, 0) * dt
+        return _after_the_last(moves) * dt
+
+    def there_since(self, until: float | None = None) -> Array:
+        """Since when each robot stays within 1 m of where it is ``(N,)`` [s].
+
+        Args:
+            until: up to when [s]; None: up to now.
+        """
+        position = self._positions(until)
+        away = np.hypot(*(position - position[-1]).transpose(2, 0, 1)) > NEAR
+        return _after_the_last(away) * self._episode.dt
+
+    def _positions(self, until: float | None) -> Array:
+        kept = len(self._poses) if until is None else round(until / self._episode.dt) + 1
+        return np.array([pose[:, :2] for pose in self._poses[:kept]])
 
     def fate(
         self,
@@ -159,6 +180,7 @@ class Run:
             outcomes=tuple(Outcome(outcome) for outcome in answer["outcomes"]),
             freed_at=tuple(answer["freed_at"]),
             still_since=tuple(answer["still_since"]),
+            there_since=tuple(answer["there_since"]),
             ended=answer["ended"],
             proved=answer["proved"],
             furniture=tuple(map(tuple, answer["furniture"])),
@@ -201,6 +223,7 @@ class Run:
             "outcomes": names.tolist(),
             "freed_at": freed_at.tolist(),
             "still_since": self.still_since(settled_by).tolist(),
+            "there_since": self.there_since(settled_by).tolist(),
             "ended": self.time,
             "proved": proved,
             "furniture": self.last.furniture_pose.tolist(),
@@ -226,14 +249,20 @@ class Run:
         serves = bool(
             (frame.intent.phase == int(Phase.SERVING)).any() or self.count.is_served.any()
         )
-        return serves or bool(np.abs(frame.sensed.human_velocity).max(initial=0.0) > 0.0)
+        return serves or self._walks(frame)
+
+    def _walks(self, frame: Frame) -> bool:
+        """Whether a person walks; one who makes room for others comes to rest ever more slowly."""
+        return bool(np.abs(np.nan_to_num(frame.sensed.human_velocity)).max(initial=0.0) > DRIFT)
 
     def _repeats_itself(self, began: int, settled: float) -> bool:
         """Whether the poses have repeated themselves since nothing is scheduled any more."""
         dt = self._episode.dt
         first = max(began, round(settled / dt) + 1)
-        kept = round((LOOK_BACK + self._clock) / dt)
-        return repeats_itself(np.array(self._poses[first:][-kept:]), dt, clock=self._clock)
+        # A timer of a stack or a person began with the last move at the latest.
+        clock = self._clock if self.time - self._quiet_since < self._clock else 0.0
+        kept = round((LOOK_BACK + clock) / dt)
+        return repeats_itself(np.array(self._poses[first:][-kept:]), dt, clock=clock)
 
     def _has_crept(self, began: int, busy: list[bool]) -> bool:
         """Whether this continuation did nothing but stand and creep for 120 s on end.
@@ -249,6 +278,13 @@ class Run:
         stirs = (away > self._slowest * WINDOW).any(axis=1) | np.array(busy[: len(away)], np.bool_)
         ends = np.flatnonzero(np.concatenate([[True], stirs, [True]]))
         return bool((np.diff(ends).max() - 1) * dt + WINDOW >= CREPT)
+
+
+def _after_the_last(moves: Array) -> Array:
+    """Tick of each robot after the last one at which it moves, of ``(T, N)``."""
+    last = len(moves) - 1
+    behind = np.argmax(moves[::-1], axis=0)
+    return np.where(moves.any(axis=0), last - behind + 1, 0)
 
 
 def _longest_pause(world: World) -> float:

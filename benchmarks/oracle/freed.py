@@ -11,10 +11,9 @@ import numpy as np
 from shapely import unary_union
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import floor, robot, two_rooms
+from benchmarks.oracle.floors import facing_robots, facing_rooms, floor, robot
 from benchmarks.oracle.pending import DEADLINE, LATEST_END
 from benchmarks.oracle.sampled import FOR_GOOD, Scene
-from benchmarks.oracle.scripted import swap_tasks
 from benchmarks.oracle.stacks import IN_TURN, NEVER, any_stack, outside
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, Task, World
@@ -31,27 +30,24 @@ def _idle_in_the_way(random: np.random.Generator) -> World:
     width = float(random.uniform(0.8, 1.2))
     hall, lane = box(-8.0, -1.5, -4.5, 1.5), box(-4.5, -width / 2, 4.0, width / 2)
     end = box(4.0, -1.5, 7.0, 1.5)
-    points = np.array([[-6.5, 0.0], [6.2, 0.9], [6.2, -0.9]])
+    points = np.array([[-6.5, 0.0], [-7.3, 0.8], [6.4, 1.0], [6.4, 0.0], [6.4, -1.0]])
     world = floor(unary_union([hall, lane, end]), points)
     count = int(random.integers(2, 4))
-    robots = [robot(i, -5.8 + 0.9 * i, 0.0) for i in range(count - 1)]
+    robots = [robot(i, *points[i], 0.0) for i in range(count - 1)]
     robots.append(robot(count - 1, float(random.uniform(0.0, 3.0)), 0.0))
     tasks = [
-        Task(arrival=0.2 + 0.5 * i, start=0, end=1, deadline=DEADLINE, robot=f"robot{i + 1}")
+        Task(arrival=0.2 + 0.5 * i, start=i, end=2 + i, deadline=DEADLINE, robot=f"robot{i + 1}")
         for i in range(count - 1)
     ]
     arrival = float(random.uniform(30.0, LATEST_END))
     pick = random.random()
-    if pick < 0.6:
-        tasks.append(
-            Task(arrival=arrival, start=2, end=2, deadline=DEADLINE, robot=f"robot{count}")
-        )
-    elif pick < 0.75:
-        tasks.append(
-            Task(arrival=arrival, start=0, end=2, deadline=DEADLINE, robot=f"robot{count}")
-        )
+    idle, last = f"robot{count}", len(points) - 1
+    if pick < 0.65:
+        tasks.append(Task(arrival=arrival, start=last, end=last, deadline=DEADLINE, robot=idle))
+    elif pick < 0.78:
+        tasks.append(Task(arrival=arrival, start=0, end=last, deadline=DEADLINE, robot=idle))
     elif pick < 0.9:
-        tasks.append(Task(arrival=arrival, start=0, end=2, deadline=DEADLINE, robot="robot1"))
+        tasks.append(Task(arrival=arrival, start=0, end=last, deadline=DEADLINE, robot="robot1"))
     return dataclasses.replace(
         world, robots=tuple(robots), tasks=tuple(tasks), horizon=arrival + AFTER
     )
@@ -70,21 +66,16 @@ def arrival_frees_outside(random: np.random.Generator) -> Scene:
 def opening_outside(random: np.random.Generator) -> Scene:
     """A cart across the only way of one or two robots in file, taken away late, or never."""
     width = float(random.choice([0.8, 1.2]))
-    world = two_rooms(box(-4.0, -width / 2, 4.0, width / 2), side=3.0, gap=8.0)
+    starts = [(-5.5, 0.0), (-6.6, 0.0)][: int(random.integers(1, 3))]
+    world = facing_rooms(box(-4.0, -width / 2, 4.0, width / 2), starts)
     end = float(random.uniform(40.0, LATEST_END)) if random.random() < 0.7 else FOR_GOOD
     cart = rectangle(0.4, width, (float(random.uniform(-1.0, 2.5)), 0.0))
     event = Blockage(name="cart", polygon=cart, start=float(random.uniform(0.0, 6.0)), end=end)
-    count = int(random.integers(1, 3))
     return dataclasses.replace(
         world,
-        lanes=(),
-        robots=tuple(robot(i, -5.0 - 0.9 * i, 0.0) for i in range(count)),
-        tasks=tuple(
-            Task(arrival=0.2 + i, start=0, end=1, deadline=DEADLINE, robot=f"robot{i + 1}")
-            for i in range(count)
-        ),
+        **facing_robots(starts, [0.2 + i for i in range(len(starts))], DEADLINE),
         events=(event,),
-        horizon=AFTER + min(end, 40.0 if end == FOR_GOOD else end),
+        horizon=AFTER + (end if end < FOR_GOOD else 40.0),
     ), outside(random, "lanes")
 
 
@@ -92,24 +83,16 @@ def lane_pair(random: np.random.Generator) -> Scene:
     """Head-on in a corridor, maybe with one more behind; one goes back after a time, or none."""
     width = float(random.choice([0.8, 1.0, 1.2, 1.2, 2.6]))
     half = float(random.uniform(2.5, 5.0))
-    world = two_rooms(box(-half, -width / 2, half, width / 2), side=3.4, gap=2.0 * half)
-    robots = [robot(0, -half - 1.0, 0.0), robot(1, half + 1.0, 0.0, np.pi)]
-    tasks = [
-        dataclasses.replace(t, robot=f"robot{i + 1}") for i, t in enumerate(swap_tasks(random))
-    ]
+    starts = [(-half - 1.7, 0.0), (half + 1.7, 0.0)]
+    arrivals = [float(late) for late in random.uniform(0.0, 3.0, 2)]
     if random.random() < 0.4:
         west = bool(random.random() < 0.5)
-        robots.append(robot(2, (-1 if west else 1) * (half + 2.4), 0.0, 0.0 if west else np.pi))
-        start = 0 if west else 1
-        late = float(random.uniform(3.0, 6.0))
-        tasks.append(
-            Task(arrival=late, start=start, end=1 - start, deadline=DEADLINE, robot="robot3")
-        )
+        starts.append(((-1.0 if west else 1.0) * (half + 2.9), 0.0))
+        arrivals.append(float(random.uniform(3.0, 6.0)))
+    world = facing_rooms(box(-half, -width / 2, half, width / 2), starts, gap=2.0 * half)
     patience = float(random.uniform(20.0, 150.0)) if random.random() < 0.45 else NEVER
     return dataclasses.replace(
         world,
-        lanes=(),
-        robots=tuple(robots),
-        tasks=tuple(tasks),
+        **facing_robots(starts, arrivals, DEADLINE),
         horizon=90.0 + (patience if patience < NEVER else 0.0),
     ), outside(random, "lanes", patience=patience)

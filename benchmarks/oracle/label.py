@@ -56,6 +56,7 @@ def _deadlock_row(found: Deadlock, robots: list[str]) -> Row:
         "victims": [robots[i] for i in found.victims],
         "kind": found.kind,
         "stands": round(found.stands, 2),
+        "there": round(found.there, 2),
         "moving": found.is_moving,
         "borderline": found.is_borderline,
     }

@@ -11,7 +11,8 @@ rule of who is a member. What counts are motion and the stops that robots reach.
   through only after all have stood or crept for 120 s counts as stuck; its label is *borderline*.
 - Members and victims: see :mod:`benchmarks.oracle.membership`; of stacks outside
   :mod:`benchmarks.oracle.own_state`.
-- It *stands* from when the last member stands or creeps for good on the way to this stop.
+- It *stands* from when the last member stands or creeps for good on the way to this stop. Before
+  it may have stood within 1 m of there: robots move a little when a timer ends in vain.
 - What is *held until new work arrives* stays without arrivals, but not in the whole world. Before
   each arrival of a task and each begin of a blockage or outage, the robots that have long been on
   their way are followed without arrivals.
@@ -51,7 +52,8 @@ class Deadlock:
     members: tuple[int, ...]
     victims: tuple[int, ...]
     kind: str  #: deadlock: several members; shut: no way leads to its goal; else stuck
-    stands: float  #: when the last member stands [s]
+    stands: float  #: when the last member stands for good [s]
+    there: float  #: when the last member is within 1 m of where it stands then [s]
     is_moving: bool  #: a member drives about in vain for good
     is_borderline: bool  #: continuations differ, a robot creeps through late, or members move
 
@@ -218,6 +220,7 @@ def _deadlocks(run: Run, votes: Votes, state: Path) -> Iterator[Deadlock]:
             victims=final.victims,
             kind="shut" if is_shut else "stuck" if len(final.members) == 1 else "deadlock",
             stands=stands,
+            there=min(stands, _there(run, votes, group)),
             is_moving=is_moving,
             is_borderline=is_moving or bool(set(group.members) & votes.doubtful),
         )
@@ -237,6 +240,12 @@ def _stands(run: Run, votes: Votes, group: Group) -> float:
     """Since when all members stand or creep on the way to their stops [s]."""
     still, since = votes.reference.still_since, run.count.waiting_since
     return max(max(still[i], float(since[i])) for i in group.members)
+
+
+def _there(run: Run, votes: Votes, group: Group) -> float:
+    """Since when all members are within 1 m of where they stand [s]."""
+    there, since = votes.reference.there_since, run.count.waiting_since
+    return max(max(there[i], float(since[i])) for i in group.members)
 
 
 def _events_between(world: World, start: float, end: float) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from shapely import affinity, unary_union
 from shapely.geometry import Polygon, box
 
-from benchmarks.oracle.floors import floor, robot, two_rooms
+from benchmarks.oracle.floors import facing_robots, facing_rooms, floor, robot
 from benchmarks.oracle.sampled import Scene
 from benchmarks.oracle.stacks import NEVER, outside
 from mrta_falsify.core.config import StackConfig
@@ -16,7 +16,7 @@ from mrta_falsify.core.world import Resource, Task
 
 DEADLINE = 900.0  # s; ``worlds.case`` moves it beyond all continuations
 HORIZON = 90.0  # s
-MODES = ("hold", "hold", "hold", "hold", "atomic", "ordered", "timeout", "timeout")
+MODES = ("hold", "hold", "hold", "hold", "hold", "atomic", "ordered", "timeout", "timeout")
 
 
 def area(name: str, shape: Polygon) -> Resource:
@@ -113,29 +113,18 @@ def lock_lane(random: np.random.Generator) -> Scene:
     length = long + 2.0 + back
     shift = (length - long) / 2
     passage = unary_union(areas)
-    world = two_rooms(_moved(passage, -shift), side=3.4, gap=length)
-    inner = [_moved(shape, -shift).buffer(-0.05, join_style="mitre") for shape in areas]
     half = length / 2 + 1.7
-    robots = [robot(0, -half + 0.6, 0.0, 0.0), robot(1, half - 0.6, 0.0, np.pi)]
+    starts = [(-half, 0.0), (half, 0.0)]
     if random.random() < 0.35:
-        robots.append(robot(2, -half - 0.8, 0.0, 0.0))
+        starts.append((-half - 1.2, 0.0))
+    world = facing_rooms(_moved(passage, -shift), starts, gap=length)
+    inner = [_moved(shape, -shift).buffer(-0.05, join_style="mitre") for shape in areas]
     config, horizon = _locks(random, keep=0.3)
-    tasks = [
-        Task(
-            arrival=_arrival(random) + 3.0 * (i == 2),
-            start=i % 2,
-            end=1 - i % 2,
-            deadline=DEADLINE,
-            robot=f"robot{i + 1}",
-        )
-        for i in range(len(robots))
-    ]
+    arrivals = [_arrival(random) + 3.0 * (i == 2) for i in range(len(starts))]
     return dataclasses.replace(
         world,
-        lanes=(),
+        **facing_robots(starts, arrivals, DEADLINE),
         resources=tuple(area(f"area{k + 1}", shape) for k, shape in enumerate(inner)),
-        robots=tuple(robots),
-        tasks=tuple(tasks),
         horizon=horizon,
     ), config
 

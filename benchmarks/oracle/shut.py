@@ -44,7 +44,7 @@ def _ward(random: np.random.Generator) -> World:
     moves_on = float(random.uniform(20.0, 200.0)) if random.random() < 0.35 else 0.0
     if moves_on:
         steps += [Wait(duration=moves_on), Push(furniture="bed", point=np.array([4.3, beside]))]
-    steps.append(Leave() if random.random() < 0.5 else StandStill())
+    steps.append(Leave() if random.random() < 0.8 else StandStill())
     person = HumanSpec(
         name="porter", route=np.array([[-3.2 - length / 2 - 0.6, beside]]), directives=tuple(steps)
     )

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import floor, robot, two_rooms
+from benchmarks.oracle.floors import facing_robots, facing_rooms, floor, robot
 from benchmarks.oracle.sampled import Scene
 from benchmarks.oracle.scripted import swap_world
 from benchmarks.oracle.stacks import IN_TURN, NEVER, any_stack, outside
@@ -79,30 +79,18 @@ def _partners(random: np.random.Generator, count: int) -> dict[str, float]:
 def timer_file(random: np.random.Generator) -> Scene:
     """One robot stands in a corridor for a time; others come behind it, or towards it."""
     width = float(random.choice([0.9, 1.2, 2.2]))
-    world = two_rooms(box(-4.0, -width / 2, 4.0, width / 2), side=3.4, gap=8.0)
-    robots = [robot(0, -5.0, 0.0), robot(1, -6.4, 0.0)]
+    starts = [(-5.7, 0.0), (-6.9, 0.0)]
     if random.random() < 0.5:
-        robots.append(robot(2, -6.4, -1.0))
-    opposed = random.random() < 0.4
-    if opposed:
-        robots[1] = robot(1, 5.4, 1.0, np.pi)
+        starts.append((-6.7, -1.1))
+    if random.random() < 0.4:
+        starts[1] = (5.7, 0.0)
+    world = facing_rooms(box(-4.0, -width / 2, 4.0, width / 2), starts)
     patience = _patience(random, ends=0.75)
-    tasks = [
-        Task(
-            arrival=0.2 + 3.0 * i,
-            start=1 if opposed and i == 1 else 0,
-            end=0 if opposed and i == 1 else 1,
-            deadline=DEADLINE,
-            robot=f"robot{i + 1}",
-        )
-        for i in range(len(robots))
-    ]
     mark = float(random.uniform(3.0, 6.5))
-    config = outside(random, "timers", mode="mark", who=1, mark=mark, patience=patience)
-    world = dataclasses.replace(
-        world, lanes=(), robots=tuple(robots), tasks=tuple(tasks), horizon=_horizon(patience)
-    )
-    return world, config
+    arrivals = [0.2 + 3.0 * i for i in range(len(starts))]
+    return dataclasses.replace(
+        world, **facing_robots(starts, arrivals, DEADLINE), horizon=_horizon(patience)
+    ), outside(random, "timers", mode="mark", who=1, mark=mark, patience=patience)
 
 
 def person_waits(random: np.random.Generator) -> Scene:

@@ -22,7 +22,7 @@ ARRIVED = 0.2  # m; as far as labels take a robot to be served
 AHEAD = 0.4  # m; how far along its path a robot aims
 STOP_AHEAD, STOP_ASIDE = 0.9, 0.5  # m; a robot stops for another one that is nearer
 PERSON_AHEAD, PERSON_ASIDE = 0.9, 0.55  # m; the same for a person
-SOLID_AHEAD, SOLID_ASIDE = 0.32, 0.2  # m; the same for a point that its scanner sees
+STALLED_AFTER, STALLED = 2.0, 0.02  # s, m; a robot that comes no farther stands at something
 STEP = 0.1  # m between points of a path
 REPLAN_AFTER = 2.0  # s of standing, after which a path is planned anew
 DRIVING, SERVING, IDLE = 2, 5, 1  # phases of the protocol
@@ -66,8 +66,11 @@ class Drivers:
         self.since: list[float | None] = [None] * n  #: arrival at the stop
         self.stands_since: list[float | None] = [None] * n
         self.planned_at = np.full(n, -math.inf)
+        self.anchor = [np.full(3, math.inf)] * n  #: pose since it last moved
+        self.moved_at = [0.0] * n
         self.reached = [0] * n  #: stops served
         self.reasons: list[Reason | None] = [None] * n  #: in this tick
+        self.reasons_before = [*self.reasons]  #: in the tick before
         self.stood_for: list[Reason | None] = [None] * n  #: when each stood last
         self.last = np.array([robot["pose"] for robot in world["robots"]])
         self.time = 0.0
@@ -95,6 +98,7 @@ class Drivers:
         self._take(tick["tasks"])
         twist, goal = np.zeros((n, 3)), np.full((n, 2), np.nan)
         phase, paths, left = [IDLE] * n, [], [0] * n
+        self.reasons_before = [*self.reasons]
         for i in range(n):
             self.reasons[i] = None
             if not self.stops[i]:
@@ -181,7 +185,10 @@ class Drivers:
         if reason is not None:
             self._stand(i, reason)
             return (0.0, 0.0, float(np.clip(2.0 * error, -1.5, 1.5)))
-        self.stands_since[i] = None
+        if self._is_stalled(i, pose[i]):
+            self._stand(i, Reason("solid"))
+        else:
+            self.stands_since[i] = None
         away = math.dist(path[-1], (x, y))
         speed = 0.0 if abs(error) > 0.4 else min(SPEED, 1.5 * away + 0.05)
         return (speed, 0.0, float(np.clip(2.0 * error, -1.5, 1.5)))
@@ -191,6 +198,14 @@ class Drivers:
         if self.stands_since[i] is None:
             self.stands_since[i] = self.time
         return (0.0, 0.0, 0.0)
+
+    def _is_stalled(self, i: int, pose: Any) -> bool:
+        """Whether a robot that drives comes no farther."""
+        before, now = self.anchor[i], self.time
+        was_driving = self.reasons_before[i] is None or self.reasons_before[i].why == "solid"
+        if np.abs(pose - before).max() > STALLED or not was_driving:
+            self.anchor[i], self.moved_at[i] = pose.copy(), now
+        return now - self.moved_at[i] > STALLED_AFTER
 
     def _go_along(self, i: int, pose: Any) -> None:
         path, k = self.path[i], self.place[i]
@@ -207,9 +222,6 @@ class Drivers:
         people = np.array(tick["human_position"]).reshape(-1, 2)
         if _ahead(pose[i], course, people, PERSON_AHEAD, PERSON_ASIDE).any():
             return Reason("person")
-        points = np.array(tick["obstacle_points"][i]).reshape(-1, 2)
-        if _ahead(pose[i], course, points, SOLID_AHEAD, SOLID_ASIDE).any():
-            return Reason("solid")
         return None
 
 
