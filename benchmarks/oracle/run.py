@@ -113,7 +113,7 @@ def judged_row(name: str, labels: dict[str, Row], *, after: float = 0.0) -> Row:
     claim = seen.claim
     if case.group == NOT_COPIED and seen.suspected_at is not None:
         claim = {**_evidence(seen.verdict), "detected_at": seen.suspected_at}
-    row = {"case": name, "kind": case.kind, "group": case.group, "claim": claim}
+    row: Row = {"case": name, "kind": case.kind, "group": case.group, "claim": claim}
     row |= _plain(compare(label, claim))
     row["contradictions"] = (seen.verdict.evidence or {}).get("contradictions")
     row["held_until_work"] = (seen.verdict.evidence or {}).get("held_until_work")

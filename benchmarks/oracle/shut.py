@@ -11,7 +11,7 @@ from shapely.geometry import box
 from benchmarks.oracle.floors import floor, robot
 from benchmarks.oracle.sampled import Scene
 from benchmarks.oracle.stacks import IN_TURN, any_stack, outside
-from mrta_falsify.core.directives import Leave, Push, StandStill, Wait, WaitUntil
+from mrta_falsify.core.directives import Directive, Leave, Push, StandStill, Wait, WaitUntil
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, Task, World
 
@@ -39,7 +39,7 @@ def _ward(random: np.random.Generator) -> World:
     )
     gap = 0.0 if random.random() < 0.65 else float(random.uniform(0.3, 0.7))
     at = x + (length / 2 + gap - door / 2 if gap else float(random.uniform(-0.2, 0.2)))
-    steps = [WaitUntil(time=float(random.uniform(0.0, 20.0)))]
+    steps: list[Directive] = [WaitUntil(time=float(random.uniform(0.0, 20.0)))]
     steps.append(Push(furniture="bed", point=np.array([at, beside])))
     moves_on = float(random.uniform(20.0, 200.0)) if random.random() < 0.35 else 0.0
     if moves_on:

@@ -35,12 +35,17 @@ def timer_hall(random: np.random.Generator) -> Scene:
     points = np.array([(-6.0, y) for y in rows] + [(6.0, y) for y in rows])
     world = floor(box(-8.0, -1.5, 8.0, float(rows[-1]) + 1.5), points)
     patience = _patience(random)
-    params = {"mark": float(random.uniform(1.0, 8.0)), "patience": patience}
+    params: dict[str, float | str] = {"mark": float(random.uniform(1.0, 8.0)), "patience": patience}
     who = int(random.integers(1, 1 << count))
     pick = int(random.integers(3))
     if pick == 0:
         start = float(random.uniform(5.0, 18.0))
-        timer = {"mode": "window", "who": who, "start": start, "end": start + patience}
+        timer: dict[str, float | str] = {
+            "mode": "window",
+            "who": who,
+            "start": start,
+            "end": start + patience,
+        }
         timer["patience"] = 0.0
         params |= timer
     elif pick == 1:

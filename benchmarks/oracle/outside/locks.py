@@ -32,7 +32,7 @@ class Locks(Drivers):
         }
         self.owner: dict[str, int | None] = dict.fromkeys(self.areas)
         self.waits_since: list[float | None] = [None] * self.count
-        self.gave_way: list[tuple[str, int] | None] = [None] * self.count
+        self.gave_way: list[Any] = [None] * self.count
         self._crossed: list[Any] = [(None, [])] * self.count
 
     def arrived(self, i: int) -> None:
