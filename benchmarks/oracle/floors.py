@@ -12,7 +12,7 @@ from shapely import unary_union
 from shapely.geometry import LineString, Polygon, box
 
 from mrta_falsify.core.arrays import Array, frozen_array
-from mrta_falsify.core.world import Lane, RobotSpec, Room, Wall, World
+from mrta_falsify.core.world import Lane, RobotSpec, Room, Task, Wall, World
 
 HORIZON = 120.0  # s
 RIM = 0.5  # m of wall around everything
@@ -39,6 +39,51 @@ def two_rooms(passage: Polygon, *, side: float = 3.0, gap: float = 10.0) -> Worl
     areas = [np.array(room.exterior.coords)[:-1] for room in (west, east)]
     world = floor(unary_union([west, east, passage]), points, areas)
     return dataclasses.replace(world, lanes=tuple(lanes))
+
+
+def facing_rooms(
+    passage: Polygon, starts: Sequence[tuple[float, float]], *, side: float = 3.4, gap: float = 8.0
+) -> World:
+    """Two rooms ``gap`` apart, with a start and a destination of its own for each robot.
+
+    Room i lies at the start of robot i, room N + i in the other one of the two, side by side.
+
+    Args:
+        passage: joins the two rooms.
+        starts: of N <= 3 robots x, y [m], in either room.
+        side: of each room [m].
+        gap: between them [m].
+    """
+    half = gap / 2
+    west = box(-half - side, -side / 2, -half, side / 2)
+    east = box(half, -side / 2, half + side, side / 2)
+    far, aside = half + 0.7 * side, (0.0, 0.3 * side, -0.3 * side)
+    ends = [(far if x < 0.0 else -far, aside[i]) for i, (x, _) in enumerate(starts)]
+    return floor(unary_union([west, east, passage]), np.array([*starts, *ends]))
+
+
+def facing_robots(
+    starts: Sequence[tuple[float, float]], arrivals: Sequence[float], deadline: float
+) -> dict[str, Any]:
+    """Fields `robots` and `tasks` of a world with :func:`facing_rooms`.
+
+    Args:
+        starts: of N robots x, y [m].
+        arrivals: of their tasks [s].
+        deadline: of their tasks [s].
+    """
+    robots = tuple(robot(i, x, y, 0.0 if x < 0.0 else np.pi) for i, (x, y) in enumerate(starts))
+    tasks = tuple(
+        Task(
+            arrival=arrival,
+            start=i,
+            end=len(robots) + i,
+            deadline=deadline,
+            robot=robots[i].name,
+        )
+        for i, arrival in enumerate(arrivals)
+    )
+    return {"robots": robots, "tasks": tasks}
 
 
 def floor(free: Polygon, points: Array, areas: Sequence[Array] = ()) -> World:

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from benchmarks.oracle.labels import Deadlock, label
 from benchmarks.oracle.rows import Row, append_rows, cpu_seconds
-from benchmarks.oracle.worlds import KINDS, case_named, cases
+from benchmarks.oracle.stacks import identity
+from benchmarks.oracle.worlds import KINDS, ROUND, case_named, cases
 
 
 def label_row(name: str, *, thorough: bool = False) -> Row:
@@ -32,11 +33,17 @@ def label_row(name: str, *, thorough: bool = False) -> Row:
     return {
         "case": name,
         "kind": made.kind,
+        "group": made.group,
         "world": made.world.digest(),
-        "stack": made.config.digest(),
+        "stack": identity(made.config),
         "horizon": made.world.horizon,
         "ended": round(truth.ended, 2),
         "deadlocks": [_deadlock_row(found, robots) for found in truth.deadlocks],
+        "ways": dict(zip(robots, truth.ways, strict=True)),
+        "held": [
+            {"robot": robots[held.robot], "moment": held.moment, "until": held.until}
+            for held in truth.held
+        ],
         "borderline": truth.is_borderline,
         "continued_s": round(truth.continued, 1),
         "cpu_s": round(cpu_seconds() - began, 1),
@@ -47,11 +54,11 @@ def _deadlock_row(found: Deadlock, robots: list[str]) -> Row:
     return {
         "members": [robots[i] for i in found.members],
         "victims": [robots[i] for i in found.victims],
-        "onset": round(found.onset, 2),
-        "sealed": None if found.sealed is None else round(found.sealed, 2),
+        "kind": found.kind,
+        "stands": round(found.stands, 2),
+        "there": round(found.there, 2),
         "moving": found.is_moving,
         "borderline": found.is_borderline,
-        "moment": round(found.moment, 2),
     }
 
 
@@ -73,7 +80,7 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose cases."""
     parser.add_argument("--rounds", type=int, default=8, help="how often the kinds come in turn")
     parser.add_argument("--first", type=int, default=0, help="seed of the first case of a kind")
-    parser.add_argument("--kinds", default=",".join(KINDS), help="which, separated by commas")
+    parser.add_argument("--kinds", default=",".join(ROUND), help="which, separated by commas")
     parser.add_argument("--workers", type=int, default=1, help="processes")
 
 

@@ -21,14 +21,15 @@ SAME = 1e-9
 ROUNDING = 1e-12
 
 
-def repeats_itself(poses: Array, dt: float) -> bool:
+def repeats_itself(poses: Array, dt: float, *, clock: float = 0.0) -> bool:
     """Whether the last poses of a run repeat earlier ones.
 
     Args:
         poses: ``(K, N, 3)`` x [m], y [m], yaw [rad], one row a tick.
         dt: of a tick [s].
+        clock: a timer that may run without showing in the poses, beside the shipped stack's [s].
     """
-    window, shortest = round(REPEATED / dt), round(SHORTEST / dt)
+    window, shortest = round((REPEATED + clock) / dt), round(SHORTEST / dt)
     longest = min(round(LONGEST / dt), len(poses) - window)
     if longest < shortest:
         return False

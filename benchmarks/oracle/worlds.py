@@ -1,8 +1,7 @@
 """The labelled set: which runs there are.
 
 Nothing here says which of them end in a deadlock: labels are made by continuation
-(``labels.py``). Scripted kinds arrange a situation; sampled kinds arrange nothing and are
-drawn more often, so that they are more than half of the set.
+(``labels.py``). Most kinds arrange a situation; sampled kinds arrange nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.oracle import held_up, pending, sampled, scripted
+from benchmarks.oracle import freed, held_up, locked, pending, sampled, scripted, shut, timed
 from benchmarks.oracle.sampled import Scene
 from mrta_falsify.core import seeding
 from mrta_falsify.core.config import StackConfig
@@ -63,12 +62,35 @@ SAMPLED: dict[str, Maker] = {
     "maze_weak": sampled.maze_weak,
     "maze_brake": sampled.maze_brake,
 }
-KINDS = SCRIPTED | HELD_UP | PENDING | SAMPLED
+TIMED: dict[str, Maker] = {
+    "timer_hall": timed.timer_hall,
+    "timer_file": timed.timer_file,
+    "person_waits": timed.person_waits,
+}
+LOCKED: dict[str, Maker] = {"lock_hall": locked.lock_hall, "lock_lane": locked.lock_lane}
+SHUT: dict[str, Maker] = {
+    "bed_shuts": shut.bed_shuts,
+    "bed_shuts_outside": shut.bed_shuts_outside,
+}
+FREED: dict[str, Maker] = {
+    "arrival_frees": freed.arrival_frees,
+    "arrival_frees_outside": freed.arrival_frees_outside,
+    "opening_outside": freed.opening_outside,
+    "lane_pair": freed.lane_pair,
+}
+KINDS = SCRIPTED | HELD_UP | PENDING | SAMPLED | TIMED | LOCKED | SHUT | FREED
+SHIPPED, COPIED, NOT_COPIED = "shipped", "outside", "outside_not_copied"
 NO_DEADLINE = 1e5  # s; no deadline falls into a continuation, so all clocks there are short
-#: cases of a kind for each case of the others: kinds in which robots do get stuck more often
-WEIGHTS = {"niches": 2, "cork": 2, "blocked": 2}
-WEIGHTS |= {"creeping": 2, "chain": 3, "late_escape": 3, "parked_in_file": 3}
-WEIGHTS |= dict.fromkeys(SAMPLED, 2) | {"sampled_events": 5, "maze_weak": 4, "maze_brake": 6}
+#: cases of each kind in a round. About half of a round ends in a deadlock, and costs little.
+ROUND = {
+    **{"lock_hall": 4, "lock_lane": 3, "timer_hall": 3, "timer_file": 2, "lane_pair": 3},
+    **{"bed_shuts_outside": 2, "arrival_frees_outside": 1, "opening_outside": 1},
+    **{"bed_shuts": 2, "arrival_frees": 2, "person_waits": 1, "late_escape": 3},
+    **{"pending_opening": 1, "pending_service": 1, "parked_in_file": 1, "refuges": 1},
+    **{"corridor_swap": 1, "niches": 2, "cork": 1, "four_way": 1, "doorway": 1},
+    **{"creeping": 1, "chain": 2, "ring_of_niches": 1, "loop": 1},
+    **{"maze": 1, "maze_weak": 1, "maze_brake": 2, "sampled_events": 1, "sampled_weak": 1},
+}
 
 
 @dataclass(frozen=True)
@@ -80,18 +102,25 @@ class Case:
     world: World
     config: StackConfig
 
+    @property
+    def group(self) -> str:
+        """Whose stack it is, and whether the run can be copied."""
+        if self.config.stack is None:
+            return SHIPPED
+        return NOT_COPIED if self.config.stack.branch == "never" else COPIED
+
 
 def cases(rounds: int = 5, kinds: tuple[str, ...] = (), first: int = 0) -> Iterator[str]:
-    """Name ``rounds`` times ``WEIGHTS`` cases of each kind, kinds in turn.
+    """Name ``rounds`` times the cases of a round, kinds in turn.
 
     Args:
         rounds: how many.
-        kinds: which; empty: all.
+        kinds: which; empty: those of ``ROUND``.
         first: seed of the first case of each kind; a case depends on kind and seed only.
     """
     for number in range(rounds):
-        for kind in kinds or tuple(KINDS):
-            weight = WEIGHTS.get(kind, 1)
+        for kind in kinds or tuple(ROUND):
+            weight = ROUND.get(kind, 1)
             for k in range(weight):
                 yield f"{kind}/{first + number * weight + k}"
 
