@@ -177,7 +177,9 @@ class CounterfactualTest:
             time: [s].
         """
         span = self._span(time)
-        seen = self._first(forecast, asked, time, span, speculates=True)
+        removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
+        # What a stack outside does in a copy is no promise; when it should go on is kept instead.
+        seen = self._first(forecast, asked, time, span, speculates=not removals.is_outside)
         if seen.as_expected:
             for i in asked:
                 self._before[i] = self._progress.last[i]
@@ -190,9 +192,10 @@ class CounterfactualTest:
         if here and (end is None or held == here):
             freed = {int(i): at for i, at in seen.freed.items()}
             self._note_free(asked - here, last, freed, time)
+            for i in here if end is None else ():
+                self.free_until[i] = max(self.free_until[i], time + self._pause[i])
             return []
         assert end is not None
-        removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
         if self._tells_members and self._is_incomplete(seen, asked, removals, time):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
@@ -282,14 +285,16 @@ class CounterfactualTest:
             time: [s].
         """
         goes_on = [i for i in sorted(robots) if not _stands(i, end, time)]
-        freed = {i: max(time, end.freed.get(str(i), end.ended)) for i in goes_on}
-        new = {i: at for i, at in freed.items() if at > self._held_until[i]}
+        freed = {i: end.freed[str(i)] for i in goes_on if str(i) in end.freed}
+        new = {i: at for i, at in freed.items() if at > max(time, self._held_until[i])}
         for i, at in new.items():
             self._held_until[i] = at
         if new:
             since, until = max(last[i] for i in new), min(new.values())
             self.held.append(HeldUntilWork(robots=tuple(new), since=since, until=until))
-        return bool(freed)
+        for i in goes_on:
+            self.free_until[i] = max(self.free_until[i], time + self._pause[i])
+        return bool(goes_on)
 
     def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
         """Find which robots are stuck, whether or not they are part of a deadlock.
