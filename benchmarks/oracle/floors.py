@@ -57,7 +57,7 @@ def facing_rooms(
     half = gap / 2
     west = box(-half - side, -side / 2, -half, side / 2)
     east = box(half, -side / 2, half + side, side / 2)
-    far, aside = half + 0.7 * side, (0.0, 0.3 * side, -0.3 * side)
+    far, aside = half + 0.7 * side, (0.34 * side, -0.34 * side, 0.0)
     ends = [(far if x < 0.0 else -far, aside[i]) for i, (x, _) in enumerate(starts)]
     return floor(unary_union([west, east, passage]), np.array([*starts, *ends]))
 

@@ -83,7 +83,7 @@ def lane_pair(random: np.random.Generator) -> Scene:
     """Head-on in a corridor, maybe with one more behind; one goes back after a time, or none."""
     width = float(random.choice([0.8, 1.0, 1.2, 1.2, 2.6]))
     half = float(random.uniform(2.5, 5.0))
-    starts = [(-half - 1.7, 0.0), (half + 1.7, 0.0)]
+    starts = [(-half - 1.7, 0.9), (half + 1.7, -0.9)]
     arrivals = [float(late) for late in random.uniform(0.0, 3.0, 2)]
     if random.random() < 0.4:
         west = bool(random.random() < 0.5)

@@ -61,7 +61,8 @@ def watch(case: Case, *, after: float = 0.0) -> Watched:
 
     def stop(frame: Frame) -> str:
         verdict, time = oracle.verdict(), frame.sensed.time
-        members = () if verdict.violated else tuple(verdict.evidence.get("members", ()))
+        is_suspected = verdict.outcome == "not_judged"
+        members = tuple(verdict.evidence.get("members", ())) if is_suspected else ()
         if members != seen.suspects:
             seen.suspects, seen.suspected_at = members, time if members else None
         if verdict.violated and not claimed_at:

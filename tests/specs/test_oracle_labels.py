@@ -122,16 +122,18 @@ def test_a_robot_whose_way_opens_again_is_none(end):
 
 @pytest.mark.slow
 def test_what_stands_only_until_the_next_task_comes_is_held_and_no_deadlock():
-    """An idle robot in the way leaves when a task of its own arrives."""
-    world = two_rooms(box(-2.0, -0.4, 2.0, 0.4), side=0.8, gap=4.0)
+    """An idle robot in the way, which never makes room, leaves when a task of its own arrives."""
+    free = unary_union([box(-2.8, -0.4, 2.0, 0.4), box(2.0, -1.5, 5.0, 1.5)])
     world = dataclasses.replace(
-        world,
+        floor(free, np.array([[-2.4, 0.0], [3.5, 1.0], [3.5, -1.0]])),
         robots=(robot(0, -2.4, 0.0), robot(1, 1.0, 0.0)),
-        tasks=(order(0, 1), order(1, 1, arrival=25.0)),
-        lanes=(),
-        horizon=30.0,
+        tasks=tuple(
+            dataclasses.replace(task, robot=f"robot{i + 1}")
+            for i, task in enumerate((order(0, 1), order(2, 2, arrival=25.0)))
+        ),
+        horizon=40.0,
     )
-    found = label(world, stack(allocator=IN_TURN))
+    found = label(world, outside(np.random.default_rng(1), "lanes"))
     assert found.deadlocks == ()
     (held,) = found.held
     assert (held.robot, held.until) == (0, None)
