@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
@@ -169,4 +168,4 @@ def _is_ours(value: object) -> bool:
 
 
 def _is_compiled(value: object) -> bool:
-    return isinstance(value, numba.core.dispatcher.Dispatcher)
+    return type(value).__module__.startswith("numba.")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core import codec
@@ -262,7 +263,7 @@ def campaign(tmp_path: Path) -> Path:
         spec="deadlines", robustness=-3.0, violated=True, violated_at=90.0, who=("task1",)
     )
     with Store.create(
-        directory, CampaignSettings(trials=TrialSettings(scenario="bookshelf"))
+        directory, CampaignSettings(trials=TrialSettings(scenario="bookshelf"), rules=RULES)
     ) as store:
         for number, verdicts in enumerate(((), (late,))):
             store.add(

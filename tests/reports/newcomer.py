@@ -74,7 +74,7 @@ def read(html: str) -> Answers:
     lines = lines_of(html)
     text = "\n".join(lines)
     stuck = "is stuck|are stuck|wait for each other|hold each other up"
-    what = re.search(rf"^(.+?) (?:{stuck})\b(.*)$", text, re.MULTILINE)
+    what = re.search(rf"^(.+?) (?:{stuck})\b(.*found at.*)$", text, re.MULTILINE)
     names = re.findall(r"[\w-]+", what[1].replace(" and ", ", ")) if what else []
     found = re.search(r"\(found at ([\d.]+) s\)", what[2]) if what else None
     since = re.search(r"no progress since ([\d.]+) s", what[2]) if what else None

@@ -10,6 +10,7 @@ import pytest
 
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Store
+from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.causes import TIES
 from mrta_falsify.trial import LATE_OR_UNDONE
@@ -93,10 +94,12 @@ def test_lists_and_pages_count_alike(seeds, planted, tmp_path):
 
         assert sum(report.trials.failed) == len(failed), seed
         outcomes = [row.outcome for row in report.table.rows]
-        deadlocks = sum("no_deadlock" in row.violated for row in failed)
-        assert outcomes.count("deadlock") == deadlocks == int(facts["deadlocks"]), seed
-        assert outcomes.count("deadlock") + outcomes.count("failure") == len(failed), seed
-        assert sum(report.trials.deadlocked) == deadlocks, seed
+        kinds = {text: outcomes.count(text) for text in KIND_TEXT.values()}
+        assert sum(kinds.values()) == sum("no_deadlock" in row.violated for row in failed), seed
+        assert kinds["deadlock"] == int(facts["deadlocks"]), seed
+        assert kinds["stuck"] == int(facts["stuck"]), seed
+        assert sum(kinds.values()) + outcomes.count("failure") == len(failed), seed
+        assert sum(report.trials.deadlocked) == kinds["deadlock"], seed
         named = re.search(r"first failure came in trial (\d+) of (\d+)", text)
         expected = "trial {} of {}".format(*named.groups()) if named else "none"
         assert facts["first failure"] == expected, seed

@@ -161,7 +161,7 @@ def test_a_failure_with_two_reasons_keeps_the_one_it_began_with(monkeypatch):
         early_stop=True,
     )
     behind = judge(dataclasses.replace(job, world=lane), keep_trace=False).verdicts
-    assert signature(behind) == "progress/nothing"  # they meet, and neither gives way
+    assert signature(behind) == "progress/robot"  # they meet, and neither gives way
     found = minimize_job(job, max_runs=60)
     assert found.finding.one_minimal
     assert found.finding.signature == signature(found.judged.verdicts) == "progress/solid"

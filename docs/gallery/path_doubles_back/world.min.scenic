@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:stalled/doorway."""
+"""The smallest world that fails with no_deadlock/stuck:stalled/doorway."""
 
 param layout = localPath('world.min.layout.json')
 

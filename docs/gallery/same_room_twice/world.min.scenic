@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:stalled/room."""
+"""The smallest world that fails with no_deadlock/stuck:stalled/room."""
 
 param layout = localPath('world.min.layout.json')
 
