@@ -40,6 +40,7 @@ from benchmarks.oracle.stops import StopCount
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.verbs.stored_trials import stored_world
@@ -399,7 +400,14 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("-o", "--output", type=Path, default=Path("oracle_edges.jsonl"))
     arguments = parser.parse_args()
-    known = [edge for path in arguments.campaigns for edge in claimed_edges(path)]
+    try:
+        known = [edge for path in arguments.campaigns for edge in claimed_edges(path)]
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    if not known:
+        print("these campaigns claim no wait edge", file=sys.stderr)
+        return 2
     drawn = draw(known, count=arguments.count, others=arguments.others, seed=arguments.seed)
     print(f"{len(known)} edges, {len(drawn)} drawn", file=sys.stderr)
     edges = {edge.name: edge for edge in drawn}
