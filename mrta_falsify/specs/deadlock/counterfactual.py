@@ -183,7 +183,7 @@ class CounterfactualTest:
         if seen.as_expected:
             for i in asked:
                 self._before[i] = self._progress.last[i]
-                self.free_until[i] = max(self.free_until[i], time + self._pause[i])
+            self._ask_later(asked, time)
             return []
         last = {int(i): progress for i, progress in seen.stuck.items()}
         here = {i for i in asked & set(last) if last[i] <= time}
@@ -192,8 +192,7 @@ class CounterfactualTest:
         if here and (end is None or held == here):
             freed = {int(i): at for i, at in seen.freed.items()}
             self._note_free(asked - here, last, freed, time)
-            for i in here if end is None else ():
-                self.free_until[i] = max(self.free_until[i], time + self._pause[i])
+            self._ask_later(here, time)
             return []
         assert end is not None
         if self._tells_members and self._is_incomplete(seen, asked, removals, time):
@@ -253,19 +252,12 @@ class CounterfactualTest:
         known = self._seen_to_come
         if known is None or not _still_tells(known, here, time, self._look_ahead):
             settled = float(ahead[-1])
-            others = frozenset(int(i) for i in seen.stuck) - here
-            span = (time, settled, settled + self._look_ahead)
-            watch = ContinuationWatch(
-                self._progress,
-                Question(frozenset(here), others, *span),
-                stride=self._stride,
-                bystanders=self.bystanders,
-                to_come=True,
-            )
-            answer = forecast(watch, to_come=True)
-            if answer is None:
+            span = _Span(time, settled, settled + self._look_ahead)
+            others = {int(i) for i in seen.stuck} - here
+            known = self._continue(forecast, here, span, others=others, to_come=True)
+            if known is None:
                 return None
-            known = self._seen_to_come = codec.decode(ContinuationAnswer, answer, where="forecast")
+            self._seen_to_come = known
         self._is_held(here, {int(i): at for i, at in seen.stuck.items()}, known, time)
         return known
 
@@ -292,8 +284,7 @@ class CounterfactualTest:
         if new:
             since, until = max(last[i] for i in new), min(new.values())
             self.held.append(HeldUntilWork(robots=tuple(new), since=since, until=until))
-        for i in goes_on:
-            self.free_until[i] = max(self.free_until[i], time + self._pause[i])
+        self._ask_later(goes_on, time)
         return bool(goes_on)
 
     def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
@@ -388,6 +379,7 @@ class CounterfactualTest:
         others: Iterable[int] = (),
         nudge: int = 0,
         speculates: bool = False,
+        to_come: bool = False,
     ) -> ContinuationAnswer | None:
         """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
         watch = ContinuationWatch(
@@ -395,10 +387,14 @@ class CounterfactualTest:
             Question(frozenset(asked), frozenset(others), *span),
             stride=self._stride,
             bystanders=self.bystanders,
-            series=None if nudge else self._future,
+            series=None if nudge or to_come else self._future,
             speculates=speculates,
+            to_come=to_come,
         )
-        answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
+        if to_come:
+            answer = forecast(watch, to_come=True)
+        else:
+            answer = forecast(watch, nudge=nudge) if nudge else forecast(watch)
         if answer is None:
             return None
         return codec.decode(ContinuationAnswer, answer, where="forecast")
@@ -431,6 +427,11 @@ class CounterfactualTest:
             for name, progress in seen.freed.items():
                 freed[int(name)] = min(progress, freed.get(int(name), np.inf))
         return _Vote({i: 2 * votes[i] > self._copies for i in stuck}, freed)
+
+    def _ask_later(self, robots: Collection[int], time: float) -> None:
+        """Ask about robots again after their pause, at the soonest."""
+        for i in robots:
+            self.free_until[i] = max(self.free_until[i], time + self._pause[i])
 
     def _lengthen_pauses(self, asked: set[int], time: float) -> None:
         for i in asked:
