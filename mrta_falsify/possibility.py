@@ -26,7 +26,7 @@ from mrta_falsify.core.directives import Appear, Push, begins_outside
 from mrta_falsify.core.free_space import Disc, free_space, widest_gap
 from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.protocols import Planner
-from mrta_falsify.core.tight_ways import TightWay, listed
+from mrta_falsify.core.tight_ways import TightWay, things_text
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec, Task, World
 from mrta_falsify.specs.books import ROOM_REACH, stop_area
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
@@ -69,7 +69,7 @@ class Possibility:
     def notes(self) -> tuple[str, ...]:
         """Say what is narrow in the world, the same once."""
         told = (
-            f"{way.is_only}, {'beside' if way.by else 'between'} {listed(way.by)} "
+            f"{way.is_only}, {'beside' if way.by else 'between'} {things_text(way.by)} "
             f"(robots plan for {way.needed:.2f} m)"
             for way in self.narrow
         )

@@ -17,6 +17,7 @@ from mrta_falsify.core.wait_account import (
     WaitsFor,
     wait_account,
 )
+from mrta_falsify.core.words import listed
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
 from mrta_falsify.specs.holds import main_kinds
 from reports.stack_sentences import repeated_sentence, stack_failure_sentence
@@ -59,13 +60,6 @@ MEANINGS = {
     "no_starvation": "a robot went on waiting while later ones were served",
     "progress": "a robot with work made no progress",
 }
-
-
-def listed(names: Sequence[str]) -> str:
-    """List names as ``a``, ``a and b`` or ``a, b and c``."""
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def violation_sentence(verdict: Verdict) -> str:

@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-import json
 import sys
 import tempfile
 from collections.abc import Collection, Iterator
@@ -34,7 +33,7 @@ from shapely.geometry import Polygon
 
 from benchmarks.oracle.figures import share
 from benchmarks.oracle.own_state import state_at
-from benchmarks.oracle.rows import Row, append_rows, cpu_seconds
+from benchmarks.oracle.rows import Row, cpu_seconds, run_command
 from benchmarks.oracle.stacks import is_ours, with_state_file
 from benchmarks.oracle.stops import StopCount
 from mrta_falsify.campaigns.store import read_campaign
@@ -412,13 +411,7 @@ def main() -> int:
     print(f"{len(known)} edges, {len(drawn)} drawn", file=sys.stderr)
     edges = {edge.name: edge for edge in drawn}
     make = functools.partial(_row, edges)
-    try:
-        rows = append_rows(arguments.output, make, list(edges), arguments.workers)
-    except KeyboardInterrupt:
-        print("interrupted; the same call goes on with the rest", file=sys.stderr)
-        return 130
-    print(json.dumps(report(list(rows.values())), indent=2))
-    return 0
+    return run_command(arguments.output, make, list(edges), arguments.workers, report)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import argparse
 import functools
-import json
 import sys
 from pathlib import Path
 
 from benchmarks.oracle.labels import Deadlock, label
-from benchmarks.oracle.rows import Row, append_rows, cpu_seconds
+from benchmarks.oracle.rows import Row, cpu_seconds, run_command
 from benchmarks.oracle.stacks import identity
 from benchmarks.oracle.worlds import KINDS, ROUND, case_named, cases
 
@@ -101,20 +100,17 @@ def main() -> int:
     parser.add_argument("--thorough", action="store_true", help="simulate all 3,600 s")
     arguments = parser.parse_args()
     make = functools.partial(label_row, thorough=arguments.thorough)
-    try:
-        rows = append_rows(arguments.output, make, chosen_cases(arguments), arguments.workers)
-    except KeyboardInterrupt:
-        print("interrupted; the same call goes on with the rest", file=sys.stderr)
-        return 130
-    made = list(rows.values())
-    total = {
+    names = chosen_cases(arguments)
+    return run_command(arguments.output, make, names, arguments.workers, _summary)
+
+
+def _summary(made: list[Row]) -> Row:
+    return {
         "cases": len(made),
         "with_deadlocks": sum(bool(row["deadlocks"]) for row in made),
         "cpu_s": round(sum(row["cpu_s"] for row in made)),
         "by_kind": positives(made),
     }
-    print(json.dumps(total, indent=2))
-    return 0
 
 
 if __name__ == "__main__":

@@ -62,6 +62,31 @@ def append_rows(
     return {name: rows[name] for name in names}
 
 
+def run_command(
+    path: Path,
+    make: Callable[[str], Row],
+    names: Sequence[str],
+    workers: int,
+    summary: Callable[[list[Row]], Row],
+) -> int:
+    """Make the rows of a command, print what they come to as JSON, and give its exit code.
+
+    Args:
+        path: as of :func:`append_rows`, like ``make``, ``names`` and ``workers``.
+        make: row of a case by its name.
+        names: of the cases.
+        workers: processes.
+        summary: of all rows of ``names``.
+    """
+    try:
+        rows = append_rows(path, make, names, workers)
+    except KeyboardInterrupt:
+        print("interrupted; the same call goes on with the rest", file=sys.stderr)
+        return 130
+    print(json.dumps(summary(list(rows.values())), indent=2))
+    return 0
+
+
 def _made(make: Callable[[str], Row], todo: Sequence[str], workers: int) -> Iterator[Row]:
     if workers <= 1:
         yield from map(make, todo)

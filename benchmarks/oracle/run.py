@@ -15,14 +15,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 from benchmarks.oracle.comparison import Comparison, compare
 from benchmarks.oracle.figures import report
-from benchmarks.oracle.rows import Row, append_rows, cpu_seconds, read_rows
+from benchmarks.oracle.rows import Row, cpu_seconds, read_rows, run_command
 from benchmarks.oracle.stacks import identity
 from benchmarks.oracle.worlds import NOT_COPIED, Case, case_named
 from mrta_falsify.core.fleet import Frame
@@ -151,13 +150,7 @@ def main() -> int:
         print(f"{arguments.labels}: has no labels", file=sys.stderr)
         return 2
     judge = functools.partial(_judged, arguments.labels, arguments.after)
-    try:
-        rows = append_rows(arguments.output, judge, names, arguments.workers)
-    except KeyboardInterrupt:
-        print("interrupted; the same call goes on with the rest", file=sys.stderr)
-        return 130
-    print(json.dumps(report(list(rows.values())), indent=2))
-    return 0
+    return run_command(arguments.output, judge, names, arguments.workers, report)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle, transform
-from mrta_falsify.core.tight_ways import listed
+from mrta_falsify.core.tight_ways import things_text
 from mrta_falsify.core.world import Blockage, Furniture, HumanSpec, RobotSpec, Task, World
 from mrta_falsify.possibility import body_disc, look_at
 from mrta_falsify.trial import campaign_specifications
@@ -256,8 +256,12 @@ def _judged(part: str, world: World, room: int) -> Row:
     row: Row = {
         "room": world.rooms[room].name,
         "reason": found.reason,
-        "shut": [[way.task, way.room, listed(way.by), round(way.gap, 3)] for way in found.shut],
-        "narrow": [[way.task, way.room, listed(way.by), round(way.gap, 3)] for way in found.narrow],
+        "shut": [
+            [way.task, way.room, things_text(way.by), round(way.gap, 3)] for way in found.shut
+        ],
+        "narrow": [
+            [way.task, way.room, things_text(way.by), round(way.gap, 3)] for way in found.narrow
+        ],
     }
     if part == "called":
         concerned = {way.task for way in found.shut}

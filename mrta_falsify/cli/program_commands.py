@@ -195,19 +195,19 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
 
 def _print_tight_ways(summary: CheckSummary) -> None:
     """Print in how many worlds rooms are shut, or narrow, and by what."""
-    from mrta_falsify.core.tight_ways import listed
+    from mrta_falsify.core.tight_ways import things_text
 
     out, scenes = output.stdout(), summary.scenes
     for count in summary.shut:
         verb = "shuts" if len(count.by) == 1 else "shut"
         out.print(
-            f"shut        in {count.worlds} of {scenes} worlds {listed(count.by)} {verb} "
+            f"shut        in {count.worlds} of {scenes} worlds {things_text(count.by)} {verb} "
             f"{count.room}"
         )
     for count in summary.narrow:
         low, high = (f"{gap:.2f}" for gap in count.gaps)
         width = low if low == high else f"{low} to {high}"
-        where = f"beside {listed(count.by)}" if count.by else "between walls"
+        where = f"beside {things_text(count.by)}" if count.by else "between walls"
         out.print(
             f"narrow      in {count.worlds} of {scenes} worlds only {width} m at {count.room}, "
             f"{where}: less than robots plan for"

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from mrta_falsify.core.words import listed
+
 WALLS = "walls"
 
 
@@ -22,7 +24,7 @@ class TightWay:
     @property
     def is_shut_by(self) -> str:
         """Say it as in ``ward_1 is shut by trolley_1``."""
-        return f"{self.room} is shut by {listed(self.by)}"
+        return f"{self.room} is shut by {things_text(self.by)}"
 
     @property
     def is_only(self) -> str:
@@ -59,7 +61,6 @@ def counted(worlds: Iterable[Sequence[TightWay]]) -> tuple[TightCount, ...]:
     )
 
 
-def listed(things: Sequence[str]) -> str:
-    """Write names as in ``bed_1, cart_2 and trolley_1``; none: the walls."""
-    *others, last = things or (WALLS,)
-    return f"{', '.join(others)} and {last}" if others else last
+def things_text(things: Sequence[str]) -> str:
+    """Write the names of things as in ``bed_1, cart_2 and trolley_1``; none: the walls."""
+    return listed(things or (WALLS,))

@@ -19,7 +19,7 @@ from mrta_falsify.core.claims import KIND_TEXT, KINDS
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.tight_ways import TightCount, counted, listed
+from mrta_falsify.core.tight_ways import TightCount, counted, things_text
 from mrta_falsify.specs.causes import DEADLOCK, kind_of
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
 
 def shut_sentence(counts: Sequence[TightCount]) -> str:
     """Say in how many worlds no robot fits to which room; empty: in none."""
-    return ", ".join(f"{c.room} shut by {listed(c.by)} ({c.worlds})" for c in counts)
+    return ", ".join(f"{c.room} shut by {things_text(c.by)} ({c.worlds})" for c in counts)
 
 
 def stack_comparison(campaign: Campaign) -> StackComparison | None:

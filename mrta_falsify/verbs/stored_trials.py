@@ -21,6 +21,7 @@ from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
+from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.causes import by_cause, kind_of, leading
 from mrta_falsify.trial import Job
@@ -29,7 +30,6 @@ from mrta_falsify.worker import open_program, stack_of, trial_job
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
-    listed,
     violation_sentence,
     who_text,
 )

@@ -7,9 +7,9 @@ from pathlib import Path
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.core import codec
 from mrta_falsify.core.findings import Certificate, CertifiedMember
+from mrta_falsify.core.words import listed
 from mrta_falsify.verbs.certify import checker
 from mrta_falsify.verbs.certify.certifying import REFUSALS
-from reports.sentences import listed
 
 ASSUMED = (
     "This follows from World and trace if robots are discs of their radius, robots without work "

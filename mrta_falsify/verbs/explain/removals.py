@@ -14,13 +14,13 @@ from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
+from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
 from mrta_falsify.trial import Job
-from reports.sentences import listed
 from simulator_interface.continuation import Running, run_to
 from simulator_interface.watched_copy import CopyFailed
 

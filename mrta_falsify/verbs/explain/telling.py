@@ -11,7 +11,7 @@ from mrta_falsify.core.inevitability import (
     decisive,
     moves_the_turn,
 )
-from reports.sentences import listed
+from mrta_falsify.core.words import listed
 
 
 def needs_sentences(found: Explanation) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import by_cause, is_shut, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
@@ -33,7 +34,7 @@ from mrta_falsify.verbs.stored_trials import (
 )
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, Neighbour
-from reports.sentences import blocked_text, listed
+from reports.sentences import blocked_text
 from reports.stack_sentences import coupling_facts
 
 if TYPE_CHECKING:

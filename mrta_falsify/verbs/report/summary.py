@@ -9,6 +9,7 @@ from pathlib import Path
 from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.words import listed
 from mrta_falsify.verbs.campaign_summary import (
     OTHER,
     FailureMode,
@@ -17,7 +18,6 @@ from mrta_falsify.verbs.campaign_summary import (
     unseen_in,
 )
 from mrta_falsify.verbs.report.trial_table import dimension_names
-from reports.sentences import listed
 
 SECONDS_PER_HOUR = 3600.0
 MOST_NAMED = 3  # parameters and layers
