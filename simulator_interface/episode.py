@@ -269,7 +269,7 @@ class Episode:
             served=served,
             confirmed=confirmed,
             refused=refused,
-            blocked_by=self._tracker.update(seen, intent, served, self._told.tells),
+            blocked_by=self._tracker.update(seen, intent, served, self._told.tells, events),
             signals=self.outside.signals if self.outside else self._meter.signals,
             tells=self._told.tells,
             asked_again=None if asked_again is None else asked_again(answer),

@@ -91,9 +91,8 @@ class EpisodeForecast:
     ) -> None:
         self._episode = episode
         self._frames = frames
-        #: whether the stack may remember what a robot that is taken away has locked
         self.is_outside = episode.outside is not None
-        self.discs = discs_of(episode.world)  #: N, inside the robots' bodies
+        self.discs = discs_of(episode.world)
         self._standing: _Standing | None = None
         self.speculation: Speculation | None = None  #: None: the run waits for each answer
         if speculates and episode.outside is None:

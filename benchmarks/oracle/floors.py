@@ -59,7 +59,8 @@ def facing_rooms(
     east = box(half, -side / 2, half + side, side / 2)
     far, aside = half + 0.7 * side, (0.34 * side, -0.34 * side, 0.0)
     ends = [(far if x < 0.0 else -far, aside[i]) for i, (x, _) in enumerate(starts)]
-    return floor(unary_union([west, east, passage]), np.array([*starts, *ends]))
+    free = unary_union([west, east, passage], grid_size=1e-6)  # they touch, but for rounding
+    return floor(free, np.array([*starts, *ends]))
 
 
 def facing_robots(

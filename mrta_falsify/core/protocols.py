@@ -24,6 +24,7 @@ from mrta_falsify.core.fleet import (
     Sensed,
     StackEvent,
 )
+from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
 from mrta_falsify.core.steadiness import Memory
@@ -376,6 +377,14 @@ class ProvingWatch(Watch, Protocol):
 
 class Forecast(Protocol):
     """Runs a continuation: a copy of the run, usually without further outside events."""
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether a stack outside runs in it, which may remember what a robot that is gone has."""
+
+    @property
+    def discs(self) -> Sequence[Disc]:
+        """N, inside the robots' bodies."""
 
     def __call__(
         self, watch: Watch, *, without: Sequence[int] = (), nudge: int = 0, to_come: bool = False

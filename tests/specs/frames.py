@@ -23,6 +23,7 @@ from mrta_falsify.core.world import (
 )
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
+from simulator_interface.forecast import discs_of
 
 DT = 0.05
 NOWHERE = (np.nan, np.nan)
@@ -39,6 +40,7 @@ class Robot:
     path: Sequence[tuple[float, float]] | Callable[[float], Sequence] | None = None
     no_path: bool = False
     stops: int | Callable[[float], int] = 1
+    waits_for: str = ""  #: as the stack tells
 
 
 @dataclass
@@ -112,7 +114,7 @@ class Script:
         for tick in range(round(self.seconds / DT) + 1):
             frame = self._frame(tick, previous)
             previous = frame.sensed.pose
-            edges = tracker.update(frame.sensed, frame.intent, frame.served)
+            edges = tracker.update(frame.sensed, frame.intent, frame.served, events=frame.events)
             entries = books.update(frame.sensed, frame.events)
             yield dataclasses.replace(frame, blocked_by=edges, **entries._asdict())
 
@@ -156,7 +158,7 @@ class Script:
             slack=np.zeros(count),
             tasks_left=np.array(stops, dtype=np.int64),
             queue=np.full(count, -1),
-            waits_for=("",) * count,
+            waits_for=tuple(robot.waits_for for robot in self.robots),
         )
         return Frame(
             sensed=sensed,
@@ -250,3 +252,9 @@ def judge(specification, script: Script):
     for frame in script.frames(world):
         specification.update(frame)
     return specification.verdict()
+
+
+def offer(specification, world: World, forecast: Callable) -> None:
+    """Offer forecasts that ``forecast`` answers, as of a stack in process."""
+    forecast.is_outside, forecast.discs = False, discs_of(world)
+    specification.foresee(forecast)

@@ -1,11 +1,11 @@
-"""Edges come from motion, geometry, goals and paths; never from what the stack says."""
+"""Edges come from motion, geometry, goals and paths; from what the stack says where they end."""
 
 import dataclasses
 
 import numpy as np
 from frames import DT, Human, Robot, Script, corridor, drive, room_resource
 
-from mrta_falsify.core.fleet import BlockedBy, Tells
+from mrta_falsify.core.fleet import BlockedBy, StackEvent, Tells
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Resource, Task
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
@@ -327,3 +327,55 @@ def test_a_stack_that_tells_no_paths_is_taken_to_drive_the_shortest_way():
 
     assert {edge.cause for edge in edges(paths=True)} == {"no-path"}
     assert edges(paths=False) == {BlockedBy(0, "barrier", 1)}
+
+
+# --- locks of areas that nobody is in --------------------------------------------------------
+
+
+def locked(*events: tuple[int, str, int], waits_for: str = "", way: float = 5.0) -> set[BlockedBy]:
+    """Edges of robot 0 before an area; ``events``: tick, kind and robot."""
+    area = Resource(
+        name="lane",
+        kind="corridor",
+        request_area=rectangle(2.0, 1.0, (2.5, 0.0)),
+        release_area=rectangle(2.0, 1.0, (2.5, 0.0)),
+    )
+    script = Script(
+        robots=[
+            Robot((0, 0), goal=(way, 0), waits_for=waits_for),
+            Robot((0, 3), goal=(9, 3)),
+            Robot((0, -3), goal=(9, -3)),
+        ],
+        resources=[area],
+        seconds=3.0,
+        stack_events=lambda tick: tuple(
+            StackEvent(time=tick * DT, kind=kind, robot=robot, resource="lane")
+            for at, kind, robot in events
+            if at == tick
+        ),
+    )
+    return {edge for edge in last_edges(script) if edge.robot == 0}
+
+
+AT_EQUALS = {BlockedBy(0, "cluster", 1), BlockedBy(0, "cluster", 2)}
+
+
+def test_a_robot_before_an_area_waits_for_who_was_granted_it():
+    assert locked() == AT_EQUALS
+    assert locked((5, "granted", 2)) == {BlockedBy(0, "queue", 2, "lane")}
+    assert locked((5, "granted", 2), (9, "granted", 1)) == {BlockedBy(0, "queue", 1, "lane")}
+
+
+def test_who_has_the_area_itself_or_does_not_go_there_waits_for_nobody_in_it():
+    assert locked((5, "granted", 0)) == AT_EQUALS
+    assert locked((5, "granted", 2), (9, "released", 2)) == AT_EQUALS
+    assert locked((5, "granted", 2), way=1.2) == AT_EQUALS
+
+
+def test_what_a_stack_says_it_waits_for_explains_a_robot_that_nothing_stands_before():
+    assert locked(waits_for="robot3") == {BlockedBy(0, "cluster", 2)}
+    assert locked((5, "granted", 1), way=1.2, waits_for="lane") == {
+        BlockedBy(0, "queue", 1, "lane")
+    }
+    assert locked(waits_for="lane") == AT_EQUALS
+    assert locked(waits_for="a robot of another fleet") == AT_EQUALS

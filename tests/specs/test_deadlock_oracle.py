@@ -5,7 +5,18 @@ import itertools
 
 import numpy as np
 import pytest
-from frames import DT, Human, Robot, Script, corridor, drive, judge, room_resource, stop_at
+from frames import (
+    DT,
+    Human,
+    Robot,
+    Script,
+    corridor,
+    drive,
+    judge,
+    offer,
+    room_resource,
+    stop_at,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -427,8 +438,10 @@ def foretold(script: Script, fate, **options) -> NoDeadlock:
     """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
     world, judged = script.world(), oracle(**options)
     judged.start(world, DT)
-    judged.foresee(
-        lambda watch, *, without=(), nudge=0, to_come=False: fate(watch, *without or (-1,), nudge)
+    offer(
+        judged,
+        world,
+        lambda watch, *, without=(), nudge=0, to_come=False: fate(watch, *without or (-1,), nudge),
     )
     for frame in script.frames(world):
         judged.update(frame)
@@ -559,7 +572,7 @@ def test_a_forecast_is_forgotten_once_something_comes_from_outside():
                 return {"freed": [1 - without[0]]}
             return shown({0: 3.0, 1: 3.0}) if now[0] >= arrival else shown(freed={0: 50.0, 1: 50.0})
 
-        judged.foresee(forecast)
+        offer(judged, world, forecast)
         for frame in script.frames(world):
             now[0] = frame.sensed.time
             judged.update(frame)

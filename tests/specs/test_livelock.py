@@ -7,7 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from frames import DT, Robot, Script, judge
+from frames import DT, Robot, Script, judge, offer
 
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
@@ -55,7 +55,7 @@ def foretold(script: Script, seconds: float) -> tuple[Verdict, list[float]]:
         return seen.answer()
 
     judged.start(world, DT)
-    judged.foresee(forecast)
+    offer(judged, world, forecast)
     for frame in frames[: round(seconds / DT) + 1]:
         now[0] = frame.sensed.tick
         judged.update(frame)
@@ -111,7 +111,7 @@ def test_robots_whose_continuation_tells_nothing_are_not_claimed():
     script = circling_until(1e3, seconds=70.0)
     world, judged = script.world(), no_livelock()
     judged.start(world, DT)
-    judged.foresee(lambda watch, *, without=(), nudge=0: None)
+    offer(judged, world, lambda watch, *, without=(), nudge=0: None)
     for frame in script.frames(world):
         judged.update(frame)
     assert judged.verdict().outcome == "holds"

@@ -1,12 +1,13 @@
 """Who blocks whom: edges derived from motion, geometry, goals and paths.
 
-The stack's own claims (phase, queue place, what it waits for, who leads) are not used, so a
-layer that emits nothing, or lies, is judged just as well. An edge means *robot i cannot move on
+The stack's own claims (phase, queue place, who leads) are not used, so a layer that emits nothing,
+or lies, is judged just as well. Only of a robot that nothing stands before, the stack is asked who
+has what it waits for (see :mod:`.locks`). An edge means *robot i cannot move on
 until j moves*. A robot with a goal and without an edge is making progress or is being served.
 
 Causes:
-    ``queue``: waits at a spot (or outside) of a resource that ``other`` occupies, or stands
-        behind ``other`` in its queue.
+    ``queue``: waits at a spot (or outside) of a resource that ``other`` occupies or was granted,
+        or stands behind ``other`` in its queue.
     ``barrier``: robot ``other`` stands on the next metre of its path.
     ``human``: a person stands there.
     ``wall``: a solid (``resource`` names it) lies on the path, or holds the robot off.
@@ -19,15 +20,17 @@ Causes:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
-from mrta_falsify.core.fleet import BlockedBy, Intent, Sensed, Tells
+from mrta_falsify.core.fleet import BlockedBy, Intent, Sensed, StackEvent, Tells
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.free_distance import FreeDistance, free_distance
 from mrta_falsify.specs.deadlock.goals import GoalMap
+from mrta_falsify.specs.deadlock.locks import Locks
 from mrta_falsify.specs.deadlock.no_path import NoPathReasons
 from mrta_falsify.specs.deadlock.obstruction import HUMAN_REACH, Obstruction
 from mrta_falsify.specs.deadlock.occupancy import SolidGrid
@@ -35,6 +38,7 @@ from mrta_falsify.specs.deadlock.queue_edges import queue_edges, queue_edges_fro
 from mrta_falsify.specs.deadlock.service_clock import ServiceClock
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 from mrta_falsify.specs.deadlock.standstill import Standstill
+from mrta_falsify.specs.deadlock.wait_graph import is_unexplained
 
 STANDS_AFTER = 1.0  # s on its spot until a robot is asked what is in the way
 EDGES_EVERY = 0.25  # s between two looks at the geometry
@@ -59,6 +63,7 @@ class BlockedByTracker:
     _service: ServiceClock = field(init=False)
     _obstruction: Obstruction = field(init=False)
     _no_path: NoPathReasons = field(init=False)
+    _locks: Locks = field(init=False)
     _stride: int = field(init=False)
     _edges: tuple[BlockedBy, ...] = ()
     _joins: Array = field(init=False)
@@ -71,6 +76,7 @@ class BlockedByTracker:
         self._service = ServiceClock(world, GoalMap(world))
         self._obstruction = Obstruction(world, self._space)
         self._no_path = NoPathReasons(world, self._space)
+        self._locks = Locks(world)
         self._stride = look_stride(self.dt)
         self._joins = np.array([robot.joins_at for robot in world.robots])
 
@@ -80,6 +86,7 @@ class BlockedByTracker:
         intent: Intent,
         served: IntArray,
         tells: Tells = Tells(),  # noqa: B008 - immutable
+        events: Iterable[StackEvent] = (),
     ) -> tuple[BlockedBy, ...]:
         """Derive the edges of this tick, sorted by robot.
 
@@ -91,7 +98,9 @@ class BlockedByTracker:
             served: ``(N,)`` stops done to date.
             tells: whether the stack tells paths; without, robots are taken to drive the shortest
                 way past walls and furniture.
+            events: that the stack tells in this tick.
         """
+        self._locks.update(events)
         since = self._standstill.update(sensed.pose, sensed.time, intent.goal)
         if sensed.tick % self._stride:
             return self._edges
@@ -138,6 +147,8 @@ class BlockedByTracker:
                 continue
             elif not self._service.is_serving(i) or self._is_kept_off(fleet, i):
                 found[i] = self._own_edges(fleet, i)
+                if all(is_unexplained(edge) for edge in found[i]):
+                    found[i] = self._locks.edges(fleet, i) or found[i]
                 if not found[i]:
                     unexplained.append(i)
         explained = {i for i, edges in found.items() if edges}

@@ -33,7 +33,7 @@ class Removals:
     @property
     def is_outside(self) -> bool:
         """Whether the stack may remember what a robot that is gone has locked."""
-        return bool(getattr(self.forecast, "is_outside", False))
+        return self.forecast.is_outside
 
     def without(self, gone: tuple[int, ...], stuck: set[int]) -> CounterfactualAnswer | None:
         """Look what the others in ``stuck`` do without ``gone``; None: that cannot be tried."""
@@ -105,15 +105,20 @@ def _corrected_of(
             fails.append((edge, edges_by_robot(answer.edges).get(i, [])))
     if holds:
         return [edge for edge in own if edge in holds or edge in others]
-    kept = list(others)
+    kept, together = list(others), []  # several may hold it together
     for edge, instead in fails:
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
         reasons = [e for e in new if _is_reason(e, named=removals.is_outside)]
         if _are_known(reasons, own) if reasons else removals.is_outside:
-            kept.append(edge)  # several hold it together, or a lock that the stack remembers
+            together.append(edge)  # or a lock that the stack remembers
         else:
             kept += [e for e in reasons or new if e not in kept]
-    return kept or [BlockedBy(i, "stalled")]
+    if len(together) > 1 and not removals.is_outside:
+        answer = removals.without(tuple(sorted({e.other for e in together})), stuck | {i})
+        if answer is not None and i not in answer.nearer and i not in answer.freed:
+            instead = edges_by_robot(answer.edges).get(i, [])
+            together = [e for e in instead if e not in kept]
+    return [*kept, *together] or [BlockedBy(i, "stalled")]
 
 
 def _is_reason(edge: BlockedBy, *, named: bool) -> bool:

@@ -212,7 +212,8 @@ class CounterfactualTest:
     ) -> bool:
         """Whether others who go on pass again and again a robot that waits for them.
 
-        It is asked about again once they have. Where they are not to blame, it stays without them.
+        It is asked about again once they have. Where they are not to blame, it stays without them,
+        or for as long again after the last of them has passed.
         """
         if group.is_mutual:
             return False
@@ -220,7 +221,8 @@ class CounterfactualTest:
         for i in group.group.members:
             passed = seen.passed.get(str(i), {})
             held_by |= {int(j): at for j, at in passed.items() if int(j) not in group.last}
-        if max(held_by.values(), default=time) <= time:
+        last = max(held_by.values(), default=time)
+        if last <= time or last - time < seen.ended - last:
             return False
         members = set(group.group.members)
         stays = removals.without(tuple(sorted(held_by)), members)

@@ -24,6 +24,7 @@ to a stack that does not tell where its robots go (see :mod:`.untold_goals`).
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -34,6 +35,7 @@ from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame
+from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -204,7 +206,7 @@ class NoDeadlock:
             return
         for found in self._test.deadlocks(forecast, asked, time):
             if not known & set(found.group.robots):
-                self._claim(found, edges, frame)
+                self._claim(found, forecast.discs, edges, frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -223,7 +225,9 @@ class NoDeadlock:
         )
         self._suspected = describe(deadlock, self._world, frame)
 
-    def _claim(self, found: FoundDeadlock, now: EdgesByRobot, frame: Frame) -> None:
+    def _claim(
+        self, found: FoundDeadlock, discs: Sequence[Disc], now: EdgesByRobot, frame: Frame
+    ) -> None:
         """Claim a deadlock that continuations have shown."""
         time = frame.sensed.time
         ground = Ground(
@@ -232,10 +236,10 @@ class NoDeadlock:
             stands_since=time,
             ended=found.ended,
         )
-        deadlock = self._with_last_links(_confirmed(found, now), ground, frame)
+        deadlock = _with_last_links(_confirmed(found, now), ground, discs, frame)
         names = [robot.name for robot in self._world.robots]
         described = describe(deadlock, self._world, frame)
-        shut = self._shut(found, ground, frame)
+        shut = _shut(found, ground, discs, frame)
         is_ring = set(found.members_alone) == set(found.group.members)
         evidence = dataclasses.replace(
             described,
@@ -249,26 +253,6 @@ class NoDeadlock:
             members_alone=() if is_ring else tuple(names[i] for i in sorted(found.members_alone)),
         )
         self._claims.append(_Claim(deadlock, evidence, frame.served.copy()))
-
-    def _with_last_links(self, deadlock: Deadlock, ground: Ground, frame: Frame) -> Deadlock:
-        """Add what holds idle robots that stand in the way and could not make room."""
-        discs = getattr(self._forecast, "discs", ())
-        edges = dict(deadlock.edges)
-        for i in sorted(deadlock.awaited() - deadlock.robots) if discs else ():
-            own = [edge for edge in edges.get(i, ()) if edge.cause != "task"]
-            by = () if own else ground.shut_in(frame.sensed.pose[i], discs[i])
-            edges[i] = own or [BlockedBy(i, "no-path", -1, name) for name in by]
-        return dataclasses.replace(deadlock, edges=edges)
-
-    def _shut(self, found: FoundDeadlock, ground: Ground, frame: Frame) -> Shut | None:
-        """Say what shuts the ways of all members; None: one of them could get to its goal."""
-        discs = getattr(self._forecast, "discs", ())
-        pose, goal = frame.sensed.pose, frame.intent.goal
-        ways = [ground.shut_way(pose[i], goal[i], discs[i]) for i in found.group.members if discs]
-        shut = [way for way in ways if way is not None]
-        if not shut or len(shut) < len(found.group.members):
-            return None
-        return min(shut, key=lambda way: way.since)
 
     def _withdraw(self, frame: Frame) -> None:
         """Withdraw the claims that the run refutes: a member goes on within the claim's bound."""
@@ -301,6 +285,28 @@ class _Claim(NamedTuple):
     deadlock: Deadlock
     evidence: DeadlockEvidence
     served: IntArray  #: (N,) stops done when it was made
+
+
+def _with_last_links(
+    deadlock: Deadlock, ground: Ground, discs: Sequence[Disc], frame: Frame
+) -> Deadlock:
+    """Add what holds idle robots that stand in the way and could not make room."""
+    edges = dict(deadlock.edges)
+    for i in sorted(deadlock.awaited() - deadlock.robots):
+        own = [edge for edge in edges.get(i, ()) if edge.cause != "task"]
+        by = () if own else ground.shut_in(frame.sensed.pose[i], discs[i])
+        edges[i] = own or [BlockedBy(i, "no-path", -1, name) for name in by]
+    return dataclasses.replace(deadlock, edges=edges)
+
+
+def _shut(found: FoundDeadlock, ground: Ground, discs: Sequence[Disc], frame: Frame) -> Shut | None:
+    """Say what shuts the ways of all members; None: one of them could get to its goal."""
+    pose, goal = frame.sensed.pose, frame.intent.goal
+    ways = [ground.shut_way(pose[i], goal[i], discs[i]) for i in found.group.members]
+    shut = [way for way in ways if way is not None]
+    if len(shut) < len(found.group.members):
+        return None
+    return min(shut, key=lambda way: way.since)
 
 
 def _by_gravity(evidence: DeadlockEvidence) -> tuple[int, float]:

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.free_space import Disc, FreeSpace, around, free_space
 from mrta_falsify.core.world import Blockage, World
-from mrta_falsify.specs.books import ROOM_REACH
+from mrta_falsify.specs.books import ROOM_REACH, stop_area
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
 from mrta_falsify.specs.deadlock.goals import GoalMap, is_inside
 
@@ -57,10 +58,12 @@ class Ground:
             goal: where it is to go ``(2,)`` [m]; of a waiting spot, the room that it waits for.
             disc: inside the robot's body.
         """
-        target, name = _target(self.world, goal)
+        target, room, name = _target(self.world, goal)
         if not np.isfinite(target).all():
             return None
-        by = self._space(disc).shut_by(disc.at(pose), around(target, ROOM_REACH + disc.away))
+        walls = [Polygon(wall.polygon) for wall in self.world.walls]
+        stop = around(target, ROOM_REACH) if room < 0 else stop_area(target, walls)
+        by = self._space(disc).shut_by(disc.at(pose), shapely.buffer(stop, disc.away))
         if by is None:
             return None
         closing = [thing for thing in self._things() if thing.name in by]
@@ -98,8 +101,8 @@ class Ground:
         return _things(self.world, self.bystanders, self.stands_since, self.ended)
 
 
-def _target(world: World, goal: Array) -> tuple[Array, str]:
-    """Find where a robot is to go in the end ``(2,)`` [m], and the name of that place."""
+def _target(world: World, goal: Array) -> tuple[Array, int, str]:
+    """Find where a robot is to go in the end ``(2,)`` [m], the room (-1: none) and its name."""
     goals = GoalMap(world)
     meaning = goals.of(goal)
     room = meaning.room
@@ -107,8 +110,8 @@ def _target(world: World, goal: Array) -> tuple[Array, str]:
         resource = world.resources[meaning.resource]
         room = -1 if resource.room is None else resource.room
     if room >= 0:
-        return world.rooms[room].point, world.rooms[room].name
-    return goal, goals.nearest_name(goal)[0]
+        return world.rooms[room].point, room, world.rooms[room].name
+    return goal, -1, goals.nearest_name(goal)[0]
 
 
 def _things(

@@ -94,5 +94,5 @@ class UntoldGoals:
         has_goal = np.isfinite(goal[:, 0]).astype(np.int64)
         intent = dataclasses.replace(frame.intent, goal=goal, tasks_left=has_goal)
         tells = Tells(deliveries=frame.tells.deliveries, goals=True, paths=False)
-        edges = self._tracker.update(sensed, intent, frame.served, tells)
+        edges = self._tracker.update(sensed, intent, frame.served, tells, frame.events)
         return dataclasses.replace(frame, intent=intent, tells=tells, blocked_by=edges)
