@@ -254,7 +254,7 @@ def judge(specification, script: Script):
     return specification.verdict()
 
 
-def offer(specification, world: World, forecast: Callable) -> None:
-    """Offer forecasts that ``forecast`` answers, as of a stack in process."""
-    forecast.is_outside, forecast.discs = False, discs_of(world)
+def offer(specification, world: World, forecast: Callable, *, is_outside: bool = False) -> None:
+    """Offer forecasts that ``forecast`` answers."""
+    forecast.is_outside, forecast.discs = is_outside, discs_of(world)
     specification.foresee(forecast)

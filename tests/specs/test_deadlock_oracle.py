@@ -434,7 +434,7 @@ def test_shifting_the_map_does_not_change_robustness(dx, dy):
 # --- with forecasts --------------------------------------------------------------------------
 
 
-def foretold(script: Script, fate, **options) -> NoDeadlock:
+def foretold(script: Script, fate, *, is_outside: bool = False, **options) -> NoDeadlock:
     """The oracle over ``script`` when forecasts answer ``fate(watch, without, nudge)``."""
     world, judged = script.world(), oracle(**options)
     judged.start(world, DT)
@@ -442,6 +442,7 @@ def foretold(script: Script, fate, **options) -> NoDeadlock:
         judged,
         world,
         lambda watch, *, without=(), nudge=0, to_come=False: fate(watch, *without or (-1,), nudge),
+        is_outside=is_outside,
     )
     for frame in script.frames(world):
         judged.update(frame)
@@ -473,6 +474,34 @@ def test_who_makes_progress_in_the_continuation_of_another_robot_is_not_asked_ab
         return len(asked)
 
     assert asked_at({0: 28.0, 1: 28.0}) < asked_at({0: 28.0})
+
+
+def behind_one_in_service(*, no_path: bool) -> list[float]:
+    """When it is asked about a robot that stands behind one that is served for 20 s."""
+    asked = []
+    script = Script(
+        robots=[
+            Robot((-1.0, 0.0), goal=(5.0, 0.0), no_path=no_path),
+            Robot((0.0, 0.0), goal=(0.0, 0.0)),
+        ],
+        walls=corridor(),
+        bounds=(-6.0, -0.7, 6.0, 0.7),
+        rooms=[(0.0, 0.0)],
+        tasks=[Task(arrival=0.0, start=0, end=0, deadline=800.0, pickup_time=20.0)],
+        seconds=15.0,
+    )
+
+    def fate(watch, without, nudge):
+        asked.append(watch.question.time)
+        return shown(freed={0: 25.0, 1: 20.0})
+
+    foretold(script, fate)
+    return asked
+
+
+def test_who_stands_behind_one_in_service_is_asked_about_before_that_ends_if_it_has_no_path():
+    assert not behind_one_in_service(no_path=False)
+    assert behind_one_in_service(no_path=True)[0] < 6.0
 
 
 def test_no_copies_vote_on_a_stuck_robot_that_nobody_asked_about():
@@ -541,6 +570,28 @@ def test_who_goes_free_without_one_robot_while_that_one_stays_put_is_its_victim(
     verdict = foretold(head_on(), fate).verdict()
     assert verdict.who == ("robot1",)
     assert verdict.evidence["victims"] == ["robot2"]
+
+
+def members_of_a_ring(freed_without_0=(), *, is_outside=False) -> set[str]:
+    """Members where two robots wait for each other by the edges."""
+    edges = [(0, "queue", 1), (1, "queue", 0)]
+
+    def fate(watch, without, nudge):
+        if without < 0:
+            return shown({0: 3.0, 1: 3.0}, edges=edges)
+        rows = shown(edges=edges)["edges"]
+        return {"freed": list(freed_without_0) if without == 0 else [], "edges": rows, "nearer": []}
+
+    return set(foretold(head_on(), fate, is_outside=is_outside).verdict().who)
+
+
+def test_of_a_ring_that_no_removal_opens_all_are_members_if_the_stack_may_remember_locks():
+    assert members_of_a_ring(is_outside=True) == {"robot1", "robot2"}
+    assert members_of_a_ring((1,), is_outside=True) == {"robot1", "robot2"}
+
+
+def test_of_a_ring_that_a_removal_opens_on_one_side_the_other_robot_is_a_victim():
+    assert members_of_a_ring((1,)) == {"robot1"}
 
 
 def test_who_waits_for_one_that_still_makes_progress_is_asked_about_after_that():

@@ -25,7 +25,12 @@ from mrta_falsify.specs.deadlock.corrections import Removals, corrected
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.rest import timed
 from mrta_falsify.specs.deadlock.stuck_groups import StuckGroup, stuck_groups
-from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot, rings_of
+from mrta_falsify.specs.deadlock.wait_graph import (
+    EdgesByRobot,
+    awaited_by,
+    edges_by_robot,
+    rings_of,
+)
 from mrta_falsify.specs.deadlock.watches import (
     A_MINUTE,
     ContinuationAnswer,
@@ -479,10 +484,16 @@ class CounterfactualTest:
             last = {i: progress for i, progress in last.items() if progress <= time}
             freed_by, edges = {i: set(last) - {i} for i in last}, seen
         here = {i for i in last if last[i] <= time}
+        rings = [
+            ring
+            for ring in rings_of(last, edges)
+            if removals.is_outside or not any(freed_by[i] & set(ring) for i in ring)
+        ]
         # A robot that gets stuck later counts if one that is stuck now depends on it.
         party = {i for i in last if i in here or freed_by[i] & here}
-        rings = rings_of(last, edges)
         party |= {i for ring in rings if here & set(ring) for i in ring}
+        if removals.is_outside:
+            party |= {j for i in here for j in awaited_by(i, last, edges)}
         freed = {i: freed_by[i] & party for i in party}
         found = []
         for alone, others in stuck_groups(party, freed, edges):

@@ -111,6 +111,12 @@ class SuspectClock:
         return bool(without >= self._progress_limit[i]) and not self._awaits_service(i)
 
     def _awaits_service(self, i: int) -> bool:
+        """Whether a robot waits for one that is being served.
+
+        One without a path may lack it for more than that robot.
+        """
+        if any(edge.cause == "no-path" for edge in self._edges.get(i, ())):
+            return False
         party = {i} | self._awaited(i)
         stands = self._time - self._stands_since >= SERVED_AFTER
         return any(self.waits[j] and stands[j] and j not in self._edges for j in party)
