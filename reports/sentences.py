@@ -266,6 +266,8 @@ def wait_sentence(
     resource = told.get(wait.resource, wait.resource)
     if wait.cause == "queue" and not wait.blocked_by:
         return f"{wait.robot} waits for {resource or 'a resource'}, which is free."
+    if wait.cause == "queue" and not resource:
+        return f"{wait.robot} waits for {wait.blocked_by}, as the stack tells."
     text = CAUSES.get(wait.cause, f"is blocked ({wait.cause})").format(
         other=wait.blocked_by or "another robot",
         resource=resource or "a resource",

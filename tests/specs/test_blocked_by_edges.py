@@ -373,7 +373,7 @@ def test_who_has_the_area_itself_or_does_not_go_there_waits_for_nobody_in_it():
 
 
 def test_what_a_stack_says_it_waits_for_explains_a_robot_that_nothing_stands_before():
-    assert locked(waits_for="robot3") == {BlockedBy(0, "cluster", 2)}
+    assert locked(waits_for="robot3") == {BlockedBy(0, "queue", 2)}
     assert locked((5, "granted", 1), way=1.2, waits_for="lane") == {
         BlockedBy(0, "queue", 1, "lane")
     }

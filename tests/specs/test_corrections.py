@@ -60,3 +60,9 @@ def test_a_stack_outside_that_may_remember_locks_loses_an_edge_to_a_named_thing_
     assert corrected({0: [BEHIND]}, {0, 1}, stalled)[0] == [BEHIND]
     named = removals(is_outside=True, without_1=shown(WALL))
     assert corrected({0: [BEHIND]}, {0, 1}, named)[0] == [WALL]
+
+
+def test_a_neighbour_that_is_near_and_no_more_is_no_lock():
+    near = BlockedBy(0, "cluster", 1)
+    stalled = removals(is_outside=True, without_1=shown(BlockedBy(0, "stalled")))
+    assert corrected({0: [near]}, {0, 1}, stalled)[0] == [BlockedBy(0, "stalled")]

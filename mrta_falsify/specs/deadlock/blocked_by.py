@@ -7,7 +7,7 @@ until j moves*. A robot with a goal and without an edge is making progress or is
 
 Causes:
     ``queue``: waits at a spot (or outside) of a resource that ``other`` occupies or was granted,
-        or stands behind ``other`` in its queue.
+        or stands behind ``other`` in its queue. Without a resource: the stack tells so.
     ``barrier``: robot ``other`` stands on the next metre of its path.
     ``human``: a person stands there.
     ``wall``: a solid (``resource`` names it) lies on the path, or holds the robot off.

@@ -72,7 +72,8 @@ def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> Edges
     An edge holds if the robot gets nearer to its goal once its blocker is gone. Otherwise what
     holds it without the blocker takes the edge's place, unless that is among its edges already:
     then several hold it together. A stack outside may remember the locks of a robot that is gone;
-    there an edge goes only where a thing with a name, or a person, is seen in the way.
+    there an edge goes only where a thing with a name, or a person, is seen in the way, or where
+    nothing but nearness spoke for it.
 
     Args:
         edges: of the wait-for graph, as geometry shows them.
@@ -109,8 +110,9 @@ def _corrected_of(
     for edge, instead in fails:
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
         reasons = [e for e in new if _is_reason(e, named=removals.is_outside)]
-        if _are_known(reasons, own) if reasons else removals.is_outside:
-            together.append(edge)  # or a lock that the stack remembers
+        is_lock = removals.is_outside and edge.cause != "cluster"  # that the stack remembers
+        if _are_known(reasons, own) if reasons else is_lock:
+            together.append(edge)
         else:
             kept += [e for e in reasons or new if e not in kept]
     if len(together) > 1 and not removals.is_outside:

@@ -46,7 +46,7 @@ class Locks:
         told = fleet.intent.waits_for[i]
         other = self._robots.get(told, i)
         if other != i:
-            return [BlockedBy(i, "cluster", other)]
+            return [BlockedBy(i, "queue", other)]
         for resource in self._wanted(fleet, i, told):
             others = [j for j in self._holders[resource.name] if j != i]
             if others:
