@@ -24,7 +24,7 @@ from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.stops_served import StopsServed
 from mrta_falsify.stack.pipeline import Stack
-from mrta_falsify.stack.timers import LONGEST_OF_PUSHING, longest_timer
+from mrta_falsify.stack.timers import LONGEST_OF_PUSHING, longest_timer, looks_at_plan
 from simulator_interface.asking_again import ask_again
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.external.stack import ProcessStack
@@ -352,6 +352,12 @@ class Episode:
     def memory(self) -> Memory:
         """Read all that decides the next ticks of stack, engine and people."""
         return memory_of(self.state, self._engine, self.crowd, self._localisation)
+
+    def planned_times(self) -> tuple[float, ...]:
+        """Moments at which the stack may decide anew by its own plan, past ones too [s]."""
+        missions = getattr(self.state, "missions", ())
+        plans = [mission.itinerary for mission in missions if mission.itinerary]
+        return tuple(time for plan in plans for time in looks_at_plan(plan, self.world.tasks))
 
     @property
     def can_remove(self) -> bool:

@@ -366,6 +366,9 @@ class SteadyRun(Protocol):
     def memory(self) -> Memory:
         """Read all that decides the next ticks."""
 
+    def planned_times(self) -> Sequence[float]:
+        """List moments at which the stack may decide anew by its own plan, past ones too [s]."""
+
 
 @runtime_checkable
 class ProvingWatch(Watch, Protocol):

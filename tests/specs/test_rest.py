@@ -22,6 +22,7 @@ class FakeRun:
     """A run whose memory is made up."""
 
     longest_timer = TIMER
+    plan: tuple[float, ...] = ()  #: moments ahead at which the stack decides anew [s]
 
     def __init__(self, memory) -> None:
         self._memory = memory
@@ -29,6 +30,9 @@ class FakeRun:
 
     def memory(self) -> Memory:
         return self._memory(self.time)
+
+    def planned_times(self) -> tuple[float, ...]:
+        return (5.0, *self.plan)
 
 
 def at_rest_from(memory, *, robot=(1.0, 1.0), seconds=60.0, **more) -> float:
@@ -75,6 +79,26 @@ def test_a_service_longer_than_the_stack_s_timers_is_waited_for():
     task = Task(arrival=0.0, start=0, end=0, deadline=np.inf, pickup_time=15.0)
     more = {"rooms": [(9.0, 1.0)], "tasks": [task]}
     assert at_rest_from(constant, **more) >= 2.0 * 15.0
+
+
+@pytest.mark.parametrize(("plan", "until"), [((), np.inf), ((500.0,), 500.0)])
+def test_rest_lasts_to_the_moment_at_which_the_stack_decides_anew(plan, until):
+    script = Script(robots=[Robot(at=(1.0, 1.0))], humans=[Human((4.0, 4.0))], seconds=30.0)
+    world = script.world()
+    rest, run = ProvenRest(world), FakeRun(constant)
+    run.plan = plan
+    rest.take_run(run)
+    for frame in script.frames(world):
+        rest.update(frame.sensed)
+    assert rest.lasts_until(30.0) == until
+
+
+def test_people_who_appear_and_leave_end_rest_and_those_who_stay_do_not():
+    world = Script(robots=[Robot(at=(1.0, 1.0))], humans=[Human((4.0, 4.0))]).world()
+    assert not len(timed(world, to_come=False)[timed(world, to_come=False) > 0.0])
+    passing = dataclasses.replace(world.humans[0], appears_at=200.0, leaves_at=400.0)
+    world = dataclasses.replace(world, humans=(passing,))
+    assert {200.0, 400.0} <= set(timed(world, to_come=False).tolist())
 
 
 def test_what_happens_by_the_clock_ends_rest():

@@ -9,7 +9,7 @@ import pytest
 
 from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.geometry import rectangle
-from mrta_falsify.core.world import Blockage, Furniture
+from mrta_falsify.core.world import Blockage, Furniture, Task
 from mrta_falsify.specs.deadlock.bystanders import AWAY, Bystanders
 from mrta_falsify.specs.deadlock.shut import Ground
 from tests.specs.frames import Human, Robot, Script
@@ -35,11 +35,20 @@ NOBODY = Bystanders()
 
 
 def shut(in_world, bystanders=NOBODY, *, start=OUTSIDE, goal=INSIDE):
-    return ground(in_world, bystanders).shut_way(np.array([*start, 0.0]), np.array(goal), DISC)
+    return ground(in_world, bystanders, start).shut_way(0, np.array(goal))
 
 
-def ground(in_world, bystanders):
-    return Ground(world=in_world, bystanders=bystanders, stands_since=FOUND, ended=ENDED)
+def ground(in_world, bystanders, *places):
+    """The ground with robot 0, and maybe others, at ``places``; others are thin."""
+    discs = [DISC, *[Disc((0.0, 0.0), 0.05)] * (len(places) - 1)]
+    return Ground(
+        world=in_world,
+        pose=np.array([[*place, 0.0] for place in places]),
+        discs=discs,
+        bystanders=bystanders,
+        stands_since=FOUND,
+        ended=ENDED,
+    )
 
 
 def bed(width: float) -> Furniture:
@@ -97,6 +106,48 @@ def test_a_person_who_stays_shuts_and_one_who_came_later_or_left_does_not():
     assert shut(in_world, person(AWAY, AWAY, 30.0)) is None
 
 
+@pytest.mark.parametrize("here", [{"leaves_at": 1.0}, {"appears_at": 100.0}])
+def test_a_person_who_is_not_in_the_building_shuts_nothing(here):
+    in_world = world(humans=[Human((0.0, 0.0))])
+    absent = dataclasses.replace(in_world.humans[0], radius=0.45, **here)
+    in_world = dataclasses.replace(in_world, humans=(absent,))
+    assert shut(in_world, Bystanders(people=((0.0, 0.0, 0.0),))) is None
+
+
+def test_a_blockage_that_waits_for_a_robot_to_leave_its_place_shuts_nothing():
+    cart = Blockage(name="cart", polygon=rectangle(0.4, 0.9, (0.0, 0.0)), start=20.0, end=1e6)
+    blocked = world(events=(cart,))
+    two = dataclasses.replace(
+        blocked, robots=(*blocked.robots, dataclasses.replace(blocked.robots[0], name="robot2"))
+    )
+    assert ground(two, NOBODY, OUTSIDE, (1.0, 2.0)).shut_way(0, np.array(INSIDE)) is not None
+    assert ground(two, NOBODY, OUTSIDE, (0.0, 0.0)).shut_way(0, np.array(INSIDE)) is None
+
+
+def test_a_robot_sent_where_only_another_one_fits_is_not_shut_by_the_world():
+    cabinet = Furniture(name="cabinet", kind="cabinet", polygon=rectangle(0.3, 0.8, (0.0, 0.1)))
+    gap = world(furniture=(cabinet,))
+    task = Task(arrival=0.0, start=0, end=1, deadline=800.0)
+    two = dataclasses.replace(
+        gap,
+        robots=(*gap.robots, dataclasses.replace(gap.robots[0], name="thin")),
+        tasks=(task,),
+    )
+
+    def way(in_world):
+        return ground(in_world, NOBODY, OUTSIDE, OUTSIDE).shut_way(0, np.array(INSIDE))
+
+    assert way(two) is None
+    bound = dataclasses.replace(task, robot=two.robots[0].name)
+    assert way(dataclasses.replace(two, tasks=(bound,))).by == ("cabinet",)
+
+
+def test_walls_alone_and_a_goal_that_is_no_room_are_not_the_world_s_doing():
+    assert shut(world(), goal=(0.0, 2.5)) is None
+    cabinet = Furniture(name="cabinet", kind="cabinet", polygon=rectangle(0.3, 1.0, (0.0, 0.0)))
+    assert shut(world(rooms=(), furniture=(cabinet,))) is None
+
+
 def test_a_blockage_shuts_only_if_it_lasts():
     def cart(end):
         return Blockage(name="cart", polygon=rectangle(0.4, 0.9, (0.0, 0.0)), start=20.0, end=end)
@@ -108,6 +159,5 @@ def test_a_blockage_shuts_only_if_it_lasts():
 
 def test_an_idle_robot_that_cannot_make_room_is_shut_in_by_what_keeps_it_there():
     in_world = world(furniture=(bed(0.9),))
-    here = np.array([*INSIDE, 0.0])
-    assert ground(in_world, pushed(0.0, 0.0)).shut_in(here, DISC) == ("bed_1",)
-    assert ground(in_world, pushed(3.0, 2.0)).shut_in(here, DISC) == ()
+    assert ground(in_world, pushed(0.0, 0.0), INSIDE).shut_in(0) == ("bed_1",)
+    assert ground(in_world, pushed(3.0, 2.0), INSIDE).shut_in(0) == ()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import Sensed
+from mrta_falsify.core.fleet import Frame, Sensed
 from mrta_falsify.core.world import World
 
 AWAY = 1e9  # m, coordinate of who or what is not in the building
 STANDS_WITHIN = 0.05  # m or rad from a place; who stays within it stands there
+WALKS_BEYOND = 0.5  # m from a place; who gets there walks on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +50,34 @@ class BystanderClock:
             np.column_stack([self._furniture, self._moved]),
             np.column_stack([self._people, self._walked]),
         )
+
+
+class WalkWatch:
+    """Watches whether one of some people walks on in a copy of the run.
+
+    Args:
+        people: their numbers.
+        seconds: for which it watches [s].
+    """
+
+    def __init__(self, people: Sequence[int], seconds: float) -> None:
+        self._people, self._seconds = list(people), seconds
+        self._began: tuple[float, Array] | None = None  # when [s] and where (K, 2) [m]
+        self._walked = False
+
+    def update(self, frame: Frame) -> bool:
+        """See :class:`mrta_falsify.core.protocols.Watch`."""
+        sensed = frame.sensed
+        places = sensed.human_position[self._people]
+        if self._began is None:
+            self._began = sensed.time, places.copy()
+        began, before = self._began
+        self._walked = not bool((np.hypot(*(places - before).T) <= WALKS_BEYOND).all())
+        return self._walked or sensed.time - began >= self._seconds
+
+    def answer(self) -> dict[str, Any]:
+        """Tell whether one ``walked``."""
+        return {"walked": self._walked}
 
 
 def bystanders_of(rows: tuple[Array, Array]) -> Bystanders:

@@ -70,10 +70,10 @@ def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> Edges
     """Correct the edges of stuck robots by what taking the blockers away shows.
 
     An edge holds if the robot gets nearer to its goal once its blocker is gone. Otherwise what
-    holds it without the blocker takes the edge's place, unless that is among its edges already:
-    then several hold it together. A stack outside may remember the locks of a robot that is gone;
-    there an edge goes only where a thing with a name, or a person, is seen in the way, or where
-    nothing but nearness spoke for it.
+    holds it without the blocker takes the edge's place, unless these are robots among its edges
+    already: then several may hold it together, and it is tried without all of them. A stack outside
+    may remember the locks of a robot that is gone; there an edge goes only where a thing with a
+    name, or a person, is seen in the way, or where nothing but nearness spoke for it.
 
     Args:
         edges: of the wait-for graph, as geometry shows them.
@@ -109,13 +109,16 @@ def _corrected_of(
     kept, together = list(others), []  # several may hold it together
     for edge, instead in fails:
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
-        reasons = [e for e in new if _is_reason(e, named=removals.is_outside)]
-        is_lock = removals.is_outside and edge.cause != "cluster"  # that the stack remembers
-        if _are_known(reasons, own) if reasons else is_lock:
+        is_lock = removals.is_outside and edge.cause != "cluster"  # that the stack may remember
+        reasons = [e for e in new if _is_reason(e, named=is_lock)]
+        are_robots = all(e.other >= 0 and e.cause != "human" for e in reasons)
+        if is_lock and not reasons:
+            kept.append(edge)
+        elif reasons and are_robots and _are_known(reasons, own):
             together.append(edge)
         else:
             kept += [e for e in reasons or new if e not in kept]
-    if len(together) > 1 and not removals.is_outside:
+    if len(together) > 1:
         answer = removals.without(tuple(sorted({e.other for e in together})), stuck | {i})
         if answer is not None and i not in answer.nearer and i not in answer.freed:
             instead = edges_by_robot(answer.edges).get(i, [])

@@ -200,7 +200,10 @@ class CounterfactualTest:
             self._ask_later(here, time)
             return []
         assert end is not None
-        if self._tells_members and self._is_incomplete(seen, asked, removals, time):
+        if self._tells_members and (
+            self._is_incomplete(seen, asked, removals, time)
+            or (removals.is_outside and self._awaits_what_comes(here, end, time))
+        ):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
         if not any(last[i] <= time for i in asked & set(last)):
@@ -355,6 +358,23 @@ class CounterfactualTest:
         self._note_free(asked - here, {i: at for at, i in later if i in asked}, freed, time)
         for i, progress in until.items():
             self.free_until[i] = max(progress, time + self._pause[i])
+        return True
+
+    def _awaits_what_comes(
+        self, here: Collection[int], end: ContinuationAnswer, time: float
+    ) -> bool:
+        """Say whether all of ``here`` wait for robots that get stuck once something has come.
+
+        The edges tell, where a stack may remember what a robot that is gone has locked.
+        """
+        later = {int(i): at for i, at in end.stuck.items() if at > time}
+        edges = edges_by_robot(end.edges)
+        stuck = {int(i) for i in end.stuck}
+        until = {i: [later[j] for j in awaited_by(i, stuck, edges) & later.keys()] for i in here}
+        if not all(until.values()):
+            return False
+        for i, times in until.items():
+            self.free_until[i] = max(*times, time + self._pause[i])
         return True
 
     def _voted(

@@ -49,7 +49,7 @@ class Locks:
             return [BlockedBy(i, "queue", other)]
         for resource in self._wanted(fleet, i, told):
             others = [j for j in self._holders[resource.name] if j != i]
-            if others:
+            if len(others) >= resource.capacity:
                 return [BlockedBy(i, "queue", j, resource.name) for j in others]
         return []
 

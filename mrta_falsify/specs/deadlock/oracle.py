@@ -24,7 +24,7 @@ to a stack that does not tell where its robots go (see :mod:`.untold_goals`).
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -35,14 +35,15 @@ from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame
-from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.protocols import Forecast
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY, look_stride
+from mrta_falsify.specs.deadlock.bystanders import WalkWatch
 from mrta_falsify.specs.deadlock.counterfactual import (
     COPIES,
     LOOK_AHEAD,
+    LOOK_WITHOUT,
     CounterfactualTest,
     FoundDeadlock,
 )
@@ -153,7 +154,7 @@ class NoDeadlock:
                 spec=SPEC,
                 robustness=min(first.onset - first.detected_at, -1e-9),
                 violated=True,
-                violated_at=first.detected_at,
+                violated_at=min(claim.detected_at for claim in claims),
                 who=first.members,
                 evidence=first.encoded(others) | self._told_beside(),
             )
@@ -206,7 +207,7 @@ class NoDeadlock:
             return
         for found in self._test.deadlocks(forecast, asked, time):
             if not known & set(found.group.robots):
-                self._claim(found, forecast.discs, edges, frame)
+                self._claim(found, forecast, edges, frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -226,20 +227,24 @@ class NoDeadlock:
         self._suspected = describe(deadlock, self._world, frame)
 
     def _claim(
-        self, found: FoundDeadlock, discs: Sequence[Disc], now: EdgesByRobot, frame: Frame
+        self, found: FoundDeadlock, forecast: Forecast, now: EdgesByRobot, frame: Frame
     ) -> None:
         """Claim a deadlock that continuations have shown."""
         time = frame.sensed.time
         ground = Ground(
             world=self._world,
+            pose=frame.sensed.pose,
+            discs=forecast.discs,
             bystanders=found.bystanders,
             stands_since=time,
             ended=found.ended,
         )
-        deadlock = _with_last_links(_confirmed(found, now), ground, discs, frame)
+        deadlock = _with_last_links(_confirmed(found, now), ground)
         names = [robot.name for robot in self._world.robots]
         described = describe(deadlock, self._world, frame)
-        shut = _shut(found, ground, discs, frame)
+        shut = _shut(found, ground, frame)
+        if shut and self._is_let_go(forecast, shut.by, found.group.robots):
+            shut = None  # a person stands there because the robots do
         is_ring = set(found.members_alone) == set(found.group.members)
         evidence = dataclasses.replace(
             described,
@@ -254,6 +259,14 @@ class NoDeadlock:
         )
         self._claims.append(_Claim(deadlock, evidence, frame.served.copy()))
 
+    def _is_let_go(self, forecast: Forecast, names: Collection[str], robots: Sequence[int]) -> bool:
+        """Whether one of the people among ``names`` walks on once ``robots`` are gone."""
+        people = [h for h, human in enumerate(self._world.humans) if human.name in names]
+        if not people:
+            return False
+        answer = forecast(WalkWatch(people, LOOK_WITHOUT), without=robots)
+        return answer is not None and bool(answer["walked"])
+
     def _withdraw(self, frame: Frame) -> None:
         """Withdraw the claims that the run refutes: a member goes on within the claim's bound."""
         time = frame.sensed.time
@@ -263,7 +276,7 @@ class NoDeadlock:
             if time > seen.detected_at + bound:
                 continue
             members = np.array(claim.deadlock.members)
-            goes_on = self._progress.on_the_way()[members] > seen.detected_at
+            goes_on = self._progress.moved[members] > seen.detected_at
             goes_on |= frame.served[members] > claim.served[members]
             if goes_on.any():
                 self._claims.remove(claim)
@@ -287,22 +300,19 @@ class _Claim(NamedTuple):
     served: IntArray  #: (N,) stops done when it was made
 
 
-def _with_last_links(
-    deadlock: Deadlock, ground: Ground, discs: Sequence[Disc], frame: Frame
-) -> Deadlock:
+def _with_last_links(deadlock: Deadlock, ground: Ground) -> Deadlock:
     """Add what holds idle robots that stand in the way and could not make room."""
     edges = dict(deadlock.edges)
     for i in sorted(deadlock.awaited() - deadlock.robots):
         own = [edge for edge in edges.get(i, ()) if edge.cause != "task"]
-        by = () if own else ground.shut_in(frame.sensed.pose[i], discs[i])
+        by = () if own else ground.shut_in(i)
         edges[i] = own or [BlockedBy(i, "no-path", -1, name) for name in by]
     return dataclasses.replace(deadlock, edges=edges)
 
 
-def _shut(found: FoundDeadlock, ground: Ground, discs: Sequence[Disc], frame: Frame) -> Shut | None:
-    """Say what shuts the ways of all members; None: one of them could get to its goal."""
-    pose, goal = frame.sensed.pose, frame.intent.goal
-    ways = [ground.shut_way(pose[i], goal[i], discs[i]) for i in found.group.members]
+def _shut(found: FoundDeadlock, ground: Ground, frame: Frame) -> Shut | None:
+    """Say what shuts the ways of all members; None: the way of one is not shut by the world."""
+    ways = [ground.shut_way(i, frame.intent.goal[i]) for i in found.group.members]
     shut = [way for way in ways if way is not None]
     if len(shut) < len(found.group.members):
         return None

@@ -54,6 +54,8 @@ class ProgressClock:
     world: World
     step: float = PROGRESS_STEP  #: how much nearer is progress [m]
     last: Array = field(init=False)  #: (N,) [s]
+    #: (N,) last time it came nearer, or had done a stop; a new goal alone does not count [s]
+    moved: Array = field(init=False)
     _brisk: Array = field(init=False)  #: (N,) last progress at more than creep [s]
     _driven: Array = field(init=False)  #: (N,) last time of more than creep, or of a new goal [s]
     _places: deque[tuple[float, Array]] = field(init=False)  #: (N, 2) of the last PACED_OVER
@@ -67,7 +69,7 @@ class ProgressClock:
 
     def __post_init__(self) -> None:
         robots = len(self.world.robots)
-        self.last, self._brisk, self._driven = np.zeros((3, robots))
+        self.last, self.moved, self._brisk, self._driven = np.zeros((4, robots))
         self._places = deque()
         least_time = self.step / np.array([robot.max_speed for robot in self.world.robots])
         self._least_time = least_time.tolist()
@@ -121,6 +123,8 @@ class ProgressClock:
         taken off its list are none.
         """
         if self._served[i] != served:
+            if self._served[i] >= 0:
+                self.moved[i] = self._looked
             self._served[i] = served
             self._approaches[i].clear()
         found = self._space.map_to(goal)
@@ -141,6 +145,8 @@ class ProgressClock:
         if away <= known.nearest - self.step:
             if share >= PACE:
                 self.last[i] = self._looked
+                if math.isfinite(known.nearest):
+                    self.moved[i] = self._looked
             if share >= BRISK:
                 self._brisk[i] = self._looked
         known.nearest, known.since = min(known.nearest, away), self._looked

@@ -12,6 +12,8 @@ from mrta_falsify.core.steadiness import Memory
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.service_clock import SERVICE_FACTOR, SERVICE_SLACK
 
+NEVER = 1e9  #: s, when people leave who do not
+
 
 def longest_pause(world: World) -> float:
     """Find how long something of the world may stand by a timer of its own, at most [s].
@@ -35,7 +37,7 @@ def timed(world: World, *, to_come: bool, deadlines: bool = True) -> Array:
         deadlines: whether deadlines count, by which a stack may decide.
     """
     times = [event.end for event in world.events]
-    times += [human.leaves_at for human in world.humans]
+    times += [time for human in world.humans for time in (human.appears_at, human.leaves_at)]
     times += [robot.joins_at for robot in world.robots]
     if deadlines:
         times += [task.deadline for task in world.tasks]
@@ -45,7 +47,7 @@ def timed(world: World, *, to_come: bool, deadlines: bool = True) -> Array:
         times += [event.start for event in world.events]
         times += [task.arrival for task in world.tasks]
     found = np.array(times, dtype=np.float64)
-    return np.sort(found[np.isfinite(found)])
+    return np.sort(found[found < NEVER])
 
 
 class ProvenRest:
@@ -104,8 +106,9 @@ class ProvenRest:
         """
         if not self._is_proven:
             return time
-        ahead = self._timed[self._timed > time - 1e-6]
-        return float(ahead[0]) if len(ahead) else np.inf
+        planned = np.array(self._run.planned_times() if self._run else (), dtype=np.float64)
+        moments = np.concatenate([self._timed, planned])
+        return float(moments[moments > time - 1e-6].min(initial=np.inf))
 
 
 def _are_equal(some: tuple[Array, ...], others: tuple[Array, ...]) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.free_space import Disc, FreeSpace, around, free_space
@@ -43,54 +43,71 @@ class Ground:
 
     Robots are in no way: they could be elsewhere. In the way are walls, furniture as it stands,
     blockages that last to the end, and people who stand all the time.
+
+    A way is shut by the world only where something that came or moved during the run shuts it, or
+    where none of the robots that may serve the place gets there. Else the stack has sent the wrong
+    robot, or to the wrong place.
     """
 
     world: World
+    pose: Array  #: (N, 3) of the robots [m, m, rad]
+    discs: Sequence[Disc]  #: N, inside their bodies
     bystanders: Bystanders  #: furniture and people at the end
     stands_since: float  #: people who have stood since then at the latest are in the way [s]
     ended: float  #: when the continuation ended [s]
 
-    def shut_way(self, pose: Array, goal: Array, disc: Disc) -> Shut | None:
-        """Say what shuts a robot's way for good; None: its body would get there.
+    def shut_way(self, i: int, goal: Array) -> Shut | None:
+        """Say what shuts the way of robot ``i`` for good; None: the world does not.
 
         Args:
-            pose: of the robot ``(3,)`` [m, m, rad].
+            i: number of the robot.
             goal: where it is to go ``(2,)`` [m]; of a waiting spot, the room that it waits for.
-            disc: inside the robot's body.
         """
         target, room, name = _target(self.world, goal)
         if not np.isfinite(target).all():
             return None
         walls = [Polygon(wall.polygon) for wall in self.world.walls]
         stop = around(target, ROOM_REACH) if room < 0 else stop_area(target, walls)
-        by = self._space(disc).shut_by(disc.at(pose), shapely.buffer(stop, disc.away))
-        if by is None:
+        by = self._shut_by(i, stop)
+        if not by:
             return None
         closing = [thing for thing in self._things() if thing.name in by]
-        inside = _room_of(self.world, pose[:2])
+        since, place = max(thing.since for thing in closing), self.pose[i, :2]
+        if since <= 0.0 and (room < 0 or self._is_open_to_others(room, stop)):
+            return None
+        inside = _room_of(self.world, place)
         centres = [thing.outline.mean(axis=0) for thing in closing]
         is_shut_in = bool(inside) and (
-            not name or _distance(centres, pose[:2]) < _distance(centres, target)
+            not name or _distance(centres, place) < _distance(centres, target)
         )
-        since = max((thing.since for thing in closing), default=0.0)
         return Shut(room=inside if is_shut_in else name, by=by, since=since)
 
-    def shut_in(self, pose: Array, disc: Disc) -> tuple[str, ...]:
-        """Name what keeps a robot from every parking spot and every other room; empty: nothing.
-
-        Args:
-            pose: of the robot ``(3,)`` [m, m, rad].
-            disc: inside the robot's body.
-        """
+    def shut_in(self, i: int) -> tuple[str, ...]:
+        """Name what keeps robot ``i`` from every parking spot and other room; empty: nothing."""
+        place = self.pose[i, :2]
         places = [*self.world.parking, *(room.point for room in self.world.rooms)]
         areas = [
-            around(place, disc.away + REACH_OF_SPOT)
-            for place in places
-            if np.hypot(*(place - pose[:2])) > ELSEWHERE_BEYOND
+            around(other, REACH_OF_SPOT)
+            for other in places
+            if np.hypot(*(other - place)) > ELSEWHERE_BEYOND
         ]
-        if not areas:
-            return ()
-        return self._space(disc).shut_by(disc.at(pose), shapely.union_all(areas)) or ()
+        return self._shut_by(i, shapely.union_all(areas)) or () if areas else ()
+
+    def _is_open_to_others(self, room: int, stop: Any) -> bool:
+        """Whether a robot that may serve a task of a room gets to where it stops there."""
+        tasks = [task for task in self.world.tasks if room in (task.start, task.end)]
+        names = {task.robot for task in tasks}
+        return any(
+            self._shut_by(j, stop) is None
+            for j, robot in enumerate(self.world.robots)
+            if "" in names or robot.name in names
+        )
+
+    def _shut_by(self, i: int, area: Any) -> tuple[str, ...] | None:
+        """Name what keeps robot ``i`` out of an area; empty: walls alone, None: nothing."""
+        disc = self.discs[i]
+        start = disc.at(self.pose[i])
+        return self._space(disc).shut_by(start, shapely.buffer(area, disc.away))
 
     def _space(self, disc: Disc) -> FreeSpace:
         walls = [wall.polygon for wall in self.world.walls]
@@ -98,7 +115,11 @@ class Ground:
         return free_space(self.world.bounds, walls, outlines, disc.half_width)
 
     def _things(self) -> list[_Thing]:
-        return _things(self.world, self.bystanders, self.stands_since, self.ended)
+        bodies = [
+            Point(disc.at(pose)).buffer(disc.half_width)
+            for disc, pose in zip(self.discs, self.pose, strict=True)
+        ]
+        return _things(self.world, self.bystanders, self.stands_since, self.ended, bodies)
 
 
 def _target(world: World, goal: Array) -> tuple[Array, int, str]:
@@ -115,20 +136,31 @@ def _target(world: World, goal: Array) -> tuple[Array, int, str]:
 
 
 def _things(
-    world: World, bystanders: Bystanders, stands_since: float, ended: float
+    world: World,
+    bystanders: Bystanders,
+    stands_since: float,
+    ended: float,
+    bodies: Sequence[Any],
 ) -> list[_Thing]:
-    """List what stands in everybody's way at the end."""
+    """List what stands in everybody's way at the end.
+
+    A blockage is put down once nobody is there: not where one of the robots' ``bodies`` is.
+    """
     found = [_Thing(item.name, item.polygon, 0.0) for item in world.furniture if not item.movable]
     pieces = world.movable_furniture()
     if len(pieces) == len(bystanders.furniture):
         for item, (x, y, turn, since) in zip(pieces, bystanders.furniture, strict=True):
             found.append(_Thing(item.name, item.outline_at(np.array([x, y, turn])), since))
     for event in world.events:
-        if isinstance(event, Blockage) and event.start <= stands_since and event.end > ended:
+        if not isinstance(event, Blockage) or event.start > stands_since or event.end <= ended:
+            continue
+        outline = Polygon(event.polygon)
+        if not any(outline.intersects(body) for body in bodies):
             found.append(_Thing(event.name, event.polygon, event.start))
     corners = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     for human, (x, y, since) in zip(world.humans, bystanders.people, strict=False):
-        if max(abs(x), abs(y)) < AWAY and since <= stands_since:
+        is_here = human.appears_at <= stands_since and human.leaves_at > ended
+        if is_here and max(abs(x), abs(y)) < AWAY and since <= stands_since:
             ring = human.radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
             found.append(_Thing(human.name, ring + np.array([x, y]), since))
     return found

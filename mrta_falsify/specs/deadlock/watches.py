@@ -110,6 +110,7 @@ class _Seen(NamedTuple):
 
     time: float  #: [s]
     last: Array  #: (N,) last progress [s]
+    moved: Array  #: (N,) the same, but for new goals [s]
     way: Array  #: (N,) until when each robot was on its way [s]
     waits: BoolArray  #: (N,) who has a stop to reach
     driven: Array  #: (N,) since the first look [m]
@@ -197,7 +198,7 @@ class ContinuationWatch:
         stuck |= {i for i in in_question if i not in self._freed}
         soon = set(np.flatnonzero(self._soon > first.last).tolist()) - stuck
         return ContinuationAnswer(
-            stuck={str(i): float(end.way[i]) for i in sorted(stuck)},
+            stuck={str(i): self._stopped(i) for i in sorted(stuck)},
             freed={str(i): time for i, time in self._freed.items()},
             edges=tuple(edge for i in sorted(end.edges) for edge in end.edges[i]),
             driven={str(i): float(end.driven[i] - first.driven[i]) for i in in_question},
@@ -207,6 +208,12 @@ class ContinuationWatch:
             proven=end.rests_until == np.inf,
             bystanders=bystanders_of(end.bystanders),
         )
+
+    def _stopped(self, i: int) -> float:
+        """When a stuck robot was on its way last [s]; a goal that it never drove to is no way."""
+        first, end, question = self._seen[0], self._end, self.question
+        stands = i in question.asked | question.others and end.moved[i] <= first.moved[i]
+        return float(min(end.way[i], first.way[i]) if stands else end.way[i])
 
     def _begin(self, question: Question) -> None:
         """Take up a question: forget what lies before it."""
@@ -225,6 +232,7 @@ class ContinuationWatch:
         return _Seen(
             looks.time,
             progress.last.copy(),
+            progress.moved.copy(),
             progress.on_the_way(),
             waits,
             looks.driven.copy(),
@@ -235,13 +243,13 @@ class ContinuationWatch:
 
     def _note(self, seen: _Seen) -> bool:
         """Take in what was seen; whether all robots asked about have made progress by now."""
-        question, before = self.question, self._seen[0].last
+        question, before = self.question, self._seen[0].moved
         moved_on = set(np.flatnonzero(seen.last > self._end.last).tolist())
         self._end = seen
         for i in sorted(question.asked | question.others):
             if i in self._freed:
                 continue
-            if seen.last[i] > before[i] or not seen.waits[i]:
+            if seen.moved[i] > before[i] or not seen.waits[i]:
                 self._freed[i] = seen.time
                 continue
             if moved_on:
