@@ -96,16 +96,6 @@ def look_at(world: World, specifications: Collection[str]) -> Possibility:
     )
 
 
-def why_impossible(world: World, specifications: Collection[str]) -> str:
-    """Say why no stack can keep the specifications in a world; empty: one may.
-
-    Args:
-        world: to look at.
-        specifications: as for :func:`look_at`.
-    """
-    return look_at(world, specifications).reason
-
-
 # --- shut ways --------------------------------------------------------------------------------
 
 

@@ -13,10 +13,14 @@ from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.world import Blockage, Furniture, HumanSpec, Room, Task, Wall, World
-from mrta_falsify.possibility import look_at, why_impossible
+from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.books import ROOM_REACH, Books, stop_area
 
 BOTH = ("deadlines", "all_tasks_done")
+
+
+def why_impossible(world, specifications) -> str:
+    return look_at(world, specifications).reason
 
 
 def ward(width=1.2, tasks=(), **robot_fields):

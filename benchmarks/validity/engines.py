@@ -27,7 +27,7 @@ from mrta_falsify.campaigns.statistics import blaker_interval
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.world import World
-from mrta_falsify.possibility import why_impossible
+from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import Job, campaign_specifications, judge
 from scenic_worlds.program import Program, compile_program, scenario_path
 from scenic_worlds.variation import jittered_worlds
@@ -103,7 +103,7 @@ def _sampled(scenario: str, seed: int) -> Iterator[Row]:
             return
         own = candidate_seed(seed, number)
         world = program.sample(own)
-        if why_impossible(world, campaign_specifications(StackConfig())):
+        if look_at(world, campaign_specifications(StackConfig())).reason:
             continue
         kind = run(world, FIRST)
         fails = kind != PASSES

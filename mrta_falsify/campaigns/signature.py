@@ -21,7 +21,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-from mrta_falsify.core.claims import Claim, claim_as_before, earliest_claim, leading_claim
+from mrta_falsify.core.claims import Claim, claim_as_before, claims_of, earliest, leading_claim
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitAccount, wait_account
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, leading
@@ -79,7 +79,9 @@ def signature_before(verdicts: Sequence[Verdict]) -> str:
 def _as_before(verdict: Verdict) -> Verdict:
     if verdict.spec != DEADLOCK or not verdict.violated:
         return verdict
-    return dataclasses.replace(verdict, evidence=claim_as_before(earliest_claim(verdict.evidence)))
+    return dataclasses.replace(
+        verdict, evidence=claim_as_before(earliest(claims_of(verdict.evidence)))
+    )
 
 
 def _of_other(verdict: Verdict, holders: str) -> str:

@@ -10,7 +10,7 @@ The first claim of a verdict is its evidence, further ones are under ``others``.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Literal, TypeAlias, get_args
 
 ClaimKind: TypeAlias = Literal["deadlock", "stuck", "shut"]
@@ -46,9 +46,9 @@ def leading_claim(evidence: Mapping[str, Any]) -> Claim:
     return min(claims_of(evidence), key=lambda row: (KINDS.index(claim_kind(row)), _onset(row)))
 
 
-def earliest_claim(evidence: Mapping[str, Any]) -> Claim:
+def earliest(claims: Iterable[Claim]) -> Claim:
     """Choose the claim whose onset came first, whatever its kind."""
-    return min(claims_of(evidence), key=lambda row: (_onset(row), row.get("detected_at", 0.0)))
+    return min(claims, key=lambda row: (_onset(row), row.get("detected_at", 0.0)))
 
 
 def _onset(claim: Claim) -> float:

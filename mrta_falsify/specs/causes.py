@@ -27,7 +27,7 @@ from mrta_falsify.core.claims import (
     ClaimKind,
     claim_kind,
     claims_of,
-    earliest_claim,
+    earliest,
     leading_claim,
 )
 from mrta_falsify.core.verdict import Verdict
@@ -68,14 +68,18 @@ def by_cause(verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
     """Sort verdicts: the leading one, the other violated ones by time, then those that hold."""
     rank = {name: i for i, name in enumerate(TIES)}
 
-    def key(verdict: Verdict) -> tuple[bool, bool, bool, bool, float, int, str]:
+    shut = next(filter(is_shut, verdicts), None)
+
+    def key(verdict: Verdict) -> tuple[bool, int, bool, float, int, str]:
         place = rank.get(verdict.spec, -1)
         if not verdict.violated:
-            return (True, False, bool(verdict.not_judged), False, 0.0, place, verdict.spec)
+            return (True, 0, bool(verdict.not_judged), 0.0, place, verdict.spec)
         is_effect = any(_is_led_by(verdict, other) for other in verdicts if other is not verdict)
         begins = cause_begins(verdict)
-        outcome, shut = is_outcome(verdict), is_shut(verdict)
-        return (False, outcome, is_effect, shut, begins, place, verdict.spec)
+        level = 1 if is_outcome(verdict) else 0
+        if shut is not None and (verdict is shut or _only_follows(verdict, shut)):
+            level = 2 if verdict is shut else 3
+        return (False, level, is_effect, begins, place, verdict.spec)
 
     return tuple(sorted(verdicts, key=key))
 
@@ -102,7 +106,7 @@ def primary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> tuple[Ve
 
     Returns:
         The violated ones, without ``then``, without a place that the world shut, and without what
-        follows from that.
+        only follows from that.
     """
     shut = next(filter(is_shut, verdicts), None)
     return tuple(
@@ -111,7 +115,7 @@ def primary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> tuple[Ve
         if verdict.violated
         and verdict.spec not in then
         and not is_shut(verdict)
-        and not (shut is not None and (is_outcome(verdict) or _is_led_by(verdict, shut)))
+        and not (shut is not None and _only_follows(verdict, shut))
     )
 
 
@@ -136,7 +140,9 @@ def cause_begins(verdict: Verdict) -> float:
     """Tell when the cause of a violation began [s]; inf if that is not known."""
     found = float("inf") if verdict.violated_at is None else verdict.violated_at
     if verdict.spec == DEADLOCK:
-        begun = earliest_claim(verdict.evidence).get("onset")
+        claims = claims_of(verdict.evidence)
+        own = [claim for claim in claims if claim_kind(claim, verdict.who) != "shut"]
+        begun = earliest(own or claims).get("onset")
     else:
         begun = verdict.evidence.get("since")
     # the evidence is of the worst moment, which may come after the first violation
@@ -168,19 +174,18 @@ def follows_from(verdict: Verdict, cause: Verdict) -> bool:
     """
     if verdict is cause or cause.spec != DEADLOCK or not cause.violated or not verdict.violated:
         return False
-    if verdict.violated_at is not None and verdict.violated_at < cause_begins(cause):
-        return False
     concerned = {name for name in _concerned(verdict) if name}
-    return not concerned or bool(concerned & _robots_of(cause))
+    for claim in claims_of(cause.evidence):
+        alone = dataclasses.replace(cause, evidence={**claim, "others": []})
+        is_later = verdict.violated_at is None or verdict.violated_at >= cause_begins(alone)
+        if is_later and (not concerned or concerned & set(wait_account(alone).robots)):
+            return True
+    return False
 
 
-def _robots_of(claimed: Verdict) -> set[str]:
-    """Name the robots of all claims of a violated ``no_deadlock``."""
-    robots: set[str] = set()
-    for claim in claims_of(claimed.evidence):
-        alone = dataclasses.replace(claimed, evidence={**claim, "others": []})
-        robots |= set(wait_account(alone).robots)
-    return robots
+def _only_follows(verdict: Verdict, shut: Verdict) -> bool:
+    """Whether a violation is there only because the world shut a place."""
+    return (is_outcome(verdict) or verdict.spec in STANDSTILL) and follows_from(verdict, shut)
 
 
 def _is_led_by(verdict: Verdict, other: Verdict) -> bool:

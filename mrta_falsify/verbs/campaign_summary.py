@@ -20,7 +20,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import TightCount, counted, things_text
-from mrta_falsify.specs.causes import DEADLOCK, kind_of
+from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
@@ -360,11 +360,21 @@ def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
             count=len(records),
             ids=tuple(record.id for record in records),
             is_afterthought=records[0].is_afterthought,
-            kind=kind_of(records[0].verdicts),
+            kind=_kind_of_mode(records[0]),
         )
         for name, records in groups.items()
     ]
     return tuple(sorted(found, key=_rank))
+
+
+def _kind_of_mode(record: TrialRecord) -> str:
+    first = leading(record.verdicts)
+    return kind_of(record.verdicts) if first is not None and first.spec == DEADLOCK else ""
+
+
+def sought_modes(found: Sequence[FailureMode]) -> int:
+    """Count the modes of what is looked for first; a place that the world shut is none."""
+    return sum(not mode.is_afterthought and mode.kind != "shut" for mode in found)
 
 
 def _rank(mode: FailureMode) -> tuple[bool, int, int, str]:

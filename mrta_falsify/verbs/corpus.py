@@ -175,7 +175,7 @@ def finished_jobs(
         while left:
             for finished in opened.collect(WAIT):
                 number = finished.number
-                if finished.fate == "crashed" and lost[number] < REPEATS:
+                if finished.fate in ("crashed", "timeout") and lost[number] < REPEATS:
                     lost[number] += 1
                     opened.submit({"number": number, **jobs[number]})
                     continue

@@ -23,7 +23,7 @@ from tests.reports.planted import planted_campaign
 TRUTH = {
     "fourth_waiter_dropped": (
         ("robot5",),
-        (("robot5", "robot1", "holds ward_0"),),  # it stands in there at first
+        (("robot5", "robot2", "holds ward_0"),),  # it is in there when robot5 is found
     ),
     "costmap_blind_to_furniture": (
         ("robot1",),

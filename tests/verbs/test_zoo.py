@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from mrta_falsify.cli import main
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError, UnknownNameError
-from mrta_falsify.possibility import why_impossible
+from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import campaign_specifications
 from mrta_falsify.verbs import corpus, zoo
 from mrta_falsify.verbs.worlds import find_world
@@ -34,7 +34,7 @@ def in_process(monkeypatch):
 def test_a_scene_can_be_run_and_is_not_known_to_be_impossible(name):
     scene = load_scene(name)
     check_starts(scene.world)
-    assert why_impossible(scene.world, campaign_specifications(StackConfig())) == ""
+    assert look_at(scene.world, campaign_specifications(StackConfig())).reason == ""
     assert scene.source.startswith(("https://", "docs/"))
     assert all(task.robot for task in scene.world.tasks)
 

@@ -1,8 +1,8 @@
 """Who blocks whom: edges derived from motion, geometry, goals and paths.
 
 The stack's own claims (phase, queue place, who leads) are not used, so a layer that emits nothing,
-or lies, is judged just as well. Only of a robot that nothing stands before, the stack is asked who
-has what it waits for (see :mod:`.locks`). An edge means *robot i cannot move on
+or lies, is judged just as well. Only of a robot that has a free path before it, the stack is asked
+who has what it waits for (see :mod:`.locks`). An edge means *robot i cannot move on
 until j moves*. A robot with a goal and without an edge is making progress or is being served.
 
 Causes:
@@ -38,7 +38,6 @@ from mrta_falsify.specs.deadlock.queue_edges import queue_edges, queue_edges_fro
 from mrta_falsify.specs.deadlock.service_clock import ServiceClock
 from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
 from mrta_falsify.specs.deadlock.standstill import Standstill
-from mrta_falsify.specs.deadlock.wait_graph import is_unexplained
 
 STANDS_AFTER = 1.0  # s on its spot until a robot is asked what is in the way
 EDGES_EVERY = 0.25  # s between two looks at the geometry
@@ -146,9 +145,7 @@ class BlockedByTracker:
             elif self._service.is_in_service(i):
                 continue
             elif not self._service.is_serving(i) or self._is_kept_off(fleet, i):
-                found[i] = self._own_edges(fleet, i)
-                if all(is_unexplained(edge) for edge in found[i]):
-                    found[i] = self._locks.edges(fleet, i) or found[i]
+                found[i] = self._own_edges(fleet, i) or self._locks.edges(fleet, i)
                 if not found[i]:
                     unexplained.append(i)
         explained = {i for i, edges in found.items() if edges}

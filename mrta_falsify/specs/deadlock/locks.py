@@ -25,6 +25,7 @@ class Locks:
 
     def __init__(self, world: World) -> None:
         self._resources = {resource.name: resource for resource in world.resources}
+        self._numbers = {resource.name: k for k, resource in enumerate(world.resources)}
         self._robots = {robot.name: i for i, robot in enumerate(world.robots)}
         self._holders: dict[str, list[int]] = {name: [] for name in self._resources}
 
@@ -54,7 +55,10 @@ class Locks:
         return []
 
     def _wanted(self, fleet: FleetSnapshot, i: int, told: str) -> list[Resource]:
-        """List what robot ``i`` may wait for: what it tells, else areas ahead that it has not."""
+        """List what robot ``i`` may wait for: what it tells, else areas ahead that it has not.
+
+        Of rooms only the one that it goes to; it passes the others by.
+        """
         if told in self._resources:
             return [self._resources[told]]
         open_ = [name for name, holders in self._holders.items() if holders and i not in holders]
@@ -62,5 +66,11 @@ class Locks:
             return []
         x, y = fleet.position[i]
         ahead = points_ahead(fleet.way(i), x, y, AHEAD, STEP)
-        areas = [self._resources[name] for name in open_]
+        goal = fleet.goal[i]
+        own = -1 if goal is None else goal.resource
+        areas = [
+            self._resources[name]
+            for name in open_
+            if self._resources[name].room is None or self._numbers[name] == own
+        ]
         return [area for area in areas if any(inside(area.release_area, at) for at in ahead)]

@@ -136,11 +136,11 @@ def merged(
         One finding for each mode, by signature.
     """
     known, kept = tuple(before), set(undecided)
-    found: dict[str, Finding] = {}
+    found: dict[tuple[int, str], Finding] = {}
     for one in sorted(seen, key=lambda finding: -finding.rules):
         same = next((other for other in found.values() if other.goes_on(one)), None)
-        name = one.signature if same is None else same.signature
-        found[name] = one if same is None else _worse(same, one)
+        mode = one if same is None else same
+        found[mode.rules, mode.signature] = one if same is None else _worse(same, one)
     now = [_dated(one, known, number) for one in found.values()]
     for old in known:
         if not any(one.goes_on(old) for one in found.values()):
@@ -156,6 +156,7 @@ def _worse(one: Finding, other: Finding) -> Finding:
         first,
         signature=one.signature,
         rules=one.rules,
+        failure_kind=one.failure_kind or other.failure_kind,
         examples=tuple(dict.fromkeys((*first.examples, *second.examples))),
         sentence=first.sentence or second.sentence,
         before=tuple(dict.fromkeys((*one.before, *other.before))),

@@ -25,6 +25,7 @@ from mrta_falsify.verbs.campaign_summary import (
     failures_by_kind,
     kinds_text,
     modes,
+    sought_modes,
     stack_comparison,
     unjudged_sentences,
 )
@@ -138,7 +139,7 @@ def _headline(
     counts = failures_by_kind(failed)
     shut = counts.pop("shut")
     sought = len(failed) - last - shut
-    count = sum(not mode.is_afterthought and mode.kind != "shut" for mode in found)
+    count = sought_modes(found)
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
     first = f"{sought} of {judged} trials {verb} a specification, in {kinds}"

@@ -15,6 +15,7 @@ from mrta_falsify.verbs.campaign_summary import (
     FailureMode,
     failures_by_kind,
     first_failure,
+    sought_modes,
     unseen_in,
 )
 from mrta_falsify.verbs.report.trial_table import dimension_names
@@ -81,7 +82,7 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
     first = first_failure(judged)
     if first is None:
         return []
-    count = sum(not mode.is_afterthought for mode in found)
+    count = sought_modes(found)
     kinds = "one way" if count == 1 else f"{count} different ways"
     return [f"They fail in {kinds}; the first failure came in trial {first} of {len(judged)}."]
 
