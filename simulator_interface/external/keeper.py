@@ -29,6 +29,7 @@ CHILD_SUBREAPER = 36  # of prctl(2), Linux
 TAIL = 1 << 14  # bytes of output that are kept
 PATIENCE = 5.0  # s that the keeper has for an answer
 GRACE = 0.2  # s between bye and the end by force
+AT_MOST = 60.0  # s in which what was killed ends, on however busy a machine
 
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
@@ -200,16 +201,16 @@ class _Kept:
         if self._program is not None and self._program.poll() is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._program.wait(GRACE)  # it may have been told to end
-        for _ in range(1000):
-            children = children_of(os.getpid())
-            if not children:
-                return
-            for child in children:
+        until = time.monotonic() + AT_MOST
+        while time.monotonic() < until:
+            for child in children_of(os.getpid()):
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.kill(child, signal.SIGKILL)
-            with contextlib.suppress(ChildProcessError):
+            try:
                 while os.waitpid(-1, os.WNOHANG)[0]:
                     pass
+            except ChildProcessError:  # /proc may leave one out while another one ends; this not
+                return
             time.sleep(0.002)
 
 
