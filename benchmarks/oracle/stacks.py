@@ -97,8 +97,9 @@ def with_state_file(config: StackConfig, path: Path) -> StackConfig:
 def is_ours(config: StackConfig) -> bool:
     """Whether a stack outside is one that writes down why its robots stand."""
     programs = {path.name for path in OUTSIDE.glob("*.py")} - {"driving.py"}
-    command = config.stack.command if config.stack else ()
-    return any(Path(word).name in programs for word in command)
+    if config.stack is None or Path(config.stack.folder).resolve() != OUTSIDE.resolve():
+        return False
+    return any(Path(word).name in programs for word in config.stack.command)
 
 
 def identity(config: StackConfig) -> str:
