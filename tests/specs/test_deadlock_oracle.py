@@ -590,6 +590,17 @@ def test_of_a_ring_that_no_removal_opens_all_are_members_if_the_stack_may_rememb
     assert members_of_a_ring((1,), is_outside=True) == {"robot1", "robot2"}
 
 
+def test_a_free_robot_of_a_stack_outside_is_not_asked_about_at_every_look():
+    asked = []
+
+    def fate(watch, without, nudge):
+        asked.append(watch)
+        return shown(freed={0: 28.0, 1: 29.0})
+
+    foretold(head_on(), fate, is_outside=True)
+    assert len(asked) < 6  # at first, and once they should have gone on
+
+
 def test_of_a_ring_that_a_removal_opens_on_one_side_the_other_robot_is_a_victim():
     assert members_of_a_ring((1,)) == {"robot1"}
 

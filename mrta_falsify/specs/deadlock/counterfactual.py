@@ -371,7 +371,7 @@ class CounterfactualTest:
         edges = edges_by_robot(end.edges)
         stuck = {int(i) for i in end.stuck}
         until = {i: [later[j] for j in awaited_by(i, stuck, edges) & later.keys()] for i in here}
-        if not all(until.values()):
+        if not until or not all(until.values()):
             return False
         for i, times in until.items():
             self.free_until[i] = max(*times, time + self._pause[i])
