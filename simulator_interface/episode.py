@@ -355,8 +355,7 @@ class Episode:
 
     def planned_times(self) -> tuple[float, ...]:
         """Moments at which the stack may decide anew by its own plan, past ones too [s]."""
-        missions = getattr(self.state, "missions", ())
-        plans = [mission.itinerary for mission in missions if mission.itinerary]
+        plans = [mission.itinerary for mission in self.state.missions if mission.itinerary]
         return tuple(time for plan in plans for time in looks_at_plan(plan, self.world.tasks))
 
     @property

@@ -139,9 +139,8 @@ class CampaignSettings:
         "its processes work, and what they all sleep.",
     )
     """Changes no trial: one that needs more is not stored."""
-    rules: int = quantity(
-        low=1, default=1, came_later=True
-    )  #: number of its rules, see :mod:`mrta_falsify.campaigns.rules`
+    rules: int = quantity(low=1, default=1, came_later=True)
+    """Number of its rules, see :mod:`mrta_falsify.campaigns.rules`."""
     budget: int = later(0)
     """Simulated candidates last asked for, which a resumed campaign keeps; 0: none were (the clock
     ends it, or an older version wrote it). Changes no trial."""

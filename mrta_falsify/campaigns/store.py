@@ -128,7 +128,7 @@ def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
         situations=(),
         blamed=(),
         is_afterthought=False,
-        is_shut=bool(other.verdicts) and kind_of(other.verdicts) == "shut",
+        is_shut=kind_of(other.verdicts) == "shut",
         score=other.score,
         signature=other.signature,
         signature_before=other.signature_before,

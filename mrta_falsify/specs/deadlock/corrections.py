@@ -96,7 +96,7 @@ def _corrected_of(
     """Correct the edges of robot ``i``."""
     holds, fails, others = [], [], []
     for edge in own:
-        if edge.other < 0 or edge.cause == "human":
+        if not _is_robot(edge):
             others.append(edge)
             continue
         answer = removals.without((edge.other,), stuck | {i})
@@ -111,10 +111,9 @@ def _corrected_of(
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
         is_lock = removals.is_outside and edge.cause != "cluster"  # that the stack may remember
         reasons = [e for e in new if _is_reason(e, named=is_lock)]
-        are_robots = all(e.other >= 0 and e.cause != "human" for e in reasons)
         if is_lock and not reasons:
             kept.append(edge)
-        elif reasons and are_robots and _are_known(reasons, own):
+        elif reasons and all(map(_is_robot, reasons)) and _are_known(reasons, own):
             together.append(edge)
         else:
             kept += [e for e in reasons or new if e not in kept]
@@ -124,6 +123,11 @@ def _corrected_of(
             instead = edges_by_robot(answer.edges).get(i, [])
             together = [e for e in instead if e not in kept]
     return [*kept, *together] or [BlockedBy(i, "stalled")]
+
+
+def _is_robot(edge: BlockedBy) -> bool:
+    """Whether a robot is the blocker."""
+    return edge.other >= 0 and edge.cause != "human"
 
 
 def _is_reason(edge: BlockedBy, *, named: bool) -> bool:

@@ -25,7 +25,6 @@ class Locks:
 
     def __init__(self, world: World) -> None:
         self._resources = {resource.name: resource for resource in world.resources}
-        self._numbers = {resource.name: k for k, resource in enumerate(world.resources)}
         self._robots = {robot.name: i for i, robot in enumerate(world.robots)}
         self._holders: dict[str, list[int]] = {name: [] for name in self._resources}
 
@@ -67,10 +66,12 @@ class Locks:
         x, y = fleet.position[i]
         ahead = points_ahead(fleet.way(i), x, y, AHEAD, STEP)
         goal = fleet.goal[i]
-        own = -1 if goal is None else goal.resource
-        areas = [
-            self._resources[name]
-            for name in open_
-            if self._resources[name].room is None or self._numbers[name] == own
+        resources = fleet.world.resources
+        own = resources[goal.resource].name if goal is not None and goal.resource >= 0 else ""
+        areas = [self._resources[name] for name in open_]
+        return [
+            area
+            for area in areas
+            if (area.room is None or area.name == own)
+            and any(inside(area.release_area, at) for at in ahead)
         ]
-        return [area for area in areas if any(inside(area.release_area, at) for at in ahead)]

@@ -104,10 +104,9 @@ class ProvenRest:
         Args:
             time: of the last look [s].
         """
-        if not self._is_proven:
+        if self._run is None or not self._is_proven:
             return time
-        planned = np.array(self._run.planned_times() if self._run else (), dtype=np.float64)
-        moments = np.concatenate([self._timed, planned])
+        moments = np.array([*self._timed, *self._run.planned_times()], dtype=np.float64)
         return float(moments[moments > time - 1e-6].min(initial=np.inf))
 
 

@@ -115,11 +115,39 @@ class Ground:
         return free_space(self.world.bounds, walls, outlines, disc.half_width)
 
     def _things(self) -> list[_Thing]:
+        """List what stands in everybody's way at the end.
+
+        A blockage is put down once nobody is there: not where the body of a robot is.
+        """
+        world, bystanders = self.world, self.bystanders
         bodies = [
             Point(disc.at(pose)).buffer(disc.half_width)
             for disc, pose in zip(self.discs, self.pose, strict=True)
         ]
-        return _things(self.world, self.bystanders, self.stands_since, self.ended, bodies)
+        found = [
+            _Thing(item.name, item.polygon, 0.0) for item in world.furniture if not item.movable
+        ]
+        pieces = world.movable_furniture()
+        if len(pieces) == len(bystanders.furniture):
+            for item, (x, y, turn, since) in zip(pieces, bystanders.furniture, strict=True):
+                found.append(_Thing(item.name, item.outline_at(np.array([x, y, turn])), since))
+        for event in world.events:
+            if (
+                not isinstance(event, Blockage)
+                or event.start > self.stands_since
+                or event.end <= self.ended
+            ):
+                continue
+            outline = Polygon(event.polygon)
+            if not any(outline.intersects(body) for body in bodies):
+                found.append(_Thing(event.name, event.polygon, event.start))
+        corners = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+        for human, (x, y, since) in zip(world.humans, bystanders.people, strict=False):
+            is_here = human.appears_at <= self.stands_since and human.leaves_at > self.ended
+            if is_here and max(abs(x), abs(y)) < AWAY and since <= self.stands_since:
+                ring = human.radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
+                found.append(_Thing(human.name, ring + np.array([x, y]), since))
+        return found
 
 
 def _target(world: World, goal: Array) -> tuple[Array, int, str]:
@@ -133,37 +161,6 @@ def _target(world: World, goal: Array) -> tuple[Array, int, str]:
     if room >= 0:
         return world.rooms[room].point, room, world.rooms[room].name
     return goal, -1, goals.nearest_name(goal)[0]
-
-
-def _things(
-    world: World,
-    bystanders: Bystanders,
-    stands_since: float,
-    ended: float,
-    bodies: Sequence[Any],
-) -> list[_Thing]:
-    """List what stands in everybody's way at the end.
-
-    A blockage is put down once nobody is there: not where one of the robots' ``bodies`` is.
-    """
-    found = [_Thing(item.name, item.polygon, 0.0) for item in world.furniture if not item.movable]
-    pieces = world.movable_furniture()
-    if len(pieces) == len(bystanders.furniture):
-        for item, (x, y, turn, since) in zip(pieces, bystanders.furniture, strict=True):
-            found.append(_Thing(item.name, item.outline_at(np.array([x, y, turn])), since))
-    for event in world.events:
-        if not isinstance(event, Blockage) or event.start > stands_since or event.end <= ended:
-            continue
-        outline = Polygon(event.polygon)
-        if not any(outline.intersects(body) for body in bodies):
-            found.append(_Thing(event.name, event.polygon, event.start))
-    corners = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    for human, (x, y, since) in zip(world.humans, bystanders.people, strict=False):
-        is_here = human.appears_at <= stands_since and human.leaves_at > ended
-        if is_here and max(abs(x), abs(y)) < AWAY and since <= stands_since:
-            ring = human.radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
-            found.append(_Thing(human.name, ring + np.array([x, y]), since))
-    return found
 
 
 def _room_of(world: World, place: Array) -> str:

@@ -20,7 +20,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.bystanders import BystanderClock, Bystanders, bystanders_of
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock, has_stop_to_reach
 from mrta_falsify.specs.deadlock.rest import ProvenRest
-from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, edges_by_robot
+from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, edges_by_robot
 
 SAME_TIME = 1e-6  # s
 A_MINUTE = 60.0  # s; progress this soon in a continuation is noted of all robots
@@ -253,9 +253,8 @@ class ContinuationWatch:
                 self._freed[i] = seen.time
                 continue
             if moved_on:
-                own = [edge for edge in seen.edges.get(i, ()) if edge.cause != "human"]
-                ahead = {edge.other for edge in own} & moved_on - {i}
-                self._passed.setdefault(i, {}).update({str(j): seen.time for j in ahead})
+                ahead = awaited_by(i, moved_on, {i: seen.edges.get(i, [])})
+                self._passed.setdefault(i, {}).update({str(j): seen.time for j in ahead - {i}})
         if seen.time <= question.settled + A_MINUTE:
             self._soon = seen.last
         return question.asked <= self._freed.keys()
