@@ -7,8 +7,8 @@ Edges are those of members and victims in the evidence of `no_deadlock` of store
 edges to people and to solids, which are reported apart. Each world is run again to just after the
 claim. An edge *holds* if the waiting robot makes progress within 60 s once the blocker is gone, and
 makes none in the same run with it. Progress: it reaches its next stop, or comes 0.5 m nearer along
-free space. Where a robot waits for several, an edge holds as well if the robot moves without all
-of them, but not without all but this one.
+free space, or straight where no way leads there. Where a robot waits for several, an edge holds as
+well if the robot moves without all of them, but not without all but this one.
 
 A stack outside may remember what it has promised to a robot, so removal decides nothing where it
 frees nobody. The stacks of this benchmark write down for whom they wait; that decides.
@@ -174,6 +174,8 @@ class Rerun:
         to_go = None
         if np.isfinite(goal).all() and np.hypot(*(goal - place)) > NEARER:
             to_go = FreeDistance(self.world, self.frame, goal)
+            if np.isinf(to_go(place)):
+                to_go = functools.partial(_straight, goal)
 
         def follow() -> bool:
             self._episode.become_copy()
@@ -195,6 +197,10 @@ class Rerun:
             return False
 
         return bool(run_in_watched_copy(follow))
+
+
+def _straight(goal: Array, point: Array) -> float:
+    return float(np.hypot(*(goal - point)))
 
 
 class FreeDistance:

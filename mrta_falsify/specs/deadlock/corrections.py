@@ -69,7 +69,7 @@ class Removals:
 def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> EdgesByRobot:
     """Correct the edges of stuck robots by what taking the blockers away shows.
 
-    An edge holds if the robot gets nearer to its goal once its blocker is gone. Otherwise what
+    An edge holds if the robot sets out for its goal once its blocker is gone. Otherwise what
     holds it without the blocker takes the edge's place, unless these are robots among its edges
     already: then several may hold it together, and it is tried without all of them. A stack outside
     may remember the locks of a robot that is gone; there an edge goes only where a thing with a

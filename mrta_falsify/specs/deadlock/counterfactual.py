@@ -29,6 +29,7 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
     edges_by_robot,
+    is_unexplained,
     rings_of,
 )
 from mrta_falsify.specs.deadlock.watches import (
@@ -170,7 +171,9 @@ class CounterfactualTest:
             self._begun, self._future = begun, object()
             self.free_until[:] = self._before[:] = -np.inf
 
-    def deadlocks(self, forecast: Forecast, asked: set[int], time: float) -> list[FoundDeadlock]:
+    def deadlocks(
+        self, forecast: Forecast, asked: set[int], time: float, now: EdgesByRobot
+    ) -> list[FoundDeadlock]:
         """Find the deadlocks that stand at ``time`` [s].
 
         Robots in ``asked`` that are part of none are not :meth:`open <is_open>` before they make
@@ -180,6 +183,8 @@ class CounterfactualTest:
             forecast: from this moment on.
             asked: robots that may be part of a deadlock.
             time: [s].
+            now: edges of this moment. They count for robots that have crept out of reach of what
+                holds them up at the end, and whose edges explain nothing there.
         """
         span = self._span(time)
         removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
@@ -206,6 +211,9 @@ class CounterfactualTest:
         ):
             return []
         last, _, edges = self._voted(forecast, seen, asked, time, span)
+        for i in last:
+            if all(is_unexplained(edge) for edge in edges.get(i, ())):
+                edges[i] = now.get(i) or edges.get(i, [])
         if not any(last[i] <= time for i in asked & set(last)):
             return []
         return [

@@ -83,7 +83,8 @@ class DeadlockEvidence:
     victims: tuple[str, ...]  #: robots that wait for members
     blockers: tuple[str, ...]  #: robots outside the deadlock that members wait for
     cycle: tuple[EdgeRow, ...]  #: edges of the members
-    chain: tuple[EdgeRow, ...]  #: edges of the victims, and of robots in the way that cannot go on
+    #: edges of the victims that stand already, and of robots in the way that cannot go on
+    chain: tuple[EdgeRow, ...]
     objects: tuple[ObjectRow, ...]  #: things and people on those edges
     place: PlaceRow
     onset: float  #: since when no member has made progress [s]

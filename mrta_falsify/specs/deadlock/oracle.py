@@ -62,7 +62,6 @@ from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
     edges_by_robot,
-    is_unexplained,
     knots_of,
     victims_of,
 )
@@ -205,9 +204,9 @@ class NoDeadlock:
         }
         if not asked:
             return
-        for found in self._test.deadlocks(forecast, asked, time):
+        for found in self._test.deadlocks(forecast, asked, time, edges):
             if not known & set(found.group.robots):
-                self._claim(found, forecast, edges, frame)
+                self._claim(found, forecast, frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -226,9 +225,7 @@ class NoDeadlock:
         )
         self._suspected = describe(deadlock, self._world, frame)
 
-    def _claim(
-        self, found: FoundDeadlock, forecast: Forecast, now: EdgesByRobot, frame: Frame
-    ) -> None:
+    def _claim(self, found: FoundDeadlock, forecast: Forecast, frame: Frame) -> None:
         """Claim a deadlock that continuations have shown."""
         time = frame.sensed.time
         ground = Ground(
@@ -239,7 +236,7 @@ class NoDeadlock:
             stands_since=time,
             ended=found.ended,
         )
-        deadlock = _with_last_links(_confirmed(found, now), ground)
+        deadlock = _with_last_links(_confirmed(found, time), ground)
         names = [robot.name for robot in self._world.robots]
         described = describe(deadlock, self._world, frame)
         shut = _shut(found, ground, frame)
@@ -276,7 +273,9 @@ class NoDeadlock:
             if time > seen.detected_at + bound:
                 continue
             members = np.array(claim.deadlock.members)
-            goes_on = self._progress.moved[members] > seen.detected_at
+            # Creep is no way driven, nor is a goal that the robot never drove to.
+            on_the_way = np.minimum(self._progress.on_the_way(), self._progress.moved)
+            goes_on = on_the_way[members] > seen.detected_at
             goes_on |= frame.served[members] > claim.served[members]
             if goes_on.any():
                 self._claims.remove(claim)
@@ -323,21 +322,13 @@ def _by_gravity(evidence: DeadlockEvidence) -> tuple[int, float]:
     return KINDS.index(evidence.kind), evidence.onset
 
 
-def _confirmed(found: FoundDeadlock, now: EdgesByRobot) -> Deadlock:
-    """Describe a deadlock by the edges at the end of its forecast.
-
-    A robot whose edges do not explain there why it stands may have crept out of reach of what
-    holds it up. Its edges of the moment count then, if they do explain it.
-    """
+def _confirmed(found: FoundDeadlock, time: float) -> Deadlock:
+    """Describe a deadlock by the edges at the end of its forecast, of robots that stand now."""
     members, robots = found.group
-    edges = dict(found.edges)
-    for i in robots:
-        if all(is_unexplained(edge) for edge in edges.get(i, ())):
-            edges[i] = now.get(i) or edges.get(i, [])
     return Deadlock(
         members=members,
         victims=tuple(i for i in robots if i not in members),
-        edges=edges,
+        edges={i: own for i, own in found.edges.items() if found.last.get(i, time) <= time},
         onsets={i: found.last[i] for i in members},
         confirmed=True,
     )

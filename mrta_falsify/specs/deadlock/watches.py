@@ -23,6 +23,7 @@ from mrta_falsify.specs.deadlock.rest import ProvenRest
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, edges_by_robot
 
 SAME_TIME = 1e-6  # s
+SETS_OUT = 2  # steps of progress by which a robot comes nearer that was held up, half a metre
 A_MINUTE = 60.0  # s; progress this soon in a continuation is noted of all robots
 #: s without progress at the end of a continuation, after which a robot that was not asked about is
 #: asked about as well. It is claimed only once it has stood for a whole continuation
@@ -56,7 +57,7 @@ class CounterfactualAnswer:
     """What a counterfactual showed."""
 
     freed: tuple[int, ...]  #: robots that reached their next stop
-    nearer: tuple[int, ...] = ()  #: robots that came nearer to it
+    nearer: tuple[int, ...] = ()  #: robots that set out for it within a minute
     edges: tuple[BlockedBy, ...] = ()  #: of the robots asked about, at the end
 
 
@@ -275,7 +276,8 @@ class CounterfactualWatch:
 
     def __init__(self, progress: ProgressClock, question: Question, *, stride: int) -> None:
         self._progress = progress
-        self._before = progress.last.copy()  # (N,) [s]
+        self._moved = progress.moved.copy()  # (N,) at the last look [s]
+        self._steps = np.zeros(len(progress.moved), dtype=np.int64)  # (N,) of progress
         self._question = question
         self._served: IntArray | None = None
         self.freed: set[int] = set()  #: who has reached it
@@ -293,11 +295,15 @@ class CounterfactualWatch:
             return False
         if self._served is None:
             self._served = frame.served
-        last = self._progress.update(frame)
-        self._nearer |= asked & set(np.flatnonzero(last > self._before).tolist())
+        self._progress.update(frame)
+        self._steps += self._progress.moved > self._moved
+        self._moved = self._progress.moved.copy()
         reached = frame.served > self._served
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
         self.freed |= asked & set(np.flatnonzero(reached).tolist())
+        if looks.time <= self._question.time + A_MINUTE:
+            set_out = (self._steps >= SETS_OUT) | reached
+            self._nearer |= asked & set(np.flatnonzero(set_out).tolist())
         until = self._question.until
         return not asked - self.freed or looks.time >= until or looks.are_settled(until)
 
