@@ -5,10 +5,12 @@
 Edges are those of members and victims in the evidence of `no_deadlock` of stored campaigns,
 ``cycle`` and ``chain``. ``--count`` edges to robots are drawn by ``--seed``, and up to ``--others``
 edges to people and to solids, which are reported apart. Each world is run again to just after the
-claim. An edge *holds* if the waiting robot makes progress within 60 s once the blocker is gone, and
-makes none in the same run with it. Progress: it reaches its next stop, or comes 0.5 m nearer along
-free space, or straight where no way leads there. Where a robot waits for several, an edge holds as
-well if the robot moves without all of them, but not without all but this one.
+claim. An edge *holds* if the waiting robot makes progress within 120 s once the blocker is gone,
+and makes none in the same run with it. Progress: it reaches its next stop, or comes a metre nearer
+to its goal than it ever was since it had that goal, along free space, or straight where no way
+leads there; a robot pushed back and forth makes none. At its goal, in a queue, only a stop counts.
+Where a robot waits for several, an edge holds as well if the robot moves without all of them, but
+not without all but this one.
 
 A stack outside may remember what it has promised to a robot, so removal decides nothing where it
 frees nobody. The stacks of this benchmark write down for whom they wait; that decides.
@@ -49,8 +51,9 @@ from simulator_interface.watched_copy import run_in_watched_copy
 
 ORACLE = "no_deadlock"
 JUST_AFTER = 0.1  # s after the claim
-WITHIN = 60.0  # s in which a robot must make progress
-NEARER = 0.5  # m
+WITHIN = 120.0  # s in which a robot must make progress
+NEARER = 1.0  # m
+EVERY = 20  # ticks between two places that are noted
 CELL, INFLATED = 0.1, 0.2  # m, of the map of free space
 SAME = 1e-9  # m or rad between two runs that are one
 
@@ -147,6 +150,8 @@ class Rerun:
         self._frames = self._episode.frames()
         self._count = StopCount(world, is_outside=config.stack is not None)
         self.frame: Frame | None = None
+        #: places of each robot since it has its goal, one a second [m]
+        self._been: list[list[Array]] = [[] for _ in world.robots]
 
     def __enter__(self) -> Rerun:
         return self
@@ -158,9 +163,18 @@ class Rerun:
         """Go on until a moment [s]."""
         for frame in self._frames:
             self._count.update(frame)
+            self._note(frame)
             self.frame = frame
             if frame.sensed.time >= until - 1e-6:
                 return
+
+    def _note(self, frame: Frame) -> None:
+        before = self.frame
+        for i, been in enumerate(self._been):
+            if before is not None and (frame.intent.goal[i] != before.intent.goal[i]).any():
+                been.clear()
+            if not been or frame.sensed.tick % EVERY == 0:
+                been.append(frame.sensed.pose[i, :2].copy())
 
     @property
     def can_remove(self) -> bool:
@@ -171,11 +185,12 @@ class Rerun:
         """Whether a robot makes progress within 60 s in a copy of the run."""
         assert self.frame is not None
         goal, place = self.frame.intent.goal[robot], self.frame.sensed.pose[robot, :2]
-        to_go = None
+        to_go, nearest = None, 0.0
         if np.isfinite(goal).all() and np.hypot(*(goal - place)) > NEARER:
             to_go = FreeDistance(self.world, self.frame, goal)
             if np.isinf(to_go(place)):
                 to_go = functools.partial(_straight, goal)
+            nearest = min(to_go(point) for point in (place, *self._been[robot]))
 
         def follow() -> bool:
             self._episode.become_copy()
@@ -188,9 +203,7 @@ class Rerun:
                 now = frame.sensed.pose[robot, :2]
                 if self._count.reached[robot] > served:
                     return True
-                if to_go is None and np.hypot(*(now - place)) >= NEARER:
-                    return True
-                if to_go is not None and to_go(now) <= to_go(place) - NEARER:
+                if to_go is not None and to_go(now) <= nearest - NEARER:
                     return True
                 if frame.sensed.time >= end:
                     return False

@@ -23,7 +23,7 @@ from mrta_falsify.specs.deadlock.rest import ProvenRest
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot, awaited_by, edges_by_robot
 
 SAME_TIME = 1e-6  # s
-SETS_OUT = 2  # steps of progress by which a robot comes nearer that was held up, half a metre
+SETS_OUT = 4  # steps of progress by which a robot comes nearer that was held up, a metre
 A_MINUTE = 60.0  # s; progress this soon in a continuation is noted of all robots
 #: s without progress at the end of a continuation, after which a robot that was not asked about is
 #: asked about as well. It is claimed only once it has stood for a whole continuation
