@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.findings import Counterfactual
+from mrta_falsify.core.findings import Counterfactual, LayerRow
 from mrta_falsify.core.importance import Group
 from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.trace import Trace
@@ -48,7 +48,8 @@ class CaseContents:
     costmap: Costmap | None = None  #: at time 0
     layer: str = ""  #: suspected
     layer_evidence: str = ""  #: a sentence or two on why
-    counterfactuals: tuple[Counterfactual, ...] = ()
+    counterfactuals: tuple[Counterfactual, ...] = ()  #: of explanations that have no rows
+    rows: tuple[LayerRow, ...] = ()  #: the stack as it is, and with one layer exchanged
     removals: tuple[str, ...] = ()  #: who goes on without which robot, in words
     needs: tuple[str, ...] = ()  #: without what, and under which schedule, it fails, in sentences
     certified: tuple[str, ...] = ()  #: what a certificate proves, in sentences

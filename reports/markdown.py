@@ -92,6 +92,9 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         yield from (f"With small differences it fails in {failed} of {runs} runs.", "")
     if case.confirmed:
         yield from (f"Other engines, of the run and its copies: {case.confirmed}.", "")
+    if case.rows:
+        rows = (f"{row.change} fails in {row.failed} of {row.runs} runs" for row in case.rows)
+        yield from (plain(f"{'; '.join(rows)}."), "")
     if case.counterfactuals:
         gone = [row.change for row in case.counterfactuals if row.failure_gone]
         changes = f": {'; '.join(gone)}" if gone else ""

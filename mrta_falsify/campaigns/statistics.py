@@ -94,6 +94,28 @@ def chance_in_copies(copies: Jittered, most: int) -> Probability:
     return failure_probability(copies.failed, copies.runs, undecided=max(most - copies.runs, 0))
 
 
+def one_sided_bounds(
+    failures: int, trials: int, *, undecided: int = 0, level: float = 0.9
+) -> tuple[float, float]:
+    """Compute a lower and an upper bound of the probability of a violation.
+
+    Clopper and Pearson's (Biometrika 26, 1934): each holds with at least ``level``. Undecided
+    trials count as passes for the lower bound and as failures for the upper one.
+
+    Args:
+        failures: of ``trials``, both without the undecided ones.
+        trials: independent, their number fixed beforehand.
+        undecided: trials that told nothing.
+        level: of confidence, of each bound alone.
+    """
+    from scipy import stats  # noqa: PLC0415 - takes 0.4 s, and most trials do without
+
+    total, most = trials + undecided, failures + undecided
+    low = float(stats.beta.ppf(1.0 - level, failures, total - failures + 1)) if failures else 0.0
+    high = float(stats.beta.ppf(level, most + 1, total - most)) if most < total else 1.0
+    return low, high
+
+
 def blaker_interval(successes: int, trials: int, level: float = 0.95) -> tuple[float, float]:
     """Compute Blaker's exact interval of a binomial proportion.
 

@@ -34,10 +34,11 @@ if TYPE_CHECKING:
     "--max-runs",
     1,
     1000,
-    default=40,
-    text="Re-runs at most: one per changed layer, the rest with small differences. Of a stack in a "
+    default=120,
+    text="Runs at most: six for the stack as it is, six for each exchanged layer. Of a stack in a "
     "process of its own: under other schedules, and without single things, too.",
 )
+@workers_option
 @count_option(
     "--rewinds",
     0,
@@ -46,8 +47,10 @@ if TYPE_CHECKING:
     text="Copies at most, beside these, that repeat the run from earlier and earlier; 0: none.",
 )
 @format_option
-def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style: str) -> int:
-    """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
+def explain_command(
+    directory: Path, id: str, max_runs: int, workers: int | None, rewinds: int, style: str
+) -> int:
+    """Ask which layer a failure belongs to, by runs with one layer exchanged before its onset.
 
     Then ask when it was decided, by repeating the run from earlier and earlier.
 
@@ -69,6 +72,7 @@ def explain_command(directory: Path, id: str, max_runs: int, rewinds: int, style
             id,
             max_runs,
             rewinds=rewinds,
+            workers=workers,
             on_done=on_progress,
         )
     if style == "json":
@@ -87,20 +91,14 @@ def _print_explanation(found: Explanation) -> None:
     out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
     if found.guess != found.layer:
         out.print(f"the trace alone points to: {found.guess or 'none'}")
-    table = output.new_table(f"changed at {found.changed_at:.1f} s", "failure", "then")
-    for row in found.counterfactuals:
-        fate = "gone" if row.failure_gone else "stays" if row.answered else "no answer"
-        table.add_row(row.change, fate, row.detail)
+    table = output.new_table("from", "exchanged", "fails in", "beside these")
+    for row in found.rows:
+        table.add_row(f"{row.at:.1f} s", row.change, f"{row.failed} of {row.runs}", row.beside)
     output.print_table(table)
     for removal in found.removals:
         out.print(removal_text(removal))
     for text in (*needs_sentences(found), *decided_sentences(found.inevitability)):
         out.print(text)
-    if found.jittered.runs:
-        out.print(
-            f"with small differences it fails in {found.jittered.failed} of "
-            f"{found.jittered.runs} runs"
-        )
     out.print(f"{found.runs} runs spent")
 
 

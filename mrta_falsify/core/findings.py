@@ -31,6 +31,34 @@ class Counterfactual:
     answered: bool = later(True)  #: False: the run could not be judged, so it tells nothing
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerRow:
+    """What became of a failure in copies of its world, with one layer exchanged.
+
+    ``mrta_falsify/verbs/explain/rows.py`` says what counts as what.
+    """
+
+    layer: str  #: that was exchanged; empty: the stack as it is
+    change: str  #: in words
+    at: float  #: when it was exchanged [s]
+    runs: int  #: that came to the situation, and failed or passed
+    failed: int  #: of them
+    otherwise: int = 0  #: runs beside these that failed in another way
+    avoided: int = 0  #: runs beside these that never came to the situation
+    unknown: int = 0  #: runs beside these that could not be judged
+    restores: bool = False  #: whether the shipped layer replaced another one
+
+    @property
+    def beside(self) -> str:
+        """What became of the runs that neither failed in the same way nor passed, in words."""
+        counts = (
+            (self.otherwise, "fails in another way"),
+            (self.avoided, "avoids the situation"),
+            (self.unknown, "could not be judged"),
+        )
+        return ", ".join(f"{what} in {count}" for count, what in counts if count)
+
+
 #: what became of a failure: gone; there again; the same specification violated in another way; the
 #: run could not be judged, or the world is not valid; there were no runs left
 Fate: TypeAlias = Literal["gone", "stays", "otherwise", "unknown", "untried"]
@@ -78,12 +106,15 @@ class Explanation:
     guess: str  #: the layer that the trace alone points to
     reason: str  #: why the layer is suspected, in words
     changed_at: float  #: when the continuations were changed [s]
-    counterfactuals: tuple[Counterfactual, ...]
+    counterfactuals: tuple[Counterfactual, ...]  #: of versions that had no rows; empty since
     jittered: CopyCount
     runs: int  #: episodes and continuations simulated
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
     absences: tuple[ChangedRun, ...] = later(())  #: runs without some things
     schedules: tuple[ChangedRun, ...] = later(())  #: runs with other thinking times and orders
+    #: the stack as it is, and with one layer exchanged; from shortly before the onset, then, where
+    #: that says nothing, from the start
+    rows: tuple[LayerRow, ...] = later(())
     inevitability: Inevitability | None = later(None)  #: None: the run was not rewound
 
 

@@ -9,7 +9,7 @@ from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
-from mrta_falsify.verbs.explain import REWINDS, explain
+from mrta_falsify.verbs.explain import MAX_RUNS, REWINDS, explain
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.report import (
@@ -27,9 +27,10 @@ from mrta_falsify.verbs.workers import count_cores
 def explain_trial(
     directory: Place,
     id: str | int,
-    max_runs: int = 40,
+    max_runs: int = MAX_RUNS,
     *,
     rewinds: int = REWINDS,
+    workers: int | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
     """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
@@ -41,6 +42,7 @@ def explain_trial(
         id: of the trial.
         max_runs: re-runs at most.
         rewinds: copies at most, beside these, that tell when the failure was decided; 0: none.
+        workers: processes; None: as many as the machine has cores.
         on_done: called after each re-run with how many are done, and how many there will be.
 
     Raises:
@@ -48,7 +50,14 @@ def explain_trial(
     """
     campaign = open_campaign(directory)
     record = campaign.record(str(id))
-    return explain(campaign, record, max_runs=max_runs, rewinds=rewinds, on_done=on_done)
+    return explain(
+        campaign,
+        record,
+        max_runs=max_runs,
+        rewinds=rewinds,
+        workers=count_cores(workers),
+        on_done=on_done,
+    )
 
 
 def minimize_trial(

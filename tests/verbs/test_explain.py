@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import pytest
@@ -9,11 +8,11 @@ from benchmarks.defects import worlds
 from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import Counterfactual, Removal
+from mrta_falsify.core.findings import Removal
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain import removal_text
-from mrta_falsify.verbs.explain.changes import changes_of, suspicion_from
+from mrta_falsify.verbs.explain.changes import changes_of
 from mrta_falsify.verbs.explain.explaining import explain_job
 from mrta_falsify.verbs.explain.removals import removals_of
 from scenic_worlds.program import compile_program
@@ -28,29 +27,30 @@ def _job(defect, *specifications):
     )
 
 
-@pytest.mark.parametrize(
-    "max_runs", [pytest.param(3, marks=pytest.mark.slow), pytest.param(8, marks=pytest.mark.long)]
-)
-def test_the_layer_whose_replacement_cures_the_failure_is_named(max_runs):
+@pytest.mark.long
+def test_the_layer_whose_exchange_removes_the_failure_is_named():
     told = []
     found = explain_job(
         _job("room_freed_while_parked", "exclusive_use"),
-        max_runs=max_runs,
         on_done=lambda done, total: told.append((done, total)),
     )
     assert found.layer == "queue_policy"
-    gone = {finding.layer for finding in found.counterfactuals if finding.failure_gone}
-    assert gone == {"queue_policy"}
-    assert found.runs <= max_runs + 6
+    stack, *rows = found.rows
+    assert stack.layer == ""
+    assert stack.failed > stack.runs / 2
+    by_layer = {row.layer: row for row in rows}
+    assert by_layer["queue_policy"].failed == 0
+    assert by_layer["planner"].failed > 0
+    assert len({row.runs + row.otherwise + row.avoided + row.unknown for row in found.rows}) == 1
     assert [done for done, _ in told] == list(range(1, found.runs + 1))
     assert all(done <= total for done, total in told)
 
 
 @pytest.mark.slow
 def test_what_costs_a_deadline_is_looked_for_from_the_start():
-    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=6)
-    assert found.layer == "planner"
+    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=24)
     assert found.changed_at == 0.0
+    assert {row.at for row in found.rows} == {0.0}
 
 
 def test_a_run_that_holds_has_nothing_to_explain():
@@ -68,81 +68,6 @@ def test_a_layer_under_test_is_replaced_by_the_reference_and_the_reference_by_ot
     assert rules == ["fixed"]
     assert planners == ["ompl"]
     assert all(c.config.engine.name == "kinematic" for c in changes)
-
-
-@pytest.mark.parametrize(
-    ("cured", "guess", "expected"),
-    [
-        ([], "planner", "planner"),
-        (["controller"], "planner", "controller"),
-        (["controller", "queue_policy"], "controller", "controller"),
-        # changes in two places remove it, so either may only have kept the run out of it
-        (["controller", "queue_policy"], "planner", "planner"),
-        (["controller", "queue_policy"], "", "queue_policy"),
-    ],
-)
-def test_one_layer_is_named_from_what_cured_the_failure(cured, guess, expected):
-    findings = [
-        Counterfactual(layer=layer, change=layer, failure_gone=layer in cured)
-        for layer in ("queue_policy", "planner", "controller")
-    ]
-    assert suspicion_from(findings, guess).layer == expected
-
-
-def test_the_shipped_layer_in_place_of_another_says_more_than_one_that_does_all_otherwise():
-    findings = [
-        Counterfactual(layer="waypoint_generator", change="another one", failure_gone=True),
-        Counterfactual(
-            layer="controller", change="the shipped one", failure_gone=True, restores=True
-        ),
-    ]
-    assert suspicion_from(findings, "waypoint_generator").layer == "controller"
-    stays = [findings[0], dataclasses.replace(findings[1], failure_gone=False)]
-    assert suspicion_from(stays, "controller").layer == "waypoint_generator"
-
-
-def _found(**gone):
-    """Counterfactuals by layer: for each of its alternatives, whether the failure was gone."""
-    return [
-        Counterfactual(layer=layer, change=f"{layer} {i}", failure_gone=was_gone)
-        for layer, outcomes in gone.items()
-        for i, was_gone in enumerate(outcomes)
-    ]
-
-
-def test_a_layer_of_which_every_other_implementation_cures_says_more_than_one_of_many():
-    found = _found(planner=[True], allocator=[True, False, False, False])
-    assert suspicion_from(found, "allocator").layer == "planner"
-    assert suspicion_from(_found(allocator=[True, False], planner=[False]), "").layer == "allocator"
-
-
-def test_a_violation_that_names_its_layer_is_not_talked_away_by_a_chance_cure():
-    found = _found(queue_policy=[False], allocator=[True])
-    assert suspicion_from(found, "queue_policy", direct=True).layer == "queue_policy"
-    assert suspicion_from(found, "queue_policy").layer == "allocator"
-
-
-def test_a_part_that_cannot_be_exchanged_is_named_by_the_trace():
-    assert suspicion_from(_found(planner=[True]), "dispatcher").layer == "dispatcher"
-
-
-def test_another_planner_on_the_same_costmap_tells_the_two_apart():
-    cured = _found(queue_policy=[True], planner=[True])
-    assert suspicion_from(cured, "costmap").layer == "planner"
-    not_cured = _found(queue_policy=[True], planner=[False])
-    assert suspicion_from(not_cured, "costmap").layer == "costmap"
-
-
-def test_on_a_knife_edge_any_change_cures_so_the_trace_decides():
-    found = _found(priority_rule=[True], controller=[False])
-    assert suspicion_from(found, "controller", knife_edge=True).layer == "controller"
-    assert suspicion_from(found, "controller").layer == "priority_rule"
-    assert suspicion_from(found, "", knife_edge=True).layer == "priority_rule"
-
-
-def test_a_restored_layer_counts_on_a_knife_edge_too():
-    shipped = Counterfactual(layer="planner", change="shipped", failure_gone=True, restores=True)
-    assert suspicion_from([shipped], "controller", direct=True, knife_edge=True).layer == "planner"
 
 
 def test_the_trace_alone_gives_a_first_guess(stalled):
@@ -173,7 +98,7 @@ def _removals(job):
     [
         pytest.param(_removals, marks=pytest.mark.long, id="alone"),
         pytest.param(
-            lambda job: explain_job(job, max_runs=14).removals, marks=pytest.mark.long, id="explain"
+            lambda job: explain_job(job, max_runs=21).removals, marks=pytest.mark.long, id="explain"
         ),
     ],
 )

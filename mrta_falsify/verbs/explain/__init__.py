@@ -1,8 +1,15 @@
 """The command ``explain``: which layer a failure belongs to, and when it was decided."""
 
-from mrta_falsify.verbs.explain.explaining import explain
+from mrta_falsify.verbs.explain.explaining import MAX_RUNS, explain
 from mrta_falsify.verbs.explain.removals import removal_text
 from mrta_falsify.verbs.explain.rewinding import REWINDS
 from mrta_falsify.verbs.explain.telling import decided_sentences, needs_sentences
 
-__all__ = ["REWINDS", "decided_sentences", "explain", "needs_sentences", "removal_text"]
+__all__ = [
+    "MAX_RUNS",
+    "REWINDS",
+    "decided_sentences",
+    "explain",
+    "needs_sentences",
+    "removal_text",
+]

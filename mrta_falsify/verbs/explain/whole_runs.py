@@ -13,7 +13,6 @@ from mrta_falsify.specs.library import specification_choice
 from mrta_falsify.trial import Job, Judged, judge
 from simulator_interface import starts
 
-AFTER = 45.0  # s after the violation that a changed episode must survive
 STACK_RUNS = "stack_runs"  # judged in every run
 
 
@@ -25,7 +24,7 @@ class RunFate(NamedTuple):
 
 
 def looking_for(job: Job, verdict: Verdict) -> Job:
-    """Reduce a job to what tells whether a failure is there: its specification, its time.
+    """Reduce a job to what tells whether a failure is there: its specification.
 
     Other violations must not end a changed run before it has had time to fail.
 
@@ -33,8 +32,6 @@ def looking_for(job: Job, verdict: Verdict) -> Job:
         job: that fails.
         verdict: the violated one that explains the failure.
     """
-    until = (verdict.violated_at or job.world.horizon) + AFTER
-    world = dataclasses.replace(job.world, horizon=min(until, job.world.horizon))
     own = tuple(
         name
         for name in job.specifications
@@ -42,8 +39,8 @@ def looking_for(job: Job, verdict: Verdict) -> Job:
     )
     if own or verdict.spec == STACK_RUNS:
         names = own or (STACK_RUNS,)
-        return dataclasses.replace(job, world=world, specifications=names, early_stop=True)
-    return dataclasses.replace(job, world=world, early_stop=False)
+        return dataclasses.replace(job, specifications=names, early_stop=True)
+    return dataclasses.replace(job, early_stop=False)
 
 
 def run_changed(job: Job, verdict: Verdict) -> RunFate:

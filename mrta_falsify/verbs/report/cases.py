@@ -202,13 +202,14 @@ def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
     if found.layer == WHOLE:
         evidence = f"{found.runs} runs with one thing changed: {found.reason}."
     if found.guess and found.guess != found.layer:
-        evidence += f" The trace alone had pointed to {found.guess}."
+        evidence += f" The trace alone, which is a guess, points to {found.guess}."
     copies = found.jittered
     return dataclasses.replace(
         case,
         layer=found.layer or case.layer,
         layer_evidence=evidence,
         counterfactuals=found.counterfactuals,
+        rows=found.rows,
         removals=tuple(map(removal_text, found.removals)),
         needs=needs_sentences(found),
         inevitability=found.inevitability,

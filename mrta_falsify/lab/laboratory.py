@@ -1,0 +1,303 @@
+"""Runs experiments: each once, several side by side, and in copies with small differences.
+
+Runs that share their world, stack and perturbation share what comes before their first edit: the
+run goes forward once, and is forked where each of them begins (see :mod:`..forking`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrta_falsify.campaigns.journal import RunJournal
+from mrta_falsify.campaigns.processes import spawned
+from mrta_falsify.campaigns.rules import RULES, signed
+from mrta_falsify.core import codec
+from mrta_falsify.core.claims import SPEC, claims_of
+from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.protocols import Specification
+from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.world import World
+from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
+from mrta_falsify.specs.causes import primary
+from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
+from scenic_worlds.variation import jitter_world
+from simulator_interface import starts
+from simulator_interface.guard import Guard, guarded
+from simulator_interface.simulate import EpisodeRun
+from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
+
+Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
+
+
+class Lab:
+    """Runs experiments, each of them once.
+
+    Args:
+        journal: file of finished runs, for the next call; None keeps them in memory only.
+        code: digest of the code that is run; rows of other code are not read.
+        workers: processes.
+        on_run: called after each run.
+    """
+
+    def __init__(
+        self,
+        journal: Path | None = None,
+        *,
+        code: str = "",
+        workers: int = 1,
+        on_run: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.journal = RunJournal(RunResult, journal, code=code)
+        self._workers = workers
+        self.on_run = on_run
+        self.runs = 0  #: answered so far, those from the journal too
+
+    def run(self, experiment: Experiment) -> RunResult:
+        """Run one experiment."""
+        return next(self.map((experiment,)))
+
+    def map(self, experiments: Iterable[Experiment]) -> Iterator[RunResult]:
+        """Run experiments; their results come in the order of the experiments.
+
+        Raises:
+            HarnessError: a process died, or the toolkit failed.
+            KeyboardInterrupt: Ctrl-C; finished runs are in the journal.
+        """
+        wanted = list(experiments)
+        keys = [experiment.digest() for experiment in wanted]
+        missing = {
+            key: experiment
+            for key, experiment in zip(keys, wanted, strict=True)
+            if key not in self.journal.answers
+        }
+        for _ in {key for key in keys if key not in missing}:
+            self._count()
+        for key, result in self._ran(_shared(missing)):
+            self.journal.keep(key, result)
+            self._count()
+        for key in keys:
+            yield self.journal.answers[key]
+
+    def vote(
+        self,
+        experiment: Experiment,
+        at_most: int,
+        fails: Answers = lambda result: result.failed if result.status == "judged" else None,
+    ) -> Vote:
+        """Run copies of an experiment with small differences until the rest cannot change it.
+
+        Args:
+            experiment: whose world is varied; its own run does not vote.
+            at_most: copies.
+            fails: whether a run counts as failed; None: it tells nothing.
+        """
+        vote = Vote(runs=0, failed=0)
+        for number in range(1, at_most + 1):
+            copy = dataclasses.replace(experiment, perturbation=number)
+            vote = vote.add(failed=fails(self.run(copy)))
+            if 2 * vote.failed > at_most or 2 * (vote.runs - vote.failed) >= at_most:
+                break
+        return vote
+
+    def _count(self) -> None:
+        self.runs += 1
+        self.on_run()
+
+    def _ran(self, groups: Sequence[dict[str, Experiment]]) -> Iterator[tuple[str, RunResult]]:
+        if self._workers < 2 or len(groups) < 2:
+            for group in groups:
+                yield from zip(group, run_group(tuple(group.values())), strict=True)
+            return
+        with spawned(self._workers) as pool:
+            futures = [pool.submit(_in_pool, tuple(group.values())) for group in groups]
+            try:
+                for group, future in zip(groups, futures, strict=True):
+                    yield from zip(group, future.result(), strict=True)
+            except BrokenProcessPool:
+                raise HarnessError("a process of the lab has died; call again") from None
+
+
+def _shared(missing: dict[str, Experiment]) -> list[dict[str, Experiment]]:
+    """Put together what shares the run before its first edit, by the time of that."""
+    groups: dict[tuple[str, ...], dict[str, Experiment]] = {}
+    for key, experiment in sorted(missing.items(), key=lambda item: item[1].begins_at):
+        alone = key if not _forks(experiment) else ""
+        bare = dataclasses.replace(experiment, edits=())
+        groups.setdefault((bare.digest(), alone), {})[key] = experiment
+    return list(groups.values())
+
+
+def _forks(experiment: Experiment) -> bool:
+    """Whether the run goes on in a fork from its first edit on; else it is edited from the start.
+
+    A stack in a process of its own cannot be exchanged in mid-run, nor judged apart from its past.
+    """
+    if experiment.stack.stack is None:
+        return bool(experiment.edits)
+    return any(edit.nudge or edit.without for edit in experiment.edits)
+
+
+# --- one group, in a process of its own -----------------------------------------------------------
+
+_guard = Guard()  # of a process of the pool
+
+
+def _in_pool(group: tuple[Experiment, ...]) -> list[RunResult]:
+    with guarded(_guard):
+        return run_group(group)
+
+
+def run_group(group: Sequence[Experiment]) -> list[RunResult]:
+    """Run experiments that share all before their first edit, sorted by the time of that."""
+    first = group[0]
+    try:
+        world = first.world
+        if first.perturbation:
+            world = jitter_world(world, first.perturbation - 1)
+        starts.check_starts(world)
+    except InputError as error:
+        return [RunResult(status="impossible", detail=str(error)) for _ in group]
+    if not _forks(first):
+        return [_whole(one, world) for one in group]
+    try:
+        rows = run_in_watched_copy(functools.partial(_forked_rows, group, world))
+    except CopyFailed as failed:
+        return [RunResult(status="error", detail=failed.message) for _ in group]
+    return [codec.decode(RunResult, row, where="run") for row in rows]
+
+
+def _job_of(experiment: Experiment, world: World) -> Job:
+    return Job(
+        world=world,
+        config=experiment.stack,
+        specifications=experiment.specs,
+        early_stop=experiment.early_stop,
+        then=experiment.then,
+        limits=experiment.limits,
+        told=experiment.transcript,
+        rules=experiment.rules or RULES,
+    )
+
+
+def _whole(experiment: Experiment, world: World) -> RunResult:
+    """Run a stack in a process of its own; what is edited is so from the first tick on."""
+    stack = experiment.stack
+    for edit in experiment.edits:
+        stack = edit.stack or stack
+    job = dataclasses.replace(_job_of(experiment, world), config=stack)
+    try:
+        judged = judge(job)
+    except InputError as error:
+        return RunResult(status="impossible", detail=str(error))
+    except HarnessError as error:
+        return RunResult(status="error", detail=str(error))
+    return result_of(experiment, judged)
+
+
+def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
+    """Run a world once, and go on in a fork where each experiment begins; results as data."""
+    job = _job_of(group[0], world)
+    judges = judges_of(job)
+    watch = TrialWatch(job, judges)
+    wanted: list[int] = []  # tasks of the experiment that goes on
+
+    def stop(frame: Frame) -> str:
+        delivered = run.episode.books.delivered
+        is_done = bool(wanted) and all(task in delivered for task in wanted)
+        reason = "decided" if is_done else watch.stop(frame)
+        if reason and not is_done and group[0].outlasts:
+            reason = reason if frame.sensed.time >= _outlasted(judges) else ""
+        return reason
+
+    run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
+    try:
+        run.advance()
+        return [_forked(run, watch, one, wanted) for one in group]
+    finally:
+        run.close()
+
+
+def _outlasted(judges: Sequence[Specification]) -> float:
+    """When no claim that robots stand can be withdrawn any more [s]."""
+    verdicts = (judge.verdict() for judge in judges)
+    claims = (
+        row for v in verdicts if v.violated and v.spec == SPEC for row in claims_of(v.evidence)
+    )
+    bounds = (row["detected_at"] + (row.get("stands_for") or 0.0) for row in claims)
+    return max(bounds, default=0.0)
+
+
+def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int]) -> Any:
+    while not run.ended and _time(run) < one.begins_at:
+        run.advance()
+
+    def branch() -> Any:
+        run.episode.become_copy()
+        wanted.extend(one.until_delivered)
+        for edit in one.edits:
+            while not run.ended and _time(run) < edit.at:
+                run.advance()
+            if not run.ended:
+                _make(run, edit)
+        while not run.ended:
+            run.advance()
+        return codec.encode(result_of(one, summed_up(run.outcome(), watch)))
+
+    try:
+        return run_in_watched_copy(branch)
+    except CopyFailed as failed:
+        return codec.encode(RunResult(status="error", detail=failed.message))
+
+
+def _time(run: EpisodeRun) -> float:
+    return run.frame.sensed.time if run.frame is not None else -np.inf
+
+
+def _make(run: EpisodeRun, edit: Edit) -> None:
+    """Change a run as an edit says."""
+    if edit.nudge:
+        run.episode.nudge(edit.nudge)
+    if edit.stack is not None:
+        run.episode.swap(edit.stack)
+    for robot in edit.without:
+        run.episode.remove(robot)
+
+
+def result_of(experiment: Experiment, judged: Judged) -> RunResult:
+    """Sum up a judged run."""
+    outcome = judged.outcome
+    violated = any(verdict.violated for verdict in judged.verdicts)
+    rank: Rank = "none"
+    if violated:
+        rank = "primary" if primary(judged.verdicts, experiment.then) else "secondary"
+    reasons = [v.not_judged for v in judged.verdicts if v.not_judged]
+    return RunResult(
+        status="not_judged" if reasons and not violated else "judged",
+        verdicts=judged.verdicts,
+        margins=judged.margins,
+        signature=signed(judged.verdicts, experiment.rules or RULES) if violated else "",
+        rank=rank,
+        ended=outcome.ended,
+        detail=reasons[0] if reasons else "",
+        trace=outcome.trace.digest,
+        sim_time=outcome.sim_time,
+        wall_s=outcome.wall_s,
+        met=_met(experiment.situation, outcome.trace),
+    )
+
+
+def _met(situation: Situation | None, trace: Trace) -> float | None:
+    """When a situation came about first [s]; None: it never did."""
+    if situation is None or "pose" not in trace.columns:
+        return None
+    places = trace.columns["pose"][:, list(situation.robots), :2]
+    near = (np.hypot(*np.moveaxis(places - situation.place, -1, 0)) <= situation.reach).all(axis=1)
+    return float(near.argmax() * trace.dt) if near.any() else None
