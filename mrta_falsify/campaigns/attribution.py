@@ -73,11 +73,6 @@ PATH_AHEAD = 1.5  # m of path that are looked at
 STAYED = 1.0  # m from where it started; a robot as near as that may have been there from the start
 
 
-def points_directly(verdict: Verdict, guess: str) -> bool:
-    """Whether the violation itself names ``guess``, the layer that should have prevented it."""
-    return verdict.spec == "stack_runs" or LAYER_OF_SPECIFICATION.get(verdict.spec) == guess
-
-
 def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
     """Name the layer of a stack to look at first; see :func:`suspected_layer`."""
     verdict = leading(verdicts)
@@ -217,6 +212,15 @@ def _of_overfull(verdict: Verdict, trace: Trace) -> str:
     return QUEUES
 
 
+def rests_on_time(verdict: Verdict) -> bool:
+    """Whether a guess about a violation rests on how long robots were blocked."""
+    return verdict.spec == DEADLOCK or not (
+        verdict.spec in LAYER_OF_SPECIFICATION
+        or verdict.spec in ("no_robot_static_contact", "stack_runs", "repeatable")
+        or first_claim(verdict.evidence) in CLAIMS_OF_QUEUES
+    )
+
+
 # --- lost time ---------------------------------------------------------------------
 
 
@@ -224,8 +228,9 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
     """Name the layer that decides about what cost the time.
 
     A task that no robot was given was not allocated, or never offered to the allocator. If the
-    robots concerned were held up, what held them up longest decides. If not, the plan was tight
-    or, where a robot drove in vain, the controller did not follow it.
+    robots concerned were held up, what held them up longest decides. A robot that drove in vain
+    with little in its way was not controlled well. Work that was late although little held its
+    robots up points nowhere: the plan may have been tight, the robot slow, or the deadline short.
     """
     tasks = tasks_of(verdict)
     given = {event.task for event in trace.events if event.kind == "assigned"}
@@ -233,10 +238,8 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
     if forgotten:
         return "allocator" if _was_asked(forgotten, trace) else DISPATCHER
     spent = blocked_time(trace, _until(verdict), robots_concerned(verdict, trace))
-    if sum(spent.values()) < LITTLE_BLOCKING:  # who holds up others may cost them the time, too
-        spent = blocked_time(trace, _until(verdict), trace.robots)
     if sum(spent.values()) < LITTLE_BLOCKING:
-        return "allocator" if is_outcome(verdict) or tasks else "controller"
+        return "" if is_outcome(verdict) or tasks else "controller"
     return LAYER_OF_CAUSE.get(max(sorted(spent), key=lambda cause: spent[cause]), "")
 
 
@@ -262,12 +265,21 @@ def _until(verdict: Verdict) -> float:
 
 
 def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str, float]:
-    """Add up how long ``robots`` were blocked before ``until`` [s], in seconds by cause."""
+    """Add up how long ``robots`` were blocked before ``until`` [s], in seconds by cause.
+
+    A robot that several hold at once for one cause is blocked once.
+    """
     chosen = {trace.robots.index(name) for name in robots}
-    spent: dict[str, float] = {}
+    spans: dict[tuple[int, str], list[tuple[float, float]]] = {}
     for span in trace.edges:
         if span.edge.robot in chosen and span.edge.cause != "task":
-            end = min((span.last + 1) * trace.dt, until)
-            time = max(0.0, end - span.first * trace.dt)
-            spent[span.edge.cause] = spent.get(span.edge.cause, 0.0) + time
+            begin, end = span.first * trace.dt, min((span.last + 1) * trace.dt, until)
+            if end > begin:
+                spans.setdefault((span.edge.robot, span.edge.cause), []).append((begin, end))
+    spent: dict[str, float] = {}
+    for (_, cause), times in spans.items():
+        covered = -np.inf
+        for begin, end in sorted(times):
+            spent[cause] = spent.get(cause, 0.0) + max(0.0, end - max(begin, covered))
+            covered = max(covered, end)
     return spent

@@ -91,6 +91,9 @@ class Door(click.Group):
             with heard():
                 result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
+        except click.exceptions.NoArgsIsHelpError as error:
+            print(error.ctx.get_help() if error.ctx is not None else "")
+            return ExitCode.DONE
         except click.UsageError as error:
             path = error.ctx.command_path if error.ctx is not None else prog_name
             _say(f"{path}: {error.format_message()} (see: {path} --help)")

@@ -136,8 +136,9 @@ def _shaped_layer(layer: str, value: Any, where: str) -> dict[str, Any]:
     return {"name": default.name, "options": value}
 
 
-def read_config(path: Path) -> StackConfig:
+def read_config(path: str | Path) -> StackConfig:
     """Read a stack configuration from a YAML file."""
+    path = Path(path)
     return decode_config(codec.read_yaml(path), where=str(path), folder=path.parent)
 
 

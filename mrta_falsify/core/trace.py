@@ -211,7 +211,7 @@ def _layout_of(frame: Frame) -> np.dtype[np.void]:
 # --- files -----------------------------------------------------------------------------
 
 
-def write_trace(trace: Trace, path: Path) -> None:
+def write_trace(trace: Trace, path: str | Path) -> None:
     """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle)."""
     table = {
         "version": TRACE_VERSION,
@@ -248,7 +248,7 @@ def _read_column(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     return column
 
 
-def read_trace(path: Path) -> Trace:
+def read_trace(path: str | Path) -> Trace:
     """Read what :func:`write_trace` wrote.
 
     Raises:

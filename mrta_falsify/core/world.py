@@ -251,21 +251,21 @@ def _digest_of(world: World) -> str:
     return codec.digest(world)
 
 
-def read_world(path: Path) -> World:
+def read_world(path: str | Path) -> World:
     """Read a world from a JSON file.
 
     Raises:
         InputError: the file cannot be read, is not JSON, or breaks the schema.
     """
-    data = codec.read_json(path)
+    data = codec.read_json(Path(path))
     if not isinstance(data, dict) or "bounds" not in data:
         raise FormatError(f"{path}: is not a world file (no field `bounds`)")
     return codec.decode(World, data, where=str(path))
 
 
-def write_world(world: World, path: Path) -> None:
+def write_world(world: World, path: str | Path) -> None:
     """Write ``world`` as canonical JSON; two equal worlds give equal bytes."""
-    write_atomically(path, (codec.canonical_json(world) + "\n").encode())
+    write_atomically(Path(path), (codec.canonical_json(world) + "\n").encode())
 
 
 def without_actors(world: World) -> World:

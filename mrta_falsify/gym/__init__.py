@@ -48,6 +48,6 @@ def parallel_env(
         if error.name not in ("pettingzoo", "gymnasium"):
             raise
         raise ConfigError(
-            f"{error.name} is not installed; run: pip install 'mrta-falsify[gym]'"
+            f"{error.name} is not installed; run in the checkout: pip install '.[gym]'"
         ) from None
     return FleetEnv(source, stack, settings=settings, specs=specs, early_stop=early_stop)

@@ -133,7 +133,7 @@ def _check_extra(extra: str, modules: tuple[str, ...]) -> HealthCheck:
     return HealthCheck(
         name,
         "missing",
-        f"no {', '.join(absent)}; if you want it: pip install 'mrta-falsify[{extra}]'",
+        f"no {', '.join(absent)}; if you want it, in the checkout: pip install '.[{extra}]'",
     )
 
 

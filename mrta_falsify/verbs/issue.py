@@ -194,7 +194,8 @@ def _commands(config: StackConfig) -> tuple[tuple[str, str], ...]:
     what = "Run the world"
     if config.stack is not None:
         what = f"Run the world; {STACK} lies beside the stack, which is {config.stack.label()}"
-    return (("Install", "pip install mrta-falsify"), (what, run))
+    install = ("Install, in a checkout of mrta-falsify", "pip install -c constraints.txt .")
+    return (install, (what, run))
 
 
 def _facts(record: TrialRecord, view: RunView) -> tuple[tuple[str, str], ...]:

@@ -38,7 +38,7 @@ try:
 except ModuleNotFoundError as missing:
     raise ConfigError(
         "engine bullet needs PyBullet, which has wheels for Linux x86-64 with Python 3.11 only; "
-        "take --set engine=mujoco, or install it with: pip install 'mrta-falsify[bullet]'"
+        "take --set engine=mujoco, or install it in the checkout with: pip install '.[bullet]'"
     ) from missing
 
 # Collision groups; ROBOT is also the group that Bullet gives to its rays.

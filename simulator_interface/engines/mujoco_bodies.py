@@ -21,7 +21,7 @@ try:
     import mujoco
 except ModuleNotFoundError as missing:
     raise ConfigError(
-        "engine mujoco needs MuJoCo; install it with: pip install 'mrta-falsify[mujoco]'"
+        "engine mujoco needs MuJoCo; install it in the checkout with: pip install '.[mujoco]'"
     ) from missing
 
 # What collides: a body's type meets another's affinity. The other bits are of single people.

@@ -229,7 +229,7 @@ def message_type(types: MessageTypes, name: str) -> MessageType:
 
 
 def _without_extra() -> ConfigError:
-    return ConfigError("ROS 2 messages need the extra `ros`: pip install 'mrta-falsify[ros]'")
+    return ConfigError("ROS 2 messages need the extra `ros`; in the checkout: pip install '.[ros]'")
 
 
 def _split_name(name: str) -> tuple[str, Folder, str]:

@@ -60,7 +60,7 @@ def write_mcap(world: World, trace: Trace, costmap: Costmap, path: Path) -> None
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
         raise ConfigError(
-            "--format mcap needs the extra `mcap`: pip install 'mrta-falsify[mcap]'"
+            "--format mcap needs the extra `mcap`; in the checkout: pip install '.[mcap]'"
         ) from None
     known = get_typestore(Stores.ROS2_HUMBLE)
     try:

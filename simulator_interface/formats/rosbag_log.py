@@ -73,7 +73,7 @@ def read_bag(path: Path) -> FleetLog:
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
         raise ConfigError(
-            "reading logs of ROS 2 needs the extra `mcap`: pip install 'mrta-falsify[mcap]'"
+            "reading logs of ROS 2 needs the extra `mcap`; in the checkout: pip install '.[mcap]'"
         ) from None
     try:
         with Reader(path) as bag:

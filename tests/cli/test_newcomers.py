@@ -173,7 +173,7 @@ def test_doctor_finds_a_machine_without_extras_in_order(monkeypatch):
     assert doctor.is_healthy(checks)
     assert "sampler map_elites" in checks[0].detail
     assert {check.state for check in checks[1:]} == {"missing"}
-    assert any("pip install 'mrta-falsify[qd]'" in check.detail for check in checks)
+    assert any("pip install '.[qd]'" in check.detail for check in checks)
 
 
 # --- what is printed ----------------------------------------------------------------------------

@@ -87,7 +87,7 @@ class _Query:
             import z3  # noqa: PLC0415
         except ImportError:
             raise ConfigError(
-                "allocator smt needs z3; install it with: pip install mrta-falsify[smt]"
+                "allocator smt needs z3; in the checkout: pip install '.[smt]'"
             ) from None
         self._z3: Any = z3
         self._problem = problem

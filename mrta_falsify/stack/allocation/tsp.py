@@ -68,7 +68,7 @@ class Tsp:
             )
         except ImportError:
             raise ConfigError(
-                "allocator tsp needs OR-Tools; install it with: pip install mrta-falsify[tsp]"
+                "allocator tsp needs OR-Tools; in the checkout: pip install '.[tsp]'"
             ) from None
         stops = [stop for task in tasks for stop in (pickup_of(task), dropoff_of(task))]
         n = len(problem.robots)

@@ -8,7 +8,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.attribution import WHOLE, blocked_time, robots_concerned
+from mrta_falsify.campaigns.attribution import (
+    WHOLE,
+    blocked_time,
+    rests_on_time,
+    robots_concerned,
+)
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.claims import KIND_TEXT
@@ -186,10 +191,15 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
     if is_shut(verdict):
         return "The world shut a place during the run; no layer of the stack did."
     until = verdict.violated_at if verdict.violated_at is not None else trace.duration
-    robots = robots_concerned(verdict, trace) or list(trace.robots)
-    spent = blocked_time(trace, until, robots)
-    who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
-    seen = blocked_text(who, until, spent)
+    robots = robots_concerned(verdict, trace)
+    if rests_on_time(verdict) and robots:
+        spent = blocked_time(trace, until, robots)
+        who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
+        seen = blocked_text(who, until, spent)
+    elif rests_on_time(verdict):
+        seen = "no robot had what was late"
+    else:
+        seen = "what is violated, where and by whom"
     return (
         f"A guess by rules from the trace: {seen}. The command explain tests it by runs with one "
         "layer changed."

@@ -21,7 +21,7 @@ from mrta_falsify.verbs.campaign_summary import (
 from mrta_falsify.verbs.report.trial_table import dimension_names
 
 SECONDS_PER_HOUR = 3600.0
-MOST_NAMED = 3  # parameters and layers
+MOST_NAMED = 3  # parameters
 
 
 def summary_sentences(
@@ -89,11 +89,12 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
 
 def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
     suspected = Counter(layers.get(r.id, "").replace("_", " ") for r in judged if r.is_reported)
-    suspected.pop("", None)
-    suspected.pop(WORLD, None)  # no part of the stack
+    none, shut = suspected.pop("", 0), suspected.pop(WORLD, 0)
     if not suspected:
         return []
-    named = [f"the {name} ({count})" for name, count in suspected.most_common(MOST_NAMED)]
+    named = [f"the {name} ({count})" for name, count in suspected.most_common()]
+    named += [f"none ({none})"] if none else []
+    named += [f"none, the world shut a place ({shut})"] if shut else []
     return [f"Suspected part of the stack, by trials: {listed(named)}."]
 
 

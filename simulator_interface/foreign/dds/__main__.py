@@ -23,7 +23,7 @@ def _start(arguments: list[str]) -> None:
             from simulator_interface.foreign.dds.bridge import run_bridge  # noqa: PLC0415 - extra
         except ImportError as error:
             raise ConfigError(
-                f"the bridge needs the extra `ros`: pip install 'mrta-falsify[ros]' ({error})"
+                f"the bridge needs the extra `ros`; in the checkout: pip install '.[ros]' ({error})"
             ) from None
         run_bridge(settings)
     except InputError as error:
