@@ -73,10 +73,20 @@ def violation_sentence(verdict: Verdict) -> str:
         return repeated_sentence(verdict)
     if verdict.spec.startswith("stl"):
         return f"The formula is false{when} (robustness {verdict.robustness:+.3g})."
+    late = verdict.evidence.get("late")
+    if verdict.spec == "deadlines" and isinstance(late, (list, tuple)) and len(late) > 1:
+        return _late_sentence(late)
     meaning = _meaning(verdict)
     who, where = listed(verdict.who), _place(_place_of(verdict.evidence))
     concerned = f": {who}" if who else ""
     return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}{_detail(verdict)}."
+
+
+def _late_sentence(late: Sequence[Mapping[str, Any]]) -> str:
+    """Name the tasks that were late, each with its own deadline, the first one first."""
+    rows = sorted(late, key=lambda row: float(row["deadline"]))
+    tasks = [f"task{row['task']} (due at {row['deadline']:.1f} s)" for row in rows]
+    return f"Deadlines were missed: {listed(tasks)}."
 
 
 def _place_of(evidence: Mapping[str, Any]) -> Any:

@@ -213,6 +213,7 @@ def _layout_of(frame: Frame) -> np.dtype[np.void]:
 
 def write_trace(trace: Trace, path: str | Path) -> None:
     """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle)."""
+    path = Path(path)
     table = {
         "version": TRACE_VERSION,
         "world_digest": trace.world_digest,

@@ -84,5 +84,5 @@ def test_mujoco_that_is_not_installed_is_refused_with_the_extra_that_brings_it(m
     for name in ("mujoco", "mujoco_bodies"):
         monkeypatch.delitem(sys.modules, f"simulator_interface.engines.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(InputError, match=r"pip install 'mrta-falsify\[mujoco\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[mujoco\]'"):
         build("mujoco")
