@@ -275,7 +275,7 @@ def wait_sentence(
     solids = [object_text(item) for item in objects if item.kind in ("furniture", "blockage")]
     resource = told.get(wait.resource, wait.resource)
     if wait.cause == "queue" and not wait.blocked_by:
-        return f"{wait.robot} waits for {resource or 'a resource'}, which is free."
+        return f"{wait.robot} waits for {resource or 'a resource'}, and no robot keeps it out."
     if wait.cause == "queue" and not resource:
         return f"{wait.robot} waits for {wait.blocked_by}, as the stack tells."
     text = CAUSES.get(wait.cause, f"is blocked ({wait.cause})").format(

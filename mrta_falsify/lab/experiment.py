@@ -52,8 +52,6 @@ class Experiment:
     specs: tuple[str, ...] = default_specifications()
     then: tuple[str, ...] = ()  #: specifications whose violation ends no run early
     early_stop: bool = True  #: ends 3 s after the first violation that is looked for
-    #: whether a claim that robots stand ends it only once they have stood for the claim's bound
-    outlasts: bool = False
     until_delivered: tuple[int, ...] = ()  #: ends once all of these tasks are; empty: with all
     limits: StackLimits = StackLimits()
     perturbation: int = 0  #: number of the world's copy with small differences; 0: the world itself

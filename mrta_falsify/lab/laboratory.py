@@ -19,10 +19,8 @@ from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
-from mrta_falsify.core.claims import SPEC, claims_of
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
@@ -212,10 +210,7 @@ def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
     def stop(frame: Frame) -> str:
         delivered = run.episode.books.delivered
         is_done = bool(wanted) and all(task in delivered for task in wanted)
-        reason = "decided" if is_done else watch.stop(frame)
-        if reason and not is_done and group[0].outlasts:
-            reason = reason if frame.sensed.time >= _outlasted(judges) else ""
-        return reason
+        return "decided" if is_done else watch.stop(frame)
 
     run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
     try:
@@ -223,16 +218,6 @@ def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
         return [_forked(run, watch, one, wanted) for one in group]
     finally:
         run.close()
-
-
-def _outlasted(judges: Sequence[Specification]) -> float:
-    """When no claim that robots stand can be withdrawn any more [s]."""
-    verdicts = (judge.verdict() for judge in judges)
-    claims = (
-        row for v in verdicts if v.violated and v.spec == SPEC for row in claims_of(v.evidence)
-    )
-    bounds = (row["detected_at"] + (row.get("stands_for") or 0.0) for row in claims)
-    return max(bounds, default=0.0)
 
 
 def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int]) -> Any:

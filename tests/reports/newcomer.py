@@ -61,6 +61,10 @@ def lines_of(html: str) -> list[str]:
 
 #: how a sentence says who is waited for, and the reason it gives
 WAITS = (
+    (
+        r"^(\S+) waits for (\S+), and no robot keeps it out",
+        lambda m: (m[1], m[2], "kept out by no robot"),
+    ),
     (r"^(\S+) waits for (\S+): (\S+) holds it", lambda m: (m[1], m[3], f"holds {m[2]}")),
     (r"^(\S+) cannot drive on because (\S+) stands in", lambda m: (m[1], m[2], "on its path")),
     (r"^(\S+) has a free path but waits for (\S+),", lambda m: (m[1], m[2], "in turn")),

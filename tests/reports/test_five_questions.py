@@ -23,7 +23,9 @@ from tests.reports.planted import planted_campaign
 TRUTH = {
     "fourth_waiter_dropped": (
         ("robot5",),
-        (("robot5", "robot2", "holds ward_0"),),  # it is in there when robot5 is found
+        (
+            ("robot5", "ward_0", "kept out by no robot"),
+        ),  # without robot2, who is in there, it stays
     ),
     "costmap_blind_to_furniture": (
         ("robot1",),

@@ -1,4 +1,4 @@
-"""The smallest world that fails with no_deadlock/1:cluster/doorway."""
+"""The smallest world that fails with no_deadlock/stuck:wall/doorway."""
 
 param layout = localPath('world.min.layout.json')
 

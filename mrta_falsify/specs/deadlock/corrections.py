@@ -71,7 +71,8 @@ def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> Edges
 
     An edge holds if the robot sets out for its goal once its blocker is gone. Otherwise what
     holds it without the blocker takes the edge's place, unless these are robots among its edges
-    already: then several may hold it together, and it is tried without all of them. A stack outside
+    already: then several may hold it together, and it is tried without all of them. A robot that
+    queues for a room, and is not held by who has it, waits for the room alone. A stack outside
     may remember the locks of a robot that is gone; there an edge goes only where a thing with a
     name, or a person, is seen in the way, or where nothing but nearness spoke for it.
 
@@ -110,13 +111,16 @@ def _corrected_of(
     for edge, instead in fails:
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
         is_lock = removals.is_outside and edge.cause != "cluster"  # that the stack may remember
-        reasons = [e for e in new if _is_reason(e, named=is_lock)]
+        queues = edge.cause == "queue"
+        reasons = [e for e in new if _is_reason(e, named=is_lock or queues)]
         if is_lock and not reasons:
             kept.append(edge)
         elif reasons and all(map(_is_robot, reasons)) and _are_known(reasons, own):
             together.append(edge)
         else:
-            kept += [e for e in reasons or new if e not in kept]
+            # One who queues still queues, though not for this robot.
+            alone = [BlockedBy(i, "queue", -1, edge.resource)] if queues else []
+            kept += [e for e in reasons or alone or new if e not in kept]
     if len(together) > 1:
         answer = removals.without(tuple(sorted({e.other for e in together})), stuck | {i})
         if answer is not None and i not in answer.nearer and i not in answer.freed:

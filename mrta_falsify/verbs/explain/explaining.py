@@ -11,6 +11,7 @@ tick on. The whole world is run without each of its things, and under other sche
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 from mrta_falsify.campaigns.attribution import WORLD, suspect
@@ -25,7 +26,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.lab import Lab
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
-from mrta_falsify.trial import Job, judge
+from mrta_falsify.trial import Job, Judged, judge, of_copy
 from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.changes import Change, changes_of
 from mrta_falsify.verbs.explain.removals import removals_of
@@ -43,6 +44,7 @@ from mrta_falsify.verbs.explain.schedules import schedules_of
 from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.stored_trials import job_of
 from simulator_interface.guard import guarded
+from simulator_interface.simulate import Outcome
 
 LEAD = 10.0  # s before the onset at which things are changed
 MAX_RUNS = 120  # of rows, unless the caller says otherwise
@@ -114,11 +116,12 @@ def explain_job(
         again = " this time: the stack does not answer the same again" if job.config.stack else ""
         raise InputError(f"the run violates nothing{again}; there is nothing to explain")
     trace = judged.outcome.trace
-    failure = failure_of(job, verdict, judged.outcome)
     guess = suspect(job.config, judged.verdicts, trace)
-    at = moment_of_change(verdict) if job.config.stack is None else 0.0
+    failure = failure_of(job, *_alone(job, verdict, judged))
+    at = moment_of_change(failure.verdict) if job.config.stack is None else 0.0
     changes = () if guess == WORLD else changes_of(job.config)[: max(1, max_runs // RUNS - 1)]
-    count = RunCount(max_runs, 2 + RUNS * (1 + len(changes)) + rewinds, on_done)
+    count = RunCount(max_runs, 3 + RUNS * (1 + len(changes)) + rewinds, on_done)
+    count.add()
     count.add()
     lab.on_run = count.add
     gone = tuple(count.each(removals_of(job, verdict, trace, count.left, removals)))
@@ -147,6 +150,19 @@ def explain_job(
         runs=count.done,
         inevitability=inevitability,
     )
+
+
+def _alone(job: Job, verdict: Verdict, judged: Judged) -> tuple[Verdict, Outcome]:
+    """Judge the run by the rule of the rows: no copies vote on it, as rows vote themselves.
+
+    Without votes, what stands may be seen to do so earlier.
+    """
+    own = judge(of_copy(job))
+    found = (v for v in own.verdicts if v.violated and v.spec == verdict.spec)
+    same = next(found, None)
+    if same is None:
+        return verdict, judged.outcome
+    return dataclasses.replace(same, who=verdict.who), own.outcome
 
 
 def _rows(

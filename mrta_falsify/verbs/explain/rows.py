@@ -164,7 +164,6 @@ def experiment_of(
         specs=judged.specifications,
         then=job.then,
         early_stop=not is_late,
-        outlasts=True,
         until_delivered=failure.tasks,
         limits=job.limits,
         perturbation=perturbation,
