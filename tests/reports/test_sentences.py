@@ -144,7 +144,7 @@ def test_what_closes_the_way_together_is_told_together():
 
 def test_a_free_room_that_is_not_granted_is_told_as_such():
     told = wait_sentence(WaitsFor("robot1", "queue", resource="ward_1"))
-    assert told == "robot1 waits for ward_1, which is free."
+    assert told == "robot1 waits for ward_1, and no robot keeps it out."
 
 
 def test_each_wait_is_told_once_the_roots_first():
