@@ -223,11 +223,13 @@ def _print_modes(modes: tuple[FailureMode, ...]) -> None:
 
 
 def _print_probability(chance: Probability) -> None:
+    from mrta_falsify.core.probability import interval_text
+
     out = output.stdout()
     estimate = "unknown" if chance.estimate is None else f"{chance.estimate:.3g}"
     out.print(
         f"probability of a violation: {estimate}, "
-        f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] ({chance.method})"
+        f"{interval_text(chance.low, chance.high, chance.level, digits='.3g')} ({chance.method})"
     )
     if chance.note:
         out.print(f"  {chance.note}")

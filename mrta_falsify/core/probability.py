@@ -5,6 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+WIDEST = 0.5  #: an interval that is wider says next to nothing, and is not told
+
+
+def interval_text(low: float, high: float, level: float, *, digits: str = ".2f") -> str:
+    """Write an interval of a chance; one wider than 0.5 is only said to be wide.
+
+    Args:
+        low: end of it.
+        high: other end.
+        level: of confidence.
+        digits: format of the ends.
+    """
+    if high - low > WIDEST:
+        return f"too few runs for a {level:.0%} interval"
+    return f"{level:.0%} interval {low:{digits}} to {high:{digits}}"
+
 
 class Chance(NamedTuple):
     """What runs tell of a chance of failure: its mean and its variance."""

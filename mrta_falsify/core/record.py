@@ -11,7 +11,12 @@ from typing import Literal
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.external import Coupling
-from mrta_falsify.core.probability import Chance, Probability, chance_of_failure
+from mrta_falsify.core.probability import (
+    Chance,
+    Probability,
+    chance_of_failure,
+    interval_text,
+)
 from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
 
@@ -90,9 +95,9 @@ class Repeats:
     identical: int  #: runs with the same trace digest
 
     def __str__(self) -> str:
-        """Write it as in ``the same run fails again in 3 of 4 (95 % interval 0.25 to 0.99)``."""
+        """Write it as in ``the same run fails again in 30 of 40 (95% interval 0.59 to 0.87)``."""
         same = self.same
-        interval = f"{same.level * 100:g} % interval {same.low:.2f} to {same.high:.2f}"
+        interval = interval_text(same.low, same.high, same.level)
         more = f"; it fails otherwise in {self.otherwise}" if self.otherwise else ""
         more += f"; {same.undecided} could not be judged" if same.undecided else ""
         return f"the same run fails again in {same.failures} of {self.runs} ({interval}){more}"

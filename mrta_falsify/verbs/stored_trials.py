@@ -17,6 +17,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import Explanation
+from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
@@ -150,8 +151,7 @@ def compared_sentences(
 def _chance_text(copies: Jittered, most: int) -> str:
     chance = chance_in_copies(copies, most)
     return (
-        f"{copies.failed} of {copies.runs} ({chance.level:.0%} interval "
-        f"{chance.low:.2f} to {chance.high:.2f})"
+        f"{copies.failed} of {copies.runs} ({interval_text(chance.low, chance.high, chance.level)})"
     )
 
 

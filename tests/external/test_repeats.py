@@ -59,11 +59,16 @@ def test_runs_are_counted_by_what_became_of_the_failure(hall_trace):
 
 
 def test_a_count_says_its_interval_and_what_else_happened():
-    same = failure_probability(3, 4, undecided=1)
-    text = str(Repeats(same=same, otherwise=1, identical=0))
+    same = failure_probability(30, 40)
+    text = str(Repeats(same=same, otherwise=10, identical=0))
     low, high = f"{same.low:.2f}", f"{same.high:.2f}"
     assert text == (
-        f"the same run fails again in 3 of 5 (95 % interval {low} to {high}); it fails otherwise "
+        f"the same run fails again in 30 of 40 (95% interval {low} to {high}); it fails otherwise "
+        "in 10"
+    )
+    few = Repeats(same=failure_probability(3, 4, undecided=1), otherwise=1, identical=0)
+    assert str(few) == (
+        "the same run fails again in 3 of 5 (too few runs for a 95% interval); it fails otherwise "
         "in 1; 1 could not be judged"
     )
 

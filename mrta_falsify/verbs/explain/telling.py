@@ -11,6 +11,7 @@ from mrta_falsify.core.inevitability import (
     decisive,
     moves_the_turn,
 )
+from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.words import listed
 
 
@@ -119,8 +120,8 @@ def _turn_sentence(curve: ChanceCurve, what: str) -> str:
     after = curve.at(curve.lost_from)
     parts = [
         f"{point.chance.failures} of {point.chance.trials} copies fail when the run is repeated "
-        f"from {point.time:.1f} s ({point.chance.level:.0%} interval {point.chance.low:.2f} to "
-        f"{point.chance.high:.2f})"
+        f"from {point.time:.1f} s "
+        f"({interval_text(point.chance.low, point.chance.high, point.chance.level)})"
         for point in (before, after)
         if point is not None
     ]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.claims import KIND_TEXT
+from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import counted
 from mrta_falsify.verbs.campaign_summary import (
@@ -101,7 +102,7 @@ def _chance_notes(campaign: Campaign) -> tuple[str, ...]:
     estimate = "unknown" if chance.estimate is None else f"{chance.estimate:.3g}"
     text = (
         f"Probability of a violation: {estimate}, "
-        f"{chance.level:.0%} interval [{chance.low:.3g}, {chance.high:.3g}] "
+        f"{interval_text(chance.low, chance.high, chance.level, digits='.3g')} "
         f"({chance.method}, {chance.trials} trials)."
     )
     note = chance.note[:1].upper() + chance.note[1:]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.probability import WIDEST
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
 from mrta_falsify.verbs.campaign_summary import (
@@ -106,7 +107,7 @@ def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[s
 
 def _unseen_sentences(campaign: Campaign) -> list[str]:
     unseen = unseen_in(campaign)
-    if unseen is None or unseen.estimate is None:
+    if unseen is None or unseen.estimate is None or unseen.high - unseen.low > WIDEST:
         return []
     return [
         f"Another random trial would show something new with a chance of {unseen.estimate:.0%} "
