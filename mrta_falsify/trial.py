@@ -24,6 +24,7 @@ from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.library import (
     build_specifications,
     default_specifications,
+    spec_names,
     specifications_of_copies,
 )
 from mrta_falsify.specs.objectives import objectives
@@ -363,7 +364,9 @@ def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...
 
 
 def looked_for(
-    specs: Sequence[str] = (), then: Sequence[str] = (), config: StackConfig | None = None
+    specs: str | Sequence[str] = (),
+    then: str | Sequence[str] = (),
+    config: StackConfig | None = None,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Put the specifications of a campaign in order.
 
@@ -379,8 +382,9 @@ def looked_for(
     Raises:
         ConfigError: nothing is left to be looked for first.
     """
-    last = tuple(then) if specs or then else LATE_OR_UNDONE
-    first = tuple(name for name in specs or campaign_specifications(config) if name not in last)
+    named, last = spec_names(specs), spec_names(then)
+    last = last if named or last else LATE_OR_UNDONE
+    first = tuple(name for name in named or campaign_specifications(config) if name not in last)
     if not first:
         raise ConfigError(
             f"--then {', '.join(last)}: is all that is judged; name by --spec what comes first"

@@ -58,12 +58,13 @@ class Campaign:
     settings: CampaignSettings
     records: tuple[TrialRecord, ...]  #: by number
 
-    def record(self, name: str) -> TrialRecord:
-        """Find a record by its id, as ``0042`` or ``42``.
+    def record(self, name: str | int) -> TrialRecord:
+        """Find a record by its id, as ``0042``, ``42`` or the number.
 
         Raises:
             StoreError: no such trial.
         """
+        name = str(name)
         is_number = name.isascii() and name.isdigit() and len(name) <= MOST_DIGITS
         wanted = int(name) if is_number else -1
         for record in self.records:

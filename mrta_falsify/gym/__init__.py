@@ -26,7 +26,7 @@ def parallel_env(
     stack: Stack | None = None,
     *,
     settings: Sequence[str] = ("engine=kinematic",),
-    specs: Sequence[str] = (),
+    specs: str | Sequence[str] = (),
     early_stop: bool = False,
 ) -> FleetEnv:
     """Make a PettingZoo ``ParallelEnv`` of the episodes of a world or a Scenic program.

@@ -18,6 +18,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.gym.awaited import AwaitedActions
 from mrta_falsify.gym.drawing import PlayedWorld, WorldSource
 from mrta_falsify.gym.episode_end import EpisodeEnd, episode_end
+from mrta_falsify.specs.library import spec_names
 from mrta_falsify.stack.policy.observation import ACTIONS, Observations, bounds, observe
 from mrta_falsify.trial import Job, TrialWatch, campaign_specifications, judges_of, summed_up
 from mrta_falsify.verbs.folders import Place
@@ -57,12 +58,12 @@ class FleetEnv(ParallelEnv[str, Observations, Any]):  # type: ignore[misc]  # ha
         stack: Stack | None,
         *,
         settings: Sequence[str],
-        specs: Sequence[str],
+        specs: str | Sequence[str],
         early_stop: bool,
     ) -> None:
         self.render_mode = None
         self.config = _with_actions_awaited(load_stack(stack, settings))
-        chosen = tuple(specs) or campaign_specifications(self.config)
+        chosen = spec_names(specs) or campaign_specifications(self.config)
         self.specs = tuple(name for name in chosen if name not in NEEDS_COPIES)
         self.early_stop = early_stop
         self._source = WorldSource(source)

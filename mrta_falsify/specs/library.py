@@ -65,6 +65,11 @@ def specification_choice(text: str, *, where: str = "--spec") -> Choice:
     return Choice(name.strip(), data)
 
 
+def spec_names(specs: str | Sequence[str]) -> tuple[str, ...]:
+    """List the names of specifications that a user gives: one as text, or several."""
+    return (specs,) if isinstance(specs, str) else tuple(specs)
+
+
 def specifications_of_copies(names: Sequence[str]) -> tuple[str, ...]:
     """Name the specifications that judge copies of a failing world; the user's options stay."""
     return tuple(map(_of_copies, names))

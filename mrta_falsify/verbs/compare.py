@@ -47,7 +47,7 @@ def compare(
     workers: int | None = None,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
-    specs: Sequence[str] = (),
+    specs: str | Sequence[str] = (),
     params: Params = (),
     resume: bool = False,
     on_search: OnSearch = lambda done, total, text: None,

@@ -29,7 +29,7 @@ from mrta_falsify.core.verdict import Verdict, VerdictOutcome
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import Possibility, look_at
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.specs.library import default_specifications
+from mrta_falsify.specs.library import default_specifications, spec_names
 from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
@@ -67,7 +67,7 @@ def run(
     tasks: Place | None = None,
     robots: Place | None = None,
     humans: Place | None = None,
-    specs: Sequence[str] = (),
+    specs: str | Sequence[str] = (),
     tick_limit: float = TICK_LIMIT,
     memory_limit: float = MEMORY_LIMIT,
     output: Place | None = None,
@@ -113,7 +113,7 @@ def run(
     job = Job(
         world=world.world,
         config=config,
-        specifications=tuple(specs) or default_specifications(),
+        specifications=spec_names(specs) or default_specifications(),
         scene=world.scene,
         limits=StackLimits(tick=tick_limit, memory=memory_limit),
     )

@@ -31,3 +31,18 @@ def test_files_are_named_by_text_as_well_as_by_paths(tmp_path):
     stack = tmp_path / "stack.yaml"
     stack.write_text("controller: decentralised_cbf\n")
     assert mf.read_config(str(stack)).controller.name == "decentralised_cbf"
+
+
+def test_one_specification_is_named_by_text_and_a_trial_by_its_number(tmp_path):
+    stack = mf.load_stack(settings=["engine=kinematic"])
+    found = mf.campaign(
+        "bed_in_the_doorway",
+        tmp_path / "runs",
+        budget=1,
+        sampler="random",
+        specs="no_robot_robot_contact",
+        stack=stack,
+        workers=1,
+    )
+    assert found.campaign.settings.trials.specifications == ("no_robot_robot_contact",)
+    assert found.campaign.record(0).id == "0000"
