@@ -49,6 +49,11 @@ class LayerRow:
     restores: bool = False  #: whether the shipped layer replaced another one
 
     @property
+    def copies(self) -> int:
+        """All runs."""
+        return self.runs + self.otherwise + self.avoided + self.unknown
+
+    @property
     def beside(self) -> str:
         """What became of the runs that neither failed in the same way nor passed, in words."""
         counts = (

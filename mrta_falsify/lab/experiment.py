@@ -52,7 +52,8 @@ class Experiment:
     specs: tuple[str, ...] = default_specifications()
     then: tuple[str, ...] = ()  #: specifications whose violation ends no run early
     early_stop: bool = True  #: ends 3 s after the first violation that is looked for
-    until_delivered: tuple[int, ...] = ()  #: ends once all of these tasks are; empty: with all
+    #: ends once all of these tasks are; empty: with all. A run that is not forked goes on
+    until_delivered: tuple[int, ...] = ()
     limits: StackLimits = StackLimits()
     perturbation: int = 0  #: number of the world's copy with small differences; 0: the world itself
     transcript: Told | None = None  #: what a stack outside has said; it is not asked

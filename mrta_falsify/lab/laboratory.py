@@ -55,8 +55,7 @@ class Lab:
     ) -> None:
         self.journal = RunJournal(RunResult, journal, code=code)
         self._workers = workers
-        self.on_run = on_run
-        self.runs = 0  #: answered so far, those from the journal too
+        self.on_run = on_run  #: called for answers from the journal, too
 
     def run(self, experiment: Experiment) -> RunResult:
         """Run one experiment."""
@@ -77,10 +76,10 @@ class Lab:
             if key not in self.journal.answers
         }
         for _ in {key for key in keys if key not in missing}:
-            self._count()
+            self.on_run()
         for key, result in self._ran(_shared(missing)):
             self.journal.keep(key, result)
-            self._count()
+            self.on_run()
         for key in keys:
             yield self.journal.answers[key]
 
@@ -104,10 +103,6 @@ class Lab:
             if 2 * vote.failed > at_most or 2 * (vote.runs - vote.failed) >= at_most:
                 break
         return vote
-
-    def _count(self) -> None:
-        self.runs += 1
-        self.on_run()
 
     def _ran(self, groups: Sequence[dict[str, Experiment]]) -> Iterator[tuple[str, RunResult]]:
         if self._workers < 2 or len(groups) < 2:
@@ -221,19 +216,16 @@ def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
 
 
 def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int]) -> Any:
-    while not run.ended and _time(run) < one.begins_at:
-        run.advance()
+    _advance(run, one.begins_at)
 
     def branch() -> Any:
         run.episode.become_copy()
         wanted.extend(one.until_delivered)
         for edit in one.edits:
-            while not run.ended and _time(run) < edit.at:
-                run.advance()
+            _advance(run, edit.at)
             if not run.ended:
                 _make(run, edit)
-        while not run.ended:
-            run.advance()
+        _advance(run, np.inf)
         return codec.encode(result_of(one, summed_up(run.outcome(), watch)))
 
     try:
@@ -242,8 +234,10 @@ def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[in
         return codec.encode(RunResult(status="error", detail=failed.message))
 
 
-def _time(run: EpisodeRun) -> float:
-    return run.frame.sensed.time if run.frame is not None else -np.inf
+def _advance(run: EpisodeRun, until: float) -> None:
+    """Advance a run to a time [s], or to its end if that comes before."""
+    while not run.ended and (run.frame is None or run.frame.sensed.time < until):
+        run.advance()
 
 
 def _make(run: EpisodeRun, edit: Edit) -> None:

@@ -20,7 +20,7 @@ from tests.scenes.ward import ward_layout
 
 FOUND = 40.0  # s
 VERDICT = Verdict(spec="no_deadlock", robustness=-1.0, violated=True, violated_at=FOUND)
-FAILURE = Failure(verdict=VERDICT, found=FOUND, robots=(), tasks=(), situation=None)
+FAILURE = Failure(verdict=VERDICT, found=FOUND, tasks=(), situation=None)
 PASSED = Verdict(spec="no_deadlock", robustness=1.0, violated=False)
 UNJUDGED = unjudged("no_deadlock", "nobody knows")
 

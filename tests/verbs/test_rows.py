@@ -39,7 +39,6 @@ PASSED = Verdict(spec="no_deadlock", robustness=1.0, violated=False)
 FAILURE = Failure(
     verdict=STOOD,
     found=40.0,
-    robots=(0, 1),
     tasks=(3,),
     situation=Situation(robots=(0, 1), place=(0.0, 0.0), reach=2.0),
 )

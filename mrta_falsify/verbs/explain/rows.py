@@ -49,7 +49,6 @@ class Failure:
 
     verdict: Verdict
     found: float  #: when it was found [s]
-    robots: tuple[int, ...]  #: that it names
     tasks: tuple[int, ...]  #: concerned: that are late, or that the robots it names had then
     situation: Situation | None  #: None: it is not one of robots at a place
 
@@ -68,7 +67,6 @@ def failure_of(job: Job, verdict: Verdict, outcome: Outcome) -> Failure:
     return Failure(
         verdict=verdict,
         found=job.world.horizon if verdict.violated_at is None else verdict.violated_at,
-        robots=robots,
         tasks=tasks,
         situation=None if is_outcome(verdict) else _situation(verdict, outcome.trace, robots),
     )
@@ -230,13 +228,12 @@ def vote_of(row: LayerRow) -> Vote:
 
 def is_knife_edge(stack: LayerRow) -> bool:
     """Whether hardly any copy repeats the failure of the stack as it is."""
-    copies = stack.runs + stack.otherwise + stack.avoided + stack.unknown
-    return stack.failed <= HARDLY_ANY * copies
+    return stack.failed <= HARDLY_ANY * stack.copies
 
 
 def meets(row: LayerRow) -> bool:
     """Whether most runs of a row come to the situation."""
-    return 2 * row.avoided < row.runs + row.otherwise + row.unknown + row.avoided
+    return 2 * row.avoided < row.copies
 
 
 def separating(rows: Sequence[LayerRow]) -> tuple[str, ...]:
@@ -283,7 +280,7 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
     if not rows:
         return Suspicion("", "no single layer: no layer can be exchanged")
     stack = rows[0]
-    if len(rows) == 1 and stack.runs + stack.otherwise + stack.unknown + stack.avoided == 1:
+    if len(rows) == 1 and stack.copies == 1:
         return Suspicion(
             "",
             "no single layer: run again by the same rule, the stack as it is "
