@@ -1,0 +1,88 @@
+"""The lab runs each experiment once, in order, and shares what comes before an edit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Vote, laboratory
+
+
+@pytest.fixture
+def experiment(hall):
+    world = dataclasses.replace(hall, horizon=3.0)
+    stack = StackConfig(engine=Choice("kinematic"))
+    return Experiment(world=world, stack=stack, specs=("no_robot_robot_contact", "deadlines"))
+
+
+@pytest.fixture
+def scripted(monkeypatch):
+    """Runs fail where their perturbation is among some; says what was run together."""
+
+    def lab(*failing, journal=None, on_run=lambda: None):
+        groups = []
+
+        def run_group(group):
+            groups.append([one.perturbation for one in group])
+            return [
+                RunResult(
+                    status="judged", rank="primary" if one.perturbation in failing else "none"
+                )
+                for one in group
+            ]
+
+        monkeypatch.setattr(laboratory, "run_group", run_group)
+        return Lab(journal, on_run=on_run), groups
+
+    return lab
+
+
+def test_a_vote_ends_once_the_rest_cannot_change_it(scripted, experiment):
+    lab, groups = scripted(1, 2, 3)
+    assert lab.vote(experiment, 5) == Vote(runs=3, failed=3)
+    assert groups == [[1], [2], [3]]
+    lab, _ = scripted(2)
+    assert lab.vote(experiment, 5) == Vote(runs=4, failed=1)
+
+
+def test_a_finished_run_is_not_run_again_and_counts(scripted, experiment, tmp_path):
+    told = []
+    path = tmp_path / "journal.jsonl"
+    lab, groups = scripted(1, journal=path)
+    (first,) = lab.map([dataclasses.replace(experiment, perturbation=1)])
+    again, more = scripted(journal=path, on_run=lambda: told.append(1))
+    found = list(
+        again.map(dataclasses.replace(experiment, perturbation=number) for number in (2, 1))
+    )
+    assert [result.failed for result in found] == [False, True]
+    assert found[1] == first
+    assert (groups, more, len(told)) == ([[1]], [[2]], 2)
+
+
+def test_runs_that_share_their_past_are_run_together_by_the_time_of_their_edit(
+    scripted, experiment
+):
+    lab, groups = scripted()
+    edits = [(Edit(at=2.0),), (Edit(at=1.0, without=(0,)),)]
+    asked = [
+        dataclasses.replace(experiment, perturbation=number, edits=edit)
+        for number in (1, 2)
+        for edit in edits
+    ]
+    assert len(list(lab.map(asked))) == 4
+    assert groups == [[1, 1], [2, 2]]
+
+
+@pytest.mark.slow
+def test_a_fork_without_a_change_is_the_run_itself_and_one_with_a_change_is_not(experiment):
+    lab = Lab()
+    whole, same, other = lab.map(
+        [
+            dataclasses.replace(experiment, edits=edits)
+            for edits in ((Edit(at=0.0),), (Edit(at=1.0),), (Edit(at=1.0, nudge=1),))
+        ]
+    )
+    assert whole.status == "judged"
+    assert whole.trace == same.trace != other.trace
