@@ -274,8 +274,7 @@ def blocked_time(trace: Trace, until: float, robots: Sequence[str]) -> dict[str,
     for span in trace.edges:
         if span.edge.robot in chosen and span.edge.cause != "task":
             begin, end = span.first * trace.dt, min((span.last + 1) * trace.dt, until)
-            if end > begin:
-                spans.setdefault((span.edge.robot, span.edge.cause), []).append((begin, end))
+            spans.setdefault((span.edge.robot, span.edge.cause), []).append((begin, end))
     spent: dict[str, float] = {}
     for (_, cause), times in spans.items():
         covered = -np.inf
