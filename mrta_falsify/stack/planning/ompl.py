@@ -200,6 +200,10 @@ def _sample_path(
         state[0], state[1] = col, row
     problem.setStartAndGoalStates(*states)
     planner = getattr(geometric, algorithm)(information)
+    if algorithm == "BITstar":
+        # Where the ends are near in a large map, a first path makes nearly all samples useless, and
+        # each one pruned may rebuild a tree of all the others: minutes for one plan.
+        planner.setPruning(False)
     planner.setProblemDefinition(problem)
     planner.setup()
     counter = iter(range(iterations))
