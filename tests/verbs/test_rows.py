@@ -149,6 +149,20 @@ def test_rows_go_on_while_more_runs_may_tell_a_layer(hall, most, runs):
     assert separating(rows) == (("planner",) if runs > 6 else ())
 
 
+def test_at_a_knife_edge_no_layer_is_exchanged(hall):
+    class AtAnEdge(_Lab):
+        def map(self, experiments):
+            for experiment in experiments:
+                self.asked += 1
+                yield result(STOOD if experiment.perturbation == 1 else PASSED)
+
+    lab = AtAnEdge()
+    change = Change(layer="planner", text="planner", config=StackConfig())
+    rows = rows_of(Job(world=hall, config=StackConfig()), FAILURE, 10.0, [change], 100, lab)
+    assert [(row.layer, row.runs, row.failed) for row in rows] == [("", 6, 1)]
+    assert lab.asked == 6
+
+
 def test_a_knife_edge_names_no_layer():
     found = suspicion_from([row("", 1), row("planner", 0)], STOOD, "planner")
     assert found.layer == ""

@@ -36,6 +36,7 @@ from mrta_falsify.verbs.explain.rows import (
     Failure,
     curing,
     failure_of,
+    is_knife_edge,
     rows_of,
     suspicion_from,
 )
@@ -177,7 +178,8 @@ def _rows(
     if not changes:
         return ()
     rows = rows_of(job, failure, at, changes, count.left, lab)
-    if at > 0.0 and not curing(rows) and count.left >= RUNS * (1 + len(changes)):
+    says_nothing = not curing(rows) and not is_knife_edge(rows[0])
+    if at > 0.0 and says_nothing and count.left >= RUNS * (1 + len(changes)):
         # What was lost long before the onset is not mended by mending the layer that lost it.
         rows += rows_of(job, failure, 0.0, changes, count.left, lab)
     return rows
@@ -185,7 +187,7 @@ def _rows(
 
 def _copies(rows: Sequence[LayerRow]) -> CopyCount:
     """Count the copies of the stack as it is."""
-    if len(rows) < 2:
+    if not rows or rows[0].copies < 2:
         return CopyCount(runs=0, failed=0)
     stack = rows[0]
     return CopyCount(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)

@@ -101,7 +101,8 @@ def rows_of(
 ) -> tuple[LayerRow, ...]:
     """Run the stack as it is, and with each change, in the same copies of the world.
 
-    Rounds of six copies follow each other while the rows tell no layer that they may tell.
+    Rounds of six copies follow each other while the rows tell no layer that they may tell. The
+    stack as it is goes first: at a knife edge no other row is run.
 
     Args:
         job: that fails.
@@ -113,25 +114,33 @@ def rows_of(
 
     Returns:
         A row for each of them, first that of the stack as it is; no others where that one passes
-        in the world itself: the rule decides nothing then.
+        in the world itself, since the rule decides nothing then, or in nearly all of its copies.
     """
     own = lab.run(experiment_of(job, failure, at, None, 0))
     if fate_of(own, failure, since=at) != "fails":
         return (_row(None, at, (own,), failure),)
     asked = (None, *changes)
-    results: list[RunResult] = []
-    rows: tuple[LayerRow, ...] = ()
-    for begun in range(0, MOST, RUNS):
-        if begun and (len(results) + RUNS * len(asked) > most or not _may_tell_more(rows)):
+    results: list[list[RunResult]] = [[] for _ in asked]
+
+    def run(which: range, begun: int) -> tuple[LayerRow, ...]:
+        runs = [(k, 1 + begun + copy) for copy in range(RUNS) for k in which]
+        wanted = [experiment_of(job, failure, at, asked[k], number) for k, number in runs]
+        for (k, _), result in zip(runs, lab.map(wanted), strict=True):
+            results[k].append(result)
+        return tuple(
+            _row(change, at, found, failure)
+            for change, found in zip(asked, results, strict=True)
+            if found
+        )
+
+    rows = run(range(1), 0)
+    if is_knife_edge(rows[0]):
+        return rows
+    rows = run(range(1, len(asked)), 0)
+    for begun in range(RUNS, MOST, RUNS):
+        if (begun + RUNS) * len(asked) > most or not _may_tell_more(rows):
             break
-        results += lab.map(
-            experiment_of(job, failure, at, change, number)
-            for number in range(begun + 1, begun + RUNS + 1)
-            for change in asked
-        )
-        rows = tuple(
-            _row(change, at, results[k :: len(asked)], failure) for k, change in enumerate(asked)
-        )
+        rows = run(range(len(asked)), begun)
     return rows
 
 
