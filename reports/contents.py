@@ -61,6 +61,7 @@ class CaseContents:
     repeated: str = ""  #: how often the same run failed again, in words
     confirmed: str = ""  #: on which other engines it fails, in words
     removed: tuple[str, ...] = ()  #: by the minimiser, in words
+    tried: str = ""  #: what the minimiser tried, and how often its world fails
     counts: tuple[tuple[str, int, int], ...] = ()  #: kind of thing, how many before and after it
     minimised: CaseContents | None = None
     other: CaseContents | None = None  #: the other stack's run of the same world, if two are shown

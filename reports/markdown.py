@@ -55,7 +55,8 @@ def _case(case: CaseContents) -> Iterator[str]:
     if case.minimised is not None:
         left = ", ".join(f"{before} to {after} {name}" for name, before, after in case.counts)
         less = f"{len(case.removed)} things removed"
-        yield from (plain(f"Smallest world: {left or less}."), "")
+        tried = f"; {case.tried}" if case.tried else ""
+        yield from (plain(f"Smallest world: {left or less}{tried}."), "")
     for what, command in case.commands:
         yield f"{plain(what)}: {code(command)}  "
     yield ""

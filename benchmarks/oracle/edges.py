@@ -10,7 +10,8 @@ and makes none in the same run with it. Progress: it reaches its next stop, or c
 to its goal than it ever was since it had that goal, along free space, or straight where no way
 leads there; a robot pushed back and forth makes none. At its goal, in a queue, only a stop counts.
 Where a robot waits for several, an edge holds as well if the robot moves without all of them, but
-not without all but this one.
+not without all but this one. New work may bring another robot into its way: an edge that holds only
+as long as none comes holds, and is counted apart.
 
 A stack outside may remember what it has promised to a robot, so removal decides nothing where it
 frees nobody. The stacks of this benchmark write down for whom they wait; that decides.
@@ -55,6 +56,7 @@ WITHIN = 120.0  # s in which a robot must make progress
 NEARER = 1.0  # m
 EVERY = 20  # ticks between two places that are noted
 CELL, INFLATED = 0.1, 0.2  # m, of the map of free space
+IDLE = "it moves without the other one as long as no new work comes"
 SAME = 1e-9  # m or rad between two runs that are one
 
 
@@ -181,8 +183,14 @@ class Rerun:
         """Whether the engine can take robots away."""
         return self._episode.can_remove
 
-    def moves(self, robot: int, without: Collection[int] = ()) -> bool:
-        """Whether a robot makes progress within 60 s in a copy of the run."""
+    def moves(self, robot: int, without: Collection[int] = (), *, idle: bool = False) -> bool:
+        """Whether a robot makes progress within 120 s in a copy of the run.
+
+        Args:
+            robot: that is looked at.
+            without: robots that are taken away.
+            idle: nothing new comes from outside any more.
+        """
         assert self.frame is not None
         goal, place = self.frame.intent.goal[robot], self.frame.sensed.pose[robot, :2]
         to_go, nearest = None, 0.0
@@ -194,6 +202,8 @@ class Rerun:
 
         def follow() -> bool:
             self._episode.become_copy()
+            if idle:
+                self._episode.forget_events()
             for other in without:
                 self._episode.remove(other)
             served = self._count.reached[robot]
@@ -328,6 +338,8 @@ def _by_removal(
             return True, "it moves without the other one"
         if rest and run.moves(robot, [other, *rest]) and not run.moves(robot, rest):
             return True, "it moves without all for which it waits, and not without the rest"
+        if run.moves(robot, [other], idle=True) and not run.moves(robot, idle=True):
+            return True, IDLE
     if config.stack is not None:
         return None, "not decidable by removal: the stack may remember what it has promised"
     return False, "it stays without the other one"
@@ -397,6 +409,7 @@ def report(rows: Collection[Row]) -> dict[str, object]:
         if own:
             found[kind] = {
                 **share(sum(row["holds"] for row in decided), len(decided)),
+                "of these only without new work": sum(row["why"] == IDLE for row in decided),
                 "undecided": len(own) - len(decided),
             }
     found["fail"] = [f"{row['case']}: {row['why']}" for row in rows if row["holds"] is False]

@@ -58,6 +58,30 @@ def signature(verdicts: Sequence[Verdict]) -> str:
     return _joined(verdict.spec, what, _where(account, claim))
 
 
+def mechanism(verdicts: Sequence[Verdict]) -> str:
+    """Write what a smaller world must keep of a failure.
+
+    That is its signature without what a bystander or one more robot changes: how many robots wait,
+    in which order, and what else stood there.
+
+    Args:
+        verdicts: of one run.
+
+    Returns:
+        For example ``no_deadlock/deadlock:barrier/doorway``; empty if nothing is violated.
+    """
+    verdict = leading(verdicts)
+    if verdict is None or verdict.spec != DEADLOCK:
+        return signature(verdicts)
+    account, claim = wait_account(verdict), leading_claim(verdict.evidence)
+    if account.kind == "shut":
+        return signature(verdicts)
+    labels = canonical_cycle(account).partition(":")[2]
+    causes = {cause for label in labels.replace(">", ",").split(",") for cause in label.split("+")}
+    what = f"{account.kind}:{'+'.join(sorted(causes))}"
+    return _joined(verdict.spec, what, _place_kind(claim))
+
+
 def signature_before(verdicts: Sequence[Verdict]) -> str:
     """Write the signature of a run as versions did that told no kinds apart (rules 1).
 

@@ -25,6 +25,7 @@ def why_no_probability(
     any_uniform: bool,
     stopped_early: bool,
     is_estimating: bool = False,
+    accepted: tuple[int, int] = (0, 0),
 ) -> str:
     """Say why the trials of a campaign allow no interval; empty if they do.
 
@@ -33,6 +34,7 @@ def why_no_probability(
         any_uniform: whether trials are drawn evenly, whatever has been found.
         stopped_early: whether what was found decided how many trials there are.
         is_estimating: whether the sampler estimates the probability itself.
+        accepted: proposals that the scenario took as they were, of how many.
     """
     if not any_uniform and not is_estimating:
         return (
@@ -40,7 +42,14 @@ def why_no_probability(
             "of which one trial in five counts, or splitting if failures are rare"
         )
     if settings.trials.mode != "exact":
-        return "repaired scenes do not have the scenario's distribution; use --mode exact"
+        as_they_were, proposals = accepted
+        first = "repaired scenes do not have the scenario's distribution"
+        if proposals and not as_they_were:
+            return (
+                f"{first}, and none of {proposals} proposals was accepted as it was, so that "
+                "--mode exact would reject most: check names what rejects them"
+            )
+        return f"{first}; use --mode exact"
     if stopped_early:
         return (
             "the campaign stopped because of what it found; run it without --stop-after and "

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrta_falsify.campaigns.settings import MOST_TRIALS
 from mrta_falsify.cli import output
+from mrta_falsify.core.words import listed
 
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.runner import Progress
@@ -191,6 +192,9 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(
             f"with small differences most copies fail too: {data.robust} of {sought} failures"
         )
+    uncounted = _why_not_stopped(result, data)
+    if uncounted:
+        out.print(uncounted)
     if data.repeated is not None:
         out.print(repeat_sentence(data.repeated))
     for text in unjudged_sentences(result.campaign):
@@ -207,6 +211,22 @@ def print_campaign(result: CampaignResult) -> None:
     if data.unseen is not None:
         out.print(unseen_sentence(data.unseen))
     out.print(f"campaign: {data.directory}")
+
+
+def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
+    """Say why failures did not stop a campaign that is to stop at some; empty: they did."""
+    progress = result.progress
+    asked = progress.limits.stop_after
+    if not asked or not data.failed or progress.wanted >= asked or data.ended == "interrupted":
+        return ""
+    sought = data.failed - data.afterthoughts - data.kinds["shut"]
+    passed_over = [
+        (data.afterthoughts, f"only in {' or '.join(data.then)}"),
+        (data.kinds["shut"], "shut by the world"),
+        (sought - progress.wanted, "that few copies share"),
+    ]
+    counts = [f"{count} {what}" for count, what in passed_over if count]
+    return f"--stop-after {asked} counts other failures than these: {listed(counts)}"
 
 
 def _looked_for_last(data: CampaignSummary) -> str:

@@ -140,8 +140,8 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
     "--max-runs",
     1,
     10000,
-    default=100,
-    text="Simulations at most; a second call with more goes on.",
+    default=200,
+    text="Simulations at most, beside ten of the result; a second call with more goes on.",
 )
 @workers_option
 @format_option
@@ -150,20 +150,25 @@ def minimize_command(
 ) -> int:
     """Find the smallest world that fails in the same way.
 
-    Removes people, furniture, events, robots and tasks, shortens the run and moves values to
-    nominal, as long as the failure keeps its signature. Of a campaign with --against, a failure
+    Removes people, furniture, events, robots and tasks, one by one and then in pairs, shortens the
+    run and moves values to nominal, as long as it fails by the same mechanism: what waits for what
+    in what kind of place, however many robots do. Runs with small differences say how often the
+    result fails. Of a campaign with --against, a failure
     that the other stack does not share must stay one. Writes world.min.json, the same as a
     Scenic program world.min.scenic, and trace.min.zip beside the trial; `report` shows them
     beside the original.
     """
     from mrta_falsify.core.findings import finding_data
+    from mrta_falsify.verbs.minimize.reruns import PERTURBED
+    from mrta_falsify.verbs.minimize.telling import minimal_text
     from mrta_falsify.verbs.stored_failures import minimize_trial
     from mrta_falsify.verbs.stored_trials import compared_sentences, open_campaign
 
     campaign = open_campaign(directory)
     record = campaign.record(id)
-    output.say_cost(max_runs, record.wall_s)
-    with output.progress(f"minimize {record.id}", max_runs, "runs", is_most=True) as on_progress:
+    most = max_runs + PERTURBED
+    output.say_cost(most, record.wall_s)
+    with output.progress(f"minimize {record.id}", most, "runs", is_most=True) as on_progress:
         found = minimize_trial(
             directory,
             id,
@@ -179,8 +184,8 @@ def minimize_command(
     for group, (before, after) in found.counts.items():
         if before:
             out.print(f"{group:10} {before} -> {after}")
-    state = "1-minimal: nothing single can go" if found.one_minimal else "stopped by --max-runs"
-    out.print(f"runs       {found.runs}; {state}")
+    out.print(f"runs       {found.runs}")
+    out.print(f"tried      {minimal_text(found)}")
     for text in compared_sentences(found.jittered, found.other):
         out.print(f"           {text}")
     folder = campaign.folder(record)

@@ -95,6 +95,9 @@ def run_command(
     return ExitCode.VIOLATED if broken else ExitCode.DONE
 
 
+AT_REST = "robot_human_at_rest"  # episodes that no robot is blamed for
+
+
 def print_run(summary: RunSummary) -> None:
     """Print the result of a run as text."""
     out = output.stdout()
@@ -108,7 +111,8 @@ def print_run(summary: RunSummary) -> None:
         out.print(f"robots     {summary.robots_finished} of {summary.robots} finished their work")
     else:
         out.print(f"tasks      {tasks.total}; what became of them the stack does not tell")
-    out.print(f"contacts   {contacts or 'none'}")
+    told = ", a person who walked into a robot that stood" if summary.contacts.get(AT_REST) else ""
+    out.print(f"contacts   {contacts or 'none'}{told}")
     out.print(
         f"time       {summary.sim_time_s:.1f} s simulated in {summary.wall_s:.1f} s "
         f"({summary.real_time_factor:.1f}x real time), ended: {summary.ended}"

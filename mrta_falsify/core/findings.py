@@ -135,7 +135,7 @@ class Minimisation:
     signature: str
     removed: tuple[str, ...]  #: in words
     runs: int  #: simulated, including those of earlier calls
-    one_minimal: bool  #: False if the runs did not suffice
+    one_minimal: bool  #: nothing single can go; False if the runs did not suffice to say so
     counts: dict[str, tuple[int, int]]  #: things before and after, by group
     world_digest: str
     trace_digest: str
@@ -143,8 +143,13 @@ class Minimisation:
     program: str = ""
     """How the world written as a Scenic program runs: ``identical``, ``same failure``, or why
     there is no program."""
-    #: copies of the smallest world, where two stacks are compared
+    #: runs of the smallest world with small differences; of older versions, where two stacks are
+    #: compared
     jittered: Jittered | None = later(None)
+    pairs: int = later(0)  #: of things that are left
+    pairs_tried: int = later(0)  #: one run each
+    #: pairs without which it fails, but not most of the runs with small differences
+    pairs_unsure: int = later(0)
     #: what the other stack does in it, where two are compared
     other: OtherRun | None = later(None)
 

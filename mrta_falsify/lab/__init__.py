@@ -1,6 +1,17 @@
 """The lab: worlds run under a stack, changed from a moment on, repeated with small differences."""
 
+from mrta_falsify.lab.course import Course, TimedPose, course_of
 from mrta_falsify.lab.experiment import Edit, Experiment, RunResult, Situation, Vote
 from mrta_falsify.lab.laboratory import Lab
 
-__all__ = ["Edit", "Experiment", "Lab", "RunResult", "Situation", "Vote"]
+__all__ = [
+    "Course",
+    "Edit",
+    "Experiment",
+    "Lab",
+    "RunResult",
+    "Situation",
+    "TimedPose",
+    "Vote",
+    "course_of",
+]

@@ -13,6 +13,7 @@ from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.lab.course import Course
 from mrta_falsify.specs.library import default_specifications
 from simulator_interface.external.told import Told
 
@@ -59,6 +60,7 @@ class Experiment:
     transcript: Told | None = None  #: what a stack outside has said; it is not asked
     edits: tuple[Edit, ...] = ()  #: by time
     situation: Situation | None = None  #: the result says when it came about
+    with_course: bool = False  #: whether the result tells the course of a run that fails
     rules: int = 0  #: in whose form failures are signed; 0: today's
 
     def digest(self) -> str:
@@ -87,6 +89,7 @@ class RunResult:
     sim_time: float = 0.0  #: simulated [s]
     wall_s: float = 0.0  #: measured; never part of a digest
     met: float | None = None  #: when the situation came about [s]
+    course: Course | None = None  #: of a run that fails
 
     @property
     def failed(self) -> bool:

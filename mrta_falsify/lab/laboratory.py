@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +25,9 @@ from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
+from mrta_falsify.lab.course import course_of
 from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
-from mrta_falsify.specs.causes import primary
+from mrta_falsify.specs.causes import leading, primary
 from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
 from scenic_worlds.variation import jitter_world
 from simulator_interface import starts
@@ -35,8 +38,11 @@ from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
 
 
-class Lab:
+class Lab(AbstractContextManager["Lab"]):
     """Runs experiments, each of them once.
+
+    Its processes start with the first experiments that go side by side, and end with the block
+    that it is opened in.
 
     Args:
         journal: file of finished runs, for the next call; None keeps them in memory only.
@@ -54,8 +60,14 @@ class Lab:
         on_run: Callable[[], None] = lambda: None,
     ) -> None:
         self.journal = RunJournal(RunResult, journal, code=code)
-        self._workers = workers
+        self.workers = workers
+        self._opened = ExitStack()
+        self._pool: ProcessPoolExecutor | None = None
         self.on_run = on_run  #: called for answers from the journal, too
+
+    def __exit__(self, *error: Any) -> None:
+        self._pool = None
+        self._opened.__exit__(*error)
 
     def run(self, experiment: Experiment) -> RunResult:
         """Run one experiment."""
@@ -105,17 +117,18 @@ class Lab:
         return vote
 
     def _ran(self, groups: Sequence[dict[str, Experiment]]) -> Iterator[tuple[str, RunResult]]:
-        if self._workers < 2 or len(groups) < 2:
+        if self.workers < 2 or len(groups) < 2:
             for group in groups:
                 yield from zip(group, run_group(tuple(group.values())), strict=True)
             return
-        with spawned(self._workers) as pool:
-            futures = [pool.submit(_in_pool, tuple(group.values())) for group in groups]
-            try:
-                for group, future in zip(groups, futures, strict=True):
-                    yield from zip(group, future.result(), strict=True)
-            except BrokenProcessPool:
-                raise HarnessError("a process of the lab has died; call again") from None
+        if self._pool is None:
+            self._pool = self._opened.enter_context(spawned(self.workers))
+        futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in groups]
+        try:
+            for group, future in zip(groups, futures, strict=True):
+                yield from zip(group, future.result(), strict=True)
+        except BrokenProcessPool:
+            raise HarnessError("a process of the lab has died; call again") from None
 
 
 def _shared(missing: dict[str, Experiment]) -> list[dict[str, Experiment]]:
@@ -257,6 +270,9 @@ def result_of(experiment: Experiment, judged: Judged) -> RunResult:
     rank: Rank = "none"
     if violated:
         rank = "primary" if primary(judged.verdicts, experiment.then) else "secondary"
+    verdict, course = leading(judged.verdicts), None
+    if experiment.with_course and verdict is not None:
+        course = course_of(verdict, outcome.trace, experiment.world)
     reasons = [v.not_judged for v in judged.verdicts if v.not_judged]
     return RunResult(
         status="not_judged" if reasons and not violated else "judged",
@@ -270,6 +286,7 @@ def result_of(experiment: Experiment, judged: Judged) -> RunResult:
         sim_time=outcome.sim_time,
         wall_s=outcome.wall_s,
         met=_met(experiment.situation, outcome.trace),
+        course=course,
     )
 
 

@@ -269,6 +269,12 @@ def repeat_sentence(counts: RepeatCounts) -> str:
     )
 
 
+def _accepted(campaign: Campaign) -> tuple[int, int]:
+    """Count the proposals that the scenario took as they were, and all that it took."""
+    attempts = [record.attempts for record in campaign.records if record.attempts]
+    return attempts.count(1), len(attempts)
+
+
 def probability_of(
     campaign: Campaign, *, stopped_early: bool = False
 ) -> Probability | NoProbability:
@@ -285,6 +291,7 @@ def probability_of(
         any_uniform=bool(uniform) or campaign.settings.sampler.name == "random",
         stopped_early=stopped_early,
         is_estimating=estimating,
+        accepted=_accepted(campaign),
     )
     if reason:
         return NoProbability(why_not=reason)

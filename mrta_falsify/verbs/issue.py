@@ -22,6 +22,7 @@ from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.minimize.telling import minimal_text
 from mrta_falsify.verbs.pictures import trial_view
 from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.stored_trials import (
@@ -145,8 +146,7 @@ def _sentences(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[
 def _about(found: Minimisation | None) -> str:
     if found is None:
         return "The world as it was found; it may get much smaller by minimize, which was not run."
-    state = "nothing single can go" if found.one_minimal else "it may get smaller"
-    return f"The smallest world found after {found.runs} runs: {state}."
+    return f"The smallest world found after {found.runs} runs: {minimal_text(found)}."
 
 
 def _write_scene(view: RunView, config: StackConfig, folder: Path) -> str:

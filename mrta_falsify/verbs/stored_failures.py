@@ -12,6 +12,7 @@ from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import MAX_RUNS, REWINDS, explain
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.minimize import minimize
+from mrta_falsify.verbs.minimize.minimising import MAX_RUNS as MAX_MINIMIZE_RUNS
 from mrta_falsify.verbs.report import (
     MOST_CASES,
     junit_report,
@@ -63,7 +64,7 @@ def explain_trial(
 def minimize_trial(
     directory: Place,
     id: str | int,
-    max_runs: int = 100,
+    max_runs: int = MAX_MINIMIZE_RUNS,
     *,
     workers: int | None = None,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
@@ -73,7 +74,7 @@ def minimize_trial(
     Args:
         directory: of the campaign.
         id: of the trial.
-        max_runs: simulations at most; a second call with more goes on.
+        max_runs: simulations at most, beside ten of the result; a second call with more goes on.
         workers: processes; one per core if None.
         on_run: called after each simulation with their number and a line about it.
 

@@ -60,6 +60,12 @@ def test_a_search_gets_no_interval_and_is_told_why():
     assert "looks for failures" in why_no_probability(
         settings(sampler=Choice("evolution")), any_uniform=False, stopped_early=False
     )
-    assert "repaired scenes" in why_no_probability(
-        settings(), any_uniform=True, stopped_early=False
+    assert "use --mode exact" in why_no_probability(
+        settings(), any_uniform=True, stopped_early=False, accepted=(1, 9)
     )
+
+
+def test_mode_exact_is_not_advised_where_it_would_reject_all():
+    told = why_no_probability(settings(), any_uniform=True, stopped_early=False, accepted=(0, 9))
+    assert "none of 9 proposals" in told
+    assert "use --mode exact" not in told

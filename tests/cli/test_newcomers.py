@@ -17,6 +17,7 @@ from mrta_falsify.cli import campaign_output, compare_command, output
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.record import Jittered
 from mrta_falsify.verbs import doctor
 from mrta_falsify.verbs.campaign import run_store
 from mrta_falsify.verbs.replay import replay
@@ -297,6 +298,21 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
     campaign_output.print_campaign(result)
     said = f"{8 - told} more were under way when it ended; they are stored, too"
     assert (said in capsys.readouterr().out) == (told < 8)
+
+
+def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
+    from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.verbs.campaign import CampaignResult
+
+    campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
+    few = Jittered(runs=4, failed=0)
+    for record in campaign.records:
+        counts.take(dataclasses.replace(record, jittered=few) if record.failed else record)
+    result = CampaignResult(campaign=campaign, progress=counts, ended="budget", wall_s=1.0)
+    campaign_output.print_campaign(result)
+    out = capsys.readouterr().out
+    assert "--stop-after 1 counts other failures than these: " in out
+    assert "that few copies share" in out
 
 
 # --- what to try next -----------------------------------------------------------------------------

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from benchmarks.defects import worlds
-from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
+from mrta_falsify.lab import Lab
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
-from mrta_falsify.verbs.minimize.reruns import SmallerRun
+from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from scenic_worlds.program import compile_program
 from tests.external import lane_worlds
 
@@ -64,6 +64,8 @@ def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered, 
     assert "chair" not in [item.name for item in world.furniture]
     assert world.horizon < cluttered.world.horizon
     assert found.finding.share_removed > 0.4
+    assert found.finding.pairs_tried == found.finding.pairs > 0
+    assert found.finding.jittered.runs == PERTURBED
     assert found.finding.signature == signature(judge(cluttered).verdicts)
     again = judge(dataclasses.replace(cluttered, world=world))
     assert again.outcome.trace.digest == found.judged.outcome.trace.digest
@@ -76,23 +78,23 @@ def test_what_has_no_part_in_the_failure_goes_and_the_rest_is_needed(cluttered, 
 @pytest.mark.long
 def test_the_runs_are_bounded_and_a_second_call_goes_on(cluttered, tmp_path):
     path = tmp_path / "runs.jsonl"
-    few = minimize_job(cluttered, max_runs=2, journal=RunJournal(SmallerRun, path))
-    assert few.finding.runs == 2
+    few = minimize_job(cluttered, max_runs=2, lab=Lab(path))
+    assert few.finding.runs == 2 + PERTURBED
     assert not few.finding.one_minimal
     seen = []
     more = minimize_job(
         cluttered,
         max_runs=4,
-        journal=RunJournal(SmallerRun, path),
+        lab=Lab(path),
         on_run=lambda runs, text: seen.append(runs),
     )
-    assert seen == [3, 4]
-    assert more.finding.runs == 4
+    assert seen == list(range(1, 4 + PERTURBED + 1))
+    assert more.finding.runs == 4 + PERTURBED
 
 
 @pytest.mark.long
 def test_several_workers_come_to_the_same_world(cluttered, alone):
-    together = minimize_job(cluttered, max_runs=60, workers=2)
+    together = minimize_job(cluttered, max_runs=60, lab=Lab(workers=2))
     assert together.world.digest() == alone.world.digest()
     assert together.judged.outcome.trace.digest == alone.judged.outcome.trace.digest
     assert together.finding.one_minimal
@@ -102,12 +104,11 @@ def test_several_workers_come_to_the_same_world(cluttered, alone):
 @pytest.mark.long
 def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
     path = tmp_path / "runs.jsonl"
-    few = minimize_job(cluttered, max_runs=3, workers=2, journal=RunJournal(SmallerRun, path))
-    assert few.finding.runs == 3
+    few = minimize_job(cluttered, max_runs=3, lab=Lab(path, workers=2))
+    assert few.finding.runs == 3 + PERTURBED
     assert not few.finding.one_minimal
-    assert (
-        minimize_job(cluttered, max_runs=4, journal=RunJournal(SmallerRun, path)).finding.runs == 4
-    )
+    more = minimize_job(cluttered, max_runs=4, lab=Lab(path))
+    assert more.finding.runs == 4 + PERTURBED
 
 
 def test_a_run_that_holds_cannot_be_minimised(cluttered):

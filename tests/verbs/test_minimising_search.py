@@ -8,16 +8,19 @@ import pytest
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.directives import Push
+from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.geometry import rectangle
+from mrta_falsify.core.record import Jittered
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, Task, World
-from mrta_falsify.verbs.minimize.course import course_of
+from mrta_falsify.lab import Course, course_of
 from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, without
 from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
 from mrta_falsify.verbs.minimize.search import SmallestSearch
+from mrta_falsify.verbs.minimize.telling import minimal_text
 
 
 def _violated(spec: str = "no_deadlock", at: float = 8.0, **evidence: object) -> Verdict:
@@ -146,3 +149,92 @@ def test_a_robot_may_begin_where_it_had_delivered_something(delivered):
 def test_values_that_are_nominal_stay_as_they_are(hall):
     calm = all_nominal(hall)
     assert all(change.apply(calm).digest() == calm.digest() for change in NOMINAL)
+
+
+class _Asked:
+    """Says of each world whether it fails, by a rule, and counts what it was asked."""
+
+    def __init__(self, fails, robust=True) -> None:
+        self._fails, self._robust = fails, robust
+        self.asked: set[str] = set()
+
+    def first_failing(self, worlds):
+        for smaller in worlds:
+            self.asked.add(smaller.world.digest())
+            if self._fails(smaller.world):
+                return smaller, Course(found=8.0, had={}, delivered={}, rests=())
+        return None
+
+    def is_robust(self, world) -> bool:
+        return self._robust
+
+    def knows(self, world) -> bool:
+        return world.digest() in self.asked
+
+
+def _needs_each_other(world: World) -> bool:
+    """Whether a world fails in which one chair without the other makes a failure go away."""
+    chairs = {item.name for item in world.furniture if item.name.startswith("chair")}
+    is_whole = len(world.robots) == len(world.tasks) == 2
+    return is_whole and len(chairs) != 1 and len(world.furniture) > len(chairs)
+
+
+@pytest.fixture
+def two_chairs(hall: World) -> World:
+    pieces = [
+        Furniture(name=name, kind="chair", polygon=rectangle(0.4, 0.4, (11.0, 1.0 + k)))
+        for k, name in enumerate(("chair_0", "desk", "chair_1"))
+    ]
+    return dataclasses.replace(hall, furniture=tuple(pieces), humans=())
+
+
+def test_two_things_that_need_each_other_go_together(two_chairs):
+    reruns = _Asked(_needs_each_other)
+    course = Course(found=8.0, had={}, delivered={}, rests=())
+    search = SmallestSearch(two_chairs, course, reruns)
+    search.finish()
+    assert search.one_minimal
+    assert [item.name for item in search.world.furniture] == ["desk"]
+    assert search.count_pairs() == (10, 10)
+
+
+def test_a_pair_stays_without_which_few_perturbed_runs_fail(two_chairs):
+    reruns = _Asked(_needs_each_other, robust=False)
+    course = Course(found=8.0, had={}, delivered={}, rests=())
+    search = SmallestSearch(two_chairs, course, reruns)
+    search.finish()
+    assert search.one_minimal
+    assert len(search.world.furniture) == 3
+    assert search.unsure == 1
+    assert search.count_pairs() == (21, 21)
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"one_minimal": False}, "out of runs (--max-runs): it may get smaller"),
+        ({"pairs": 66, "pairs_tried": 66}, "no single thing and none of 66 pairs can go"),
+        ({"pairs": 66, "pairs_tried": 9}, "nor any of the 9 of 66 pairs that were tried"),
+        ({"pairs": 6, "pairs_tried": 6, "pairs_unsure": 1}, "without 1 pair the run itself fails"),
+        (
+            {"jittered": Jittered(runs=10, failed=9)},
+            "fails in 9 of 10 perturbed runs (95% interval 0.56 to 0.99)",
+        ),
+        ({"jittered": Jittered(runs=10, failed=3)}, "a knife edge"),
+    ],
+)
+def test_what_was_tried_is_told_exactly(more, told):
+    found = Minimisation(
+        **{
+            "signature": "no_deadlock/2:barrier>barrier/doorway",
+            "removed": (),
+            "runs": 90,
+            "one_minimal": True,
+            "counts": {},
+            "world_digest": "",
+            "trace_digest": "",
+            "verdicts": (),
+            **more,
+        }
+    )
+    assert told in minimal_text(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,11 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.claims import ClaimKind
 from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.deadlock.goals import GoalMap
+from mrta_falsify.specs.deadlock.obstruction import SOLID_NEAR
 from mrta_falsify.specs.deadlock.place_kind import kind_of_place
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot
 
@@ -140,8 +143,8 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         onsets={names[i]: deadlock.onsets[i] for i in members},
         victims=tuple(names[i] for i in sorted(deadlock.victims)),
         blockers=tuple(sorted(names[i] for i in others - deadlock.robots - {-1})),
-        cycle=tuple(_edge_row(edge, world) for edge in cycle),
-        chain=tuple(_edge_row(edge, world) for edge in chain),
+        cycle=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in cycle),
+        chain=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in chain),
         objects=_objects((*cycle, *chain), world, frame),
         place=PlaceRow(
             x=float(place[0]),
@@ -169,6 +172,41 @@ def _edge_row(edge: BlockedBy, world: World) -> EdgeRow:
         other = blockers[edge.other].name
     robot = world.robots[edge.robot].name
     return EdgeRow(robot=robot, cause=edge.cause, blocked_by=other, resource=edge.resource)
+
+
+def _named(row: EdgeRow, edge: BlockedBy, world: World, frame: Frame) -> EdgeRow:
+    """Name the solid that holds a robot off, where geometry says only that one does.
+
+    It is the nearest one; nothing is on the robot's path.
+    """
+    if edge.cause != "wall" or edge.resource:
+        return row
+    from shapely import Point, Polygon  # noqa: PLC0415 - loads slowly
+
+    place = Point(frame.sensed.pose[edge.robot, :2])
+    away = {
+        name: place.distance(Polygon(outline)) for name, outline in _solids(world, frame).items()
+    }
+    nearest = min(away, key=lambda name: away[name], default="")
+    held = nearest and away[nearest] <= SOLID_NEAR
+    return dataclasses.replace(row, resource=nearest) if held else row
+
+
+def _solids(world: World, frame: Frame) -> dict[str, Array]:
+    """List the outlines ``(V, 2)`` [m] of walls, furniture and blockages as they stand now."""
+    found = {wall.name: wall.polygon for wall in world.walls}
+    found |= {item.name: item.polygon for item in world.furniture if not item.movable}
+    pieces, poses = world.movable_furniture(), frame.sensed.furniture_pose
+    if len(pieces) == len(poses):
+        found |= {
+            item.name: item.outline_at(pose) for item, pose in zip(pieces, poses, strict=True)
+        }
+    time = frame.sensed.time
+    return found | {
+        event.name: event.polygon
+        for event in world.events
+        if isinstance(event, Blockage) and event.start <= time < event.end
+    }
 
 
 def _objects(edges: Iterable[BlockedBy], world: World, frame: Frame) -> tuple[ObjectRow, ...]:

@@ -24,7 +24,7 @@ from mrta_falsify.core.findings import ChangedRun, CopyCount, Explanation, Layer
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.lab import Lab
+from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, Judged, judge, of_copy
 from mrta_falsify.verbs.explain.absences import absences_of
@@ -42,7 +42,6 @@ from mrta_falsify.verbs.explain.rows import (
 )
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import schedules_of
-from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.stored_trials import job_of
 from simulator_interface.guard import guarded
 from simulator_interface.simulate import Outcome

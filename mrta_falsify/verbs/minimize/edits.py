@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.world import CommsOutage, Event, World
@@ -14,6 +14,18 @@ GROUPS = ("humans", "furniture", "events", "robots", "tasks")
 HORIZON_MARGIN = 15.0  # s of horizon kept after the violation
 
 
+class Thing(NamedTuple):
+    """Something of a world that may go."""
+
+    group: str  #: one of ``GROUPS``
+    number: int  #: in its group
+
+
+def things_of(world: World) -> list[Thing]:
+    """List all things of a world."""
+    return [Thing(group, i) for group in GROUPS for i in range(len(getattr(world, group)))]
+
+
 def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = ()) -> World | None:
     """Leave some things of a group out of a world, and tasks that go with them.
 
@@ -21,13 +33,15 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
         world: to make smaller.
         group: one of ``GROUPS``.
         gone: indices in the group.
-        had: indices of the tasks that robots had.
+        had: indices of tasks that go along.
 
     Returns:
         The smaller world. None if it is not valid: a person would push furniture that is gone,
         or no robot or no task would be left.
     """
     changes: dict[str, Any] = {group: _others(getattr(world, group), gone)}
+    if group != "tasks" and had:
+        changes["tasks"] = _others(world.tasks, had)
     if group == "robots":
         names = {robot.name for robot in changes["robots"]}
         orphans = [i for i, task in enumerate(world.tasks) if task.robot not in {"", *names}]
@@ -38,6 +52,36 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
     except InputError:
         return None
     return smaller if smaller.robots and smaller.tasks else None
+
+
+def without_both(
+    world: World, one: Thing, other: Thing, had: Mapping[str, Sequence[int]]
+) -> World | None:
+    """Leave two things out of a world, robots with what they had to do.
+
+    Args:
+        world: to make smaller.
+        one: first.
+        other: second, of the same group or of a later one.
+        had: tasks by the robot that had them last.
+
+    Returns:
+        The smaller world; None if it is not valid.
+    """
+    if one.group == other.group:
+        return without(world, one.group, [one.number, other.number], _had([one, other], world, had))
+    along = _had([one, other], world, had)
+    if other.group == "tasks":
+        along = sorted({*along, other.number})
+        return without(world, one.group, [one.number], along)
+    smaller = without(world, one.group, [one.number])
+    return smaller and without(smaller, other.group, [other.number], along)
+
+
+def _had(things: Sequence[Thing], world: World, had: Mapping[str, Sequence[int]]) -> list[int]:
+    """List the tasks of the robots among some things."""
+    names = [world.robots[thing.number].name for thing in things if thing.group == "robots"]
+    return [task for name in names for task in had.get(name, ())]
 
 
 def ways_to_remove(

@@ -13,7 +13,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import Blockage, World
-from mrta_falsify.verbs.minimize.course import course_of
+from mrta_falsify.lab import course_of
 from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, events_without
 
 KEPT_WITHIN = 1.0  # m from the route of a robot concerned: things that the first guess keeps

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.world import Event, HumanSpec, Task, World
-from mrta_falsify.verbs.minimize.course import Course, TimedPose
+from mrta_falsify.lab import Course, TimedPose
 from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN
 
 RESTS_TRIED = 2  # moments of rest at which a world may begin, the latest first

@@ -1,13 +1,15 @@
 """The smallest world that still fails in the same way.
 
-Every accepted step is a run that failed with the same signature, so the result is verified by
-construction. Of a failure that another stack does not share, that stack passed every accepted step,
-too. The search ends when nothing changes any more: the result is then 1-minimal, no
-single robot, task, person, piece of furniture or event can go.
+Every accepted step is a run that fails by the same mechanism (see
+:func:`mrta_falsify.campaigns.signature.mechanism`), so the result is verified by construction. Of a
+failure that another stack does not share, that stack passed every accepted step, too. The search
+ends when no single robot, task, person, piece of furniture, event or stretch of time can go, and no
+pair of these things. Runs with small differences then say how often the result fails.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,29 +19,31 @@ import yaml
 
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
-from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.journal import going_on
 from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.settings import AGAINST_COPIES
+from mrta_falsify.campaigns.signature import mechanism
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies
+from mrta_falsify.copies import Comparison, judged_by_copies
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import Jittered, TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, judge, of_copy
-from mrta_falsify.verbs.minimize.course import course_of
 from mrta_falsify.verbs.minimize.edits import GROUPS
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
-from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns, SmallerRun
+from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of, other_stack_of
 from simulator_interface.guard import guarded
 
+MAX_RUNS = 200  # simulations, unless the caller says otherwise
 JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
 WORLD, TRACE, STACK = "world.min.json", "trace.min.zip", "stack.yaml"  # files of the result
 OTHER_TRACE, OTHER_STACK = "trace.min.other.zip", "stack.other.yaml"  # if two are compared
@@ -64,7 +68,7 @@ def minimize(
     campaign: Campaign,
     record: TrialRecord,
     *,
-    max_runs: int = 100,
+    max_runs: int = MAX_RUNS,
     workers: int = 1,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Minimisation:
@@ -73,7 +77,7 @@ def minimize(
     Args:
         campaign: that the failure belongs to.
         record: of the failure.
-        max_runs: simulations at most, including those of earlier calls.
+        max_runs: simulations at most, including those of earlier calls, beside ten of the result.
         workers: simulations at a time. They change how many runs it takes, not the result.
         on_run: called after each run with the number so far and a line about it.
 
@@ -94,11 +98,9 @@ def minimize(
     code = code_digest(job.config, job.specifications)
     if other is not None:
         code += code_digest(other)
-    journal = RunJournal(SmallerRun, folder / JOURNAL_NAME, code=code)
-    with going_on(f"minimize {record.id}", journal):
-        found = minimize_job(
-            job, other=other, max_runs=max_runs, workers=workers, journal=journal, on_run=on_run
-        )
+    lab = Lab(folder / JOURNAL_NAME, code=code, workers=workers)
+    with going_on(f"minimize {record.id}", lab.journal):
+        found = minimize_job(job, other=other, max_runs=max_runs, lab=lab, on_run=on_run)
         return _write(found, job, other, folder)
 
 
@@ -131,20 +133,21 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
         folder: for the program, and for its layout ``world.min.layout.json`` if none is shipped.
 
     Returns:
-        ``identical`` if the program's run has the same trace, ``same failure`` if it has the
-        same signature. Otherwise why there is no program; none is left in ``folder`` then.
+        ``identical`` if the program's run has the same trace, ``same failure`` if it fails by the
+        same mechanism. Otherwise why there is no program; none is left in ``folder`` then.
     """
     from scenic_worlds.program import compile_program  # noqa: PLC0415 - Scenic takes seconds
     from scenic_worlds.writing import write_program  # noqa: PLC0415
 
     path = folder / PROGRAM
-    wanted = found.finding.signature
+    wanted = mechanism(found.judged.verdicts)
+    name = found.finding.signature
     try:
-        write_program(found.world, path, comment=f"The smallest world that fails with {wanted}.")
+        write_program(found.world, path, comment=f"The smallest world that fails with {name}.")
         judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
         if judged.outcome.trace.digest == found.finding.trace_digest:
             return "identical"
-        now = signed(judged.verdicts, job.rules)
+        now = mechanism(judged.verdicts)
         if now == wanted:
             return "same failure"
         reason = f"the program's world gives {now or 'no failure'}"
@@ -160,9 +163,8 @@ def minimize_job(
     job: Job,
     *,
     other: StackConfig | None = None,
-    max_runs: int = 100,
-    workers: int = 1,
-    journal: RunJournal[SmallerRun] | None = None,
+    max_runs: int = MAX_RUNS,
+    lab: Lab | None = None,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Smallest:
     """Minimise the failure of a job (see :func:`minimize`).
@@ -171,8 +173,7 @@ def minimize_job(
         job: that fails.
         other: a stack that must go on passing, if there is one.
         max_runs: simulations at most.
-        workers: simulations at a time.
-        journal: keeps finished runs.
+        lab: that runs them, and keeps finished runs.
         on_run: called after each run.
     """
     first = judge(job)
@@ -180,32 +181,35 @@ def minimize_job(
     if verdict is None:
         raise InputError("the run violates nothing; there is nothing to minimise")
     trace = first.outcome.trace
-    wanted = signed(first.verdicts, job.rules)
-    journal = journal or RunJournal(SmallerRun, None)
-    reruns = Reruns(job, wanted, max_runs, journal, on_run, workers, other)
-    search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)
-    complete = True
-    with reruns:
-        try:
+    with lab or Lab() as opened:
+        reruns = Reruns(opened, job, verdict, mechanism(first.verdicts), max_runs, on_run, other)
+        search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)
+        with contextlib.suppress(OutOfRunsError):
             search.begin(verdict, trace)
             search.finish()
-        except OutOfRunsError:
-            complete = False
-    world = search.world
-    smallest = dataclasses.replace(job, world=world)
-    judged = judge(smallest)
-    said = _ask_both(smallest, judged, other) if other is not None else NO_COPIES
+        world = search.world
+        smallest = dataclasses.replace(job, world=world)
+        judged = judge(smallest)
+        if other is None:
+            fails = reruns.perturbed(world)
+            said = Comparison(Jittered(runs=len(fails), failed=sum(fails)), None)
+        else:
+            said = _ask_both(smallest, judged, other)
+    pairs, tried = search.count_pairs()
     finding = Minimisation(
-        signature=wanted,
+        signature=signed(first.verdicts, job.rules),
         removed=_removed(job.world, world),
         runs=reruns.count,
-        one_minimal=complete,
+        one_minimal=search.one_minimal,
         counts={g: (len(getattr(job.world, g)), len(getattr(world, g))) for g in GROUPS},
         world_digest=world.digest(),
         trace_digest=judged.outcome.trace.digest,
         verdicts=tuple(verdict for verdict in judged.verdicts if verdict.violated),
         jittered=said.jittered,
         other=said.other,
+        pairs=pairs,
+        pairs_tried=tried,
+        pairs_unsure=search.unsure,
     )
     return Smallest(world=world, judged=judged, theirs=said.their_run, finding=finding)
 

@@ -3,19 +3,29 @@
 The first guess comes from the run itself. What is left is taken apart group by group, from large
 chunks down to single things (ddmin of Zeller and Hildebrandt, "Simplifying and isolating
 failure-inducing input", IEEE TSE 2002). A robot goes together with the tasks it had, so that the
-others keep theirs.
+others keep theirs. Once nothing single can go, all pairs of things are tried: two robots that cross
+may be needed by each other only. A pair goes if most runs with small differences still fail.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterable, Iterator
 
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.minimize.course import Course
-from mrta_falsify.verbs.minimize.edits import GROUPS, HORIZON_MARGIN, ways_to_remove, without
+from mrta_falsify.lab import Course
+from mrta_falsify.verbs.minimize.edits import (
+    GROUPS,
+    HORIZON_MARGIN,
+    things_of,
+    ways_to_remove,
+    without,
+    without_both,
+)
 from mrta_falsify.verbs.minimize.first_guess import concerned, end_of_interest
 from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
@@ -29,6 +39,8 @@ class SmallestSearch:
         self.world = world
         self._course = course
         self._reruns = reruns
+        self.one_minimal = False  #: whether nothing single can go
+        self.unsure = 0  #: pairs without which the world fails, but few runs with small differences
 
     def _take(self, worlds: Iterable[Smaller]) -> Smaller | None:
         """Go on with the first of some smaller worlds that fails; None if none fails."""
@@ -60,10 +72,22 @@ class SmallestSearch:
         yield Smaller(shorter, "what comes after the violation")
 
     def finish(self) -> None:
-        """Make the world smaller until nothing single can go."""
+        """Make the world smaller until nothing single can go, and no pair.
+
+        Raises:
+            OutOfRunsError: the runs are used up.
+        """
         for group in GROUPS:
             self._shrink(group, len(getattr(self.world, group)))
         self._move_to_nominal()  # now, since all single things are tried again after a change
+        while True:
+            self._remove_singles()
+            self.one_minimal = True
+            if not self._remove_pair():
+                return
+            self.one_minimal = False
+
+    def _remove_singles(self) -> None:
         while True:
             before = self.world
             while self._take(self._later()):
@@ -72,6 +96,35 @@ class SmallestSearch:
                 self._shrink(group, 1)
             if self.world is before:
                 return
+
+    def _remove_pair(self) -> bool:
+        """Remove the first pair of things without which most runs still fail, if there is one."""
+        self.unsure, place = 0, 0
+        while found := self._reruns.first_failing(self._pairs(place)):
+            smaller, course = found
+            if self._reruns.is_robust(smaller.world):
+                self.world, self._course = smaller.world, course
+                return True
+            self.unsure += 1
+            place = smaller.place + 1
+        return False
+
+    def _pairs(self, place: int = 0) -> Iterator[Smaller]:
+        """Yield worlds without two things, from the pair at ``place`` on."""
+        pairs = list(itertools.combinations(things_of(self.world), 2))
+        for number, (one, other) in enumerate(pairs[place:], start=place):
+            smaller = without_both(self.world, one, other, self._course.had)
+            if smaller is not None:
+                yield Smaller(smaller, "two things", number)
+
+    def count_pairs(self) -> tuple[int, int]:
+        """Count the pairs of things that are left, and those of them that were tried.
+
+        A pair without which no valid world is left counts as tried.
+        """
+        count = math.comb(len(things_of(self.world)), 2)
+        missing = sum(not self._reruns.knows(smaller.world) for smaller in self._pairs())
+        return count, count - missing
 
     def _shrink(self, group: str, size: int) -> None:
         """Remove chunks of at most ``size`` things of a group, down to single things."""

@@ -28,6 +28,7 @@ from mrta_falsify.specs.causes import by_cause, is_shut, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
+from mrta_falsify.verbs.minimize.telling import minimal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import neighbour_of
 from mrta_falsify.verbs.stacks import costmap_of
@@ -256,7 +257,13 @@ def _with_minimised(
         other=_minimised_on_other(case, found, folder, other),
     )
     counts = tuple((name, *pair) for name, pair in found.counts.items() if pair[0])
-    return dataclasses.replace(case, removed=found.removed, counts=counts, minimised=minimised)
+    return dataclasses.replace(
+        case,
+        removed=found.removed,
+        tried=minimal_text(found),
+        counts=counts,
+        minimised=minimised,
+    )
 
 
 def _minimised_on_other(
