@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.findings import Counterfactual, LayerRow
 from mrta_falsify.core.importance import Group
@@ -102,7 +103,8 @@ class ParameterImportance:
     low: float  #: of the interval
     high: float
     matters: bool  #: failing goes with it beyond chance
-    values: tuple[float | None, ...]  #: of the judged trials, in order
+    values: tuple[float | None, ...]  #: of the judged trials, in order; of a choice, its number
+    options: tuple[str, ...]  #: what each choice is
     parts: tuple[Group, ...]  #: of its range, in the units of the values
 
 
@@ -116,7 +118,7 @@ class TrialRow:
     found: float | None  #: when the violation was found [s]
     score: float | None  #: None: not judged
     simulated: float  #: [s]
-    values: tuple[float | None, ...]  #: of the parameters
+    values: tuple[DimensionValue, ...]  #: of the parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

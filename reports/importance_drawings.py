@@ -17,6 +17,7 @@ ROW, FOOT = 24.0, 26.0  # px
 SLICE_WIDTH, SLICE_HEIGHT = 320.0, 130.0  # px of the points of one slice
 LEFT, TOP, RIGHT, STRIP = 40.0, 8.0, 14.0, 18.0  # px around them; the strip of shares below
 MOST_LETTERS = 32  # of a name
+MOST_OF_OPTION = 8  # letters of an option below the axis
 ROOM_FOR_SHARE = 28.0  # px
 CROSS = 3.0  # px, half of the mark of a failure
 
@@ -80,9 +81,11 @@ def draw_slice(one: ParameterImportance, trials: TrialScores) -> Markup | None:
     _draw_strip(drawing, one, across)
     base = TOP + SLICE_HEIGHT + STRIP
     for value in ticks(across.low, across.high, 5):
+        if one.options and not value.is_integer():
+            continue
         drawing.add(
             "text",
-            f"{value:g}",
+            one.options[int(value)][:MOST_OF_OPTION] if one.options else f"{value:g}",
             x=across.x(value),
             y=base + 16,
             class_="tick",

@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -81,8 +82,10 @@ def pack_trials(table: TrialTable) -> str:
     return base64.b64encode(zlib.compress(text, 9)).decode()
 
 
-def _short(value: float | None) -> float | None:
-    """Keep four digits of a number; None where it is none."""
+def _short(value: DimensionValue) -> DimensionValue:
+    """Keep four digits of a number, and words as they are; None where it is none."""
+    if isinstance(value, (str, bool)):
+        return str(value)
     return float(f"{value:.4g}") if value is not None and math.isfinite(value) else None
 
 

@@ -64,6 +64,12 @@ class Outcome:
     told: Told | None = None  #: what a stack in a process of its own has said, if it is kept
     coupling: Coupling | None = None  #: of such a stack to simulated time
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        violated = [verdict.spec for verdict in self.verdicts if verdict.violated]
+        told = f"violates {', '.join(violated)}" if violated else "violates nothing"
+        return f"<Outcome {told}, ended {self.ended} at {self.sim_time:.1f} s>"
+
 
 def frames_of(world: World, config: StackConfig) -> Iterator[Frame]:
     """Run an episode until its books hold the last delivery or the horizon is reached.

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
+from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.durable import sync_directory, write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.record import OtherRun, TrialRecord
@@ -91,8 +92,26 @@ class Campaign:
             records=tuple(_of_other(r, r.other) for r in self.records if r.other is not None),
         )
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        failed = sum(record.failed for record in self.records)
+        return f"<Campaign {self.directory}: {len(self.records)} trials, {failed} failed>"
+
+    def values_of(self, record: TrialRecord) -> dict[str, DimensionValue]:
+        """Give the values of a trial's search dimensions by name, as a person reads them.
+
+        Empty for trials whose scenario could not be sampled, and for campaigns of older versions.
+        """
+        told = zip(self.settings.space.dimensions, record.values, strict=False)
+        return {dimension.name: dimension.told(value) for dimension, value in told}
+
     def frame(self) -> pd.DataFrame:
-        """Tabulate the trials, with one column per specification's robustness."""
+        """Tabulate the trials.
+
+        There is a column for each specification's robustness (``rho.``), each margin
+        (``margin.``), each descriptor (``what.``), and each dimension of the search space under
+        its name, with values as a person reads them.
+        """
         import pandas as pd  # noqa: PLC0415 - loads slowly
 
         rows = []
@@ -115,6 +134,7 @@ class Campaign:
             row |= {f"rho.{v.spec}": v.robustness for v in record.verdicts}
             row |= {f"margin.{name}": value for name, value in record.objectives.items()}
             row |= {f"what.{name}": value for name, value in record.descriptors.items()}
+            row |= self.values_of(record)
             rows.append(row)
         return pd.DataFrame(rows)
 

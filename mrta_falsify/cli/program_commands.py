@@ -24,11 +24,13 @@ from mrta_falsify.cli.options import (
     stack_options,
 )
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.words import listed
 
 if TYPE_CHECKING:
     from mrta_falsify.core.candidate import Dimension
     from mrta_falsify.verbs.check import CheckSummary, ProgramCheck
 
+MOST_LETTERS = 60  # of the options of a choice
 SHOWN_REJECTERS = 10
 
 SCENARIO_HELP = "SCENARIO is a Scenic program (.scenic) or the name of a shipped one."
@@ -241,7 +243,9 @@ def _kinds(summary: CheckSummary) -> str:
 def _values(dimension: Dimension) -> str:
     low, high = dimension.low, dimension.high
     if dimension.kind == "choice" and dimension.choices:
-        return f"{dimension.choices} options"
+        options = [str(dimension.told(number)) for number in range(len(dimension.options))]
+        text = listed(options)
+        return text if options and len(text) <= MOST_LETTERS else f"{dimension.choices} options"
     if low is None and high is None:
         return "depends on others"
     parts = ["" if bound is None else f"{bound:.4g}" for bound in (low, high)]

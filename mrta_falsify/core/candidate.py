@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import later, quantity
@@ -11,6 +12,8 @@ from mrta_falsify.core.seeding import candidate_seed, stream
 
 #: ``opaque``: the coordinate seeds a generator; deterministic, but near values mean nothing
 DimensionKind = Literal["range", "normal", "point", "choice", "integer", "opaque"]
+DimensionValue: TypeAlias = float | int | bool | str | None
+ANGLES = (".yaw", ".heading", ".roll", ".pitch")  # properties that are angles [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +26,40 @@ class Dimension:
     high: float | None = None
     choices: int = 0  #: number of values, for choice and integer
     values: tuple[str, ...] = later(())  #: these values, if they are equally likely and plain
+    options: tuple[str, ...] = later(())  #: what each choice is, in words
+
+    def told(self, value: float | None) -> DimensionValue:
+        """Give a value as a person reads it: of a choice the option, not its number.
+
+        Args:
+            value: as records keep it.
+
+        Returns:
+            A truth value, a number, or words such as the name of an object; None: not a number.
+        """
+        if value is None:
+            return None
+        if self.kind == "choice" and 0 <= int(value) < len(self.options):
+            told = _option(self.options[int(value)])
+            if isinstance(told, float) and self.name.endswith(ANGLES):
+                return f"{told:g} deg" if self._is_in_degrees else f"{math.degrees(told):.4g} deg"
+            return told
+        return int(value) if self.kind in ("choice", "integer") else value
+
+    @property
+    def _is_in_degrees(self) -> bool:
+        """Whether the program multiplies the options by ``deg``: one is more than a turn in rad."""
+        numbers = [told for told in map(_option, self.options) if isinstance(told, float)]
+        return any(abs(number) > 2.0 * math.pi for number in numbers)
+
+
+def _option(words: str) -> bool | float | str:
+    if words in ("True", "False"):
+        return words == "True"
+    try:
+        return float(words)
+    except ValueError:
+        return words
 
 
 @dataclass(frozen=True, slots=True)

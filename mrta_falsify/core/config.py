@@ -67,6 +67,16 @@ class StackConfig:
             if name not in DEFECTS:
                 raise UnknownNameError("defect", name, DEFECTS, where="defects")
 
+    def __repr__(self) -> str:
+        """Write in one line what is not as shipped."""
+        own = [
+            f"{field.name}={value.name if isinstance(value, Choice) else value}"
+            for field in dataclasses.fields(self)
+            if (value := getattr(self, field.name)) != field.default
+            and value != ()  # lists that name nothing
+        ]
+        return f"<StackConfig {', '.join(own) or 'as shipped'}>"
+
     def digest(self) -> str:
         """Compute the sha256 of the canonical JSON."""
         return codec.digest(self)

@@ -122,6 +122,10 @@ class Explanation:
     rows: tuple[LayerRow, ...] = later(())
     inevitability: Inevitability | None = later(None)  #: None: the run was not rewound
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        return f"<Explanation: layer {self.layer or 'none'}, {self.reason}; {self.runs} runs>"
+
 
 # --- how small it gets -------------------------------------------------------------------
 
@@ -152,6 +156,11 @@ class Minimisation:
     pairs_unsure: int = later(0)
     #: what the other stack does in it, where two are compared
     other: OtherRun | None = later(None)
+
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        before, after = (sum(pair[k] for pair in self.counts.values()) for k in (0, 1))
+        return f"<Minimisation {self.signature}: {before} to {after} things, {self.runs} runs>"
 
     @property
     def share_removed(self) -> float:

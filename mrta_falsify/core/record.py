@@ -193,6 +193,11 @@ class TrialRecord:
     shut: tuple[TightWay, ...] = later(())
     notes: tuple[str, ...] = later(())  #: what is narrow in the world, and what is pushed in vain
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        what = self.signature or (self.error if self.status != "ok" else "violates nothing")
+        return f"<TrialRecord {self.id}: {self.status}, score {self.score:+.3g}, {what}>"
+
     @property
     def number(self) -> int:
         """Position in the campaign, from 0."""

@@ -96,6 +96,12 @@ class Trace:
     #: tick that brought each of ``events``; empty: an older version, which did not keep it
     event_ticks: tuple[int, ...] = ()
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        kept = f"{self.duration:.1f} s" if "time" in self.columns else "columns not kept"
+        robots, digest = len(self.robots), self.digest[:12]
+        return f"<Trace {kept}, {robots} robots, ended {self.ended}, digest {digest}>"
+
     def __len__(self) -> int:
         """Number of ticks K."""
         return len(self.columns["time"])

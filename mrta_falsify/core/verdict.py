@@ -26,6 +26,13 @@ class Verdict:
         if self.violated and self.not_judged:
             raise AssertionError(f"{self.spec}: violated, but not judged: {self.not_judged}")
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        when = f" at {self.violated_at:.1f} s" if self.violated_at is not None else ""
+        who = f", {', '.join(self.who)}" if self.who else ""
+        outcome = self.outcome.replace("_", " ")
+        return f"<Verdict {self.spec}: {outcome}{when}, robustness {self.robustness:+.3g}{who}>"
+
     @property
     def outcome(self) -> VerdictOutcome:
         """Whether the specification holds, is violated, or could not be judged."""

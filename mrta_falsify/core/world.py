@@ -223,6 +223,12 @@ class World:
     #: parameters of a foreign stack by name, over those of its file; the shipped stack has none
     stack_params: dict[str, float] = later(dict)
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        counts = ("robots", "humans", "furniture", "tasks", "events")
+        told = ", ".join(f"{len(getattr(self, name))} {name}" for name in counts)
+        return f"<World {self.name}: {told}, {self.horizon:g} s>"
+
     def digest(self) -> str:
         """Compute the sha256 of the canonical JSON; kept for the last few worlds."""
         return _digest_of(self)

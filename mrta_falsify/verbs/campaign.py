@@ -55,6 +55,10 @@ class CampaignResult:
     ended: Ended | Literal["interrupted"]
     wall_s: float
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        return f"<CampaignResult of {self.campaign!r}, ended: {self.ended}>"
+
 
 def campaign(
     scenario: Place,

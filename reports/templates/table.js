@@ -4,7 +4,7 @@
   const FIXED = 6; // columns before the parameters
   const AT_ONCE = 50; // rows; more on request
   const FEW = 6; // parameters shown at first
-  const CONDITION = /^(.+?)(<=|>=|<|>|=)(-?\d+(?:\.\d+)?)$/;
+  const CONDITION = /^(.+?)(<=|>=|<|>|=)([^<>=]+)$/;
 
   function element(tag, properties = {}, ...children) {
     const made = Object.assign(document.createElement(tag), properties);
@@ -59,9 +59,10 @@
         const found = CONDITION.exec(word);
         const column = found ? this.columns.findIndex((name) => name.toLowerCase().startsWith(found[1])) : -1;
         if (column < 0) return (row) => row.slice(0, 3).some((cell) => String(cell).toLowerCase().includes(word));
-        const limit = Number(found[3]);
+        const limit = Number(found[3]), holdsWord = (cell) => found[2] === "=" && cell.toLowerCase() === found[3];
         const holds = { "<": (x) => x < limit, ">": (x) => x > limit, "<=": (x) => x <= limit, ">=": (x) => x >= limit, "=": (x) => x === limit };
-        return (row) => row[column] !== null && holds[found[2]](Number(row[column]));
+        return (row) => row[column] !== null &&
+          (typeof row[column] === "string" && Number.isNaN(Number(row[column])) ? holdsWord(row[column]) : holds[found[2]](Number(row[column])));
       });
       const outcome = this.outcome.value;
       return (row) => (!outcome || row[1] === outcome) && tests.every((test) => test(row));

@@ -38,6 +38,7 @@ class Axis:
     high: float | None = None
     choices: int = 0
     values: tuple[str, ...] = ()  #: of a choice, if they are equally likely and plain
+    options: tuple[str, ...] = ()  #: what each choice is, in words
 
 
 @dataclass(frozen=True, slots=True)

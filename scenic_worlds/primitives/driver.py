@@ -118,6 +118,7 @@ class Driver:
                     high=axis.high,
                     choices=axis.choices,
                     values=axis.values,
+                    options=axis.options,
                 )
             )
         self._units.append(Unit(name, start, len(self._dimensions)))

@@ -35,6 +35,8 @@ from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.charts import FLOOR_AXES, Axis, axes_of_random, chart_of
 from scenic_worlds.primitives.polygons import LAST
 
+PLAIN = (int, float, str)  # options that are equal if they look alike
+MOST_LETTERS = 40  # of an option in words
 MOST_NAMED = 64  # integers of a range that are told by value
 TAIL = 1e-12  # normal quantiles are taken within this of 0 and 1: 7 standard deviations
 
@@ -79,7 +81,7 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         primitive: what Scenic would sample, after its own conditioning.
         source: of the coordinates.
         is_choice: whether the primitive picks one of a list of options.
-        options: their names, if they have any.
+        options: these.
     """
 
     def __init__(
@@ -88,7 +90,7 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         source: Coordinates,
         *,
         is_choice: bool,
-        options: tuple[str, ...] = (),
+        options: Sequence[Any] = (),
     ) -> None:
         super().__init__(primitive._dependencies)
         self._needsSampling = self._isLazy = True  # even without dependencies
@@ -117,7 +119,7 @@ def is_primitive(thing: Any) -> bool:
 
 
 def _drive(
-    primitive: Any, *, is_choice: bool, options: tuple[str, ...]
+    primitive: Any, *, is_choice: bool, options: Sequence[Any]
 ) -> tuple[tuple[Axis, ...], Draw]:
     kind = type(primitive)
     if kind is Range:
@@ -187,17 +189,42 @@ def _fixed_integers(primitive: Any, count: int) -> tuple[str, ...]:
     return tuple(repr(math.ceil(primitive.low) + i) for i in range(count))
 
 
+def _plain(options: Sequence[Any]) -> tuple[str, ...]:
+    """Name options, if all are numbers or names; () otherwise."""
+    return tuple(map(repr, options)) if all(isinstance(o, PLAIN) for o in options) else ()
+
+
+def _in_words(options: Sequence[Any], count: int) -> tuple[str, ...]:
+    """Put options in words that a person can cite; () if they are not known."""
+    if len(options) != count:
+        return ()
+    return tuple(_word(option, number) for number, option in enumerate(options, start=1))
+
+
+def _word(option: Any, number: int) -> str:
+    name = getattr(option, "name", None)
+    if isinstance(option, str) or isinstance(name, str):
+        return str(name if not isinstance(option, str) else option)
+    if isinstance(option, (list, tuple)):
+        return "[" + ", ".join(_word(part, k) for k, part in enumerate(option, start=1)) + "]"
+    if needsSampling(option):
+        return f"option {number}, which is random itself"
+    text = repr(option)
+    is_short = len(text) <= MOST_LETTERS and " at 0x" not in text
+    return text if is_short else f"option {number}, a {type(option).__name__}"
+
+
 def _integer(
-    primitive: Any, *, is_choice: bool, options: tuple[str, ...]
+    primitive: Any, *, is_choice: bool, options: Sequence[Any]
 ) -> tuple[tuple[Axis, ...], Draw]:
     kind = "choice" if is_choice else "integer"
     least, most = _bounds(primitive.low, primitive.high)
     count = 0 if least is None or most is None else math.floor(most) - math.ceil(least) + 1
-    named = options if is_choice else _fixed_integers(primitive, count)
+    named = _plain(options) if is_choice else _fixed_integers(primitive, count)
     if primitive.weights or len(named) != count:
         named = ()
     axis = (
-        Axis("choice", choices=count, values=named)
+        Axis("choice", choices=count, values=named, options=_in_words(options, count))
         if kind == "choice"
         else Axis("integer", least, most, count, named)
     )

@@ -48,7 +48,7 @@ class Found:
     name: str  #: object and property, for example "bed_3.position"
     value: Samplable
     is_choice: bool  #: picks one of a list of options
-    options: tuple[str, ...]  #: these, if they are plain
+    options: tuple[Any, ...]  #: these
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class _Place:
     name: str
     value: Samplable
     is_choice: bool
-    options: tuple[str, ...] = ()
+    options: tuple[Any, ...] = ()
 
 
 #: properties that Scenic computes from others; what they are made of is named after the others
@@ -67,7 +67,6 @@ DERIVED = frozenset(
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
 DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
-PLAIN = (int, float, str)  #: options that are equal if they look alike
 #: what Scenic's random primitives are made of
 PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
 
@@ -124,7 +123,8 @@ def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
             if needsSampling(part):
                 deeper = depth + (DERIVED_DEPTH if suffix in DERIVED else 1)
                 is_index = chooses and suffix == ""
-                options = _plain_options(proxy) if is_index else ()
+                is_listed = is_index and isinstance(proxy, MultiplexerDistribution)
+                options = tuple(proxy.options) if is_listed else ()
                 part_place = _Place(name + suffix, part, is_index, options)
                 heappush(queue, (deeper, next(order), root, part_place))
     found.sort(key=lambda entry: entry[:2])
@@ -139,12 +139,6 @@ def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:
         name = entry.name if times == 1 else f"{entry.name}#{times}"
         unique.append(dataclasses.replace(entry, name=name))
     return tuple(unique)
-
-
-def _plain_options(chooser: Any) -> tuple[str, ...]:
-    """Name the options that ``chooser`` picks from, if all are numbers or names; () otherwise."""
-    options = chooser.options if isinstance(chooser, MultiplexerDistribution) else ()
-    return tuple(map(repr, options)) if all(isinstance(o, PLAIN) for o in options) else ()
 
 
 def _stack_params(value: Samplable) -> Iterator[Root]:

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, StoreError, read_campaign
-from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.candidate import Candidate, Dimension, SearchSpace
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from tests.campaigns.standin import settings
@@ -108,6 +109,20 @@ def test_a_campaign_becomes_a_table_in_one_call(tmp_path):
         frame = store.campaign().frame()
     assert frame.loc[0, "rho.no_deadlock"] == -2.0
     assert bool(frame.loc[0, "failed"])
+
+
+def test_each_dimension_is_a_column_with_values_as_a_person_reads_them(tmp_path):
+    space = SearchSpace(
+        (
+            Dimension(name="trolley_2.active", kind="choice", options=("True", "False")),
+            Dimension(name="bed_1.position.0", kind="point", low=0.0, high=9.0),
+        )
+    )
+    with Store.create(tmp_path, dataclasses.replace(settings(), space=space)) as store:
+        store.add(dataclasses.replace(_record(0), values=(0.0, 4.5)))
+        frame = read_campaign(tmp_path).frame()
+    assert frame["trolley_2.active"].tolist() == [True]
+    assert frame["bed_1.position.0"].tolist() == [4.5]
 
 
 def test_an_unknown_trial_is_refused_with_what_there_is(tmp_path):

@@ -68,10 +68,19 @@ def parameter_importances(
             high=one.high,
             matters=one.dimension in ranking.mattering,
             values=tuple(values[one.dimension] for values in told),
+            options=_options(campaign, one.dimension),
             parts=tuple(_in_values(group, one.dimension, judged, told) for group in one.groups),
         )
         for one in ranking.found[:MOST_SHOWN]
     )
+
+
+def _options(campaign: Campaign, number: int) -> tuple[str, ...]:
+    """Put the options of a choice in words; empty for other dimensions."""
+    if not len(campaign.settings.space):
+        return ()
+    dimension = campaign.settings.space.dimensions[number]
+    return tuple(str(dimension.told(option)) for option in range(len(dimension.options)))
 
 
 def _in_values(

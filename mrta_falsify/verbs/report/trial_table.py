@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_summary import FailureMode
@@ -39,7 +40,7 @@ def trial_table(
         notes.append(f"{len(order) - len(kept)} parameters are left out: the page has no room.")
     return TrialTable(
         parameters=tuple(names[i] for i in kept),
-        rows=tuple(_row(record, mode_of.get(record.id, 0), kept) for record in records),
+        rows=tuple(_row(campaign, record, mode_of.get(record.id, 0), kept) for record in records),
         note=" ".join(notes),
     )
 
@@ -62,8 +63,16 @@ def dimension_names(campaign: Campaign) -> tuple[str, ...]:
 
 
 def values_of(record: TrialRecord) -> tuple[float | None, ...]:
-    """Give the values of a trial's parameters, or shares of their ranges where none are stored."""
+    """Give the values of a trial's parameters, or shares of their ranges where none are stored.
+
+    A choice is told by the number of its option.
+    """
     return record.values or tuple(map(float, record.candidate.u))
+
+
+def told_values(campaign: Campaign, record: TrialRecord) -> tuple[DimensionValue, ...]:
+    """Give the same as a person reads them."""
+    return tuple(campaign.values_of(record).values()) or values_of(record)
 
 
 def outcome_of(record: TrialRecord) -> str:
@@ -75,9 +84,9 @@ def outcome_of(record: TrialRecord) -> str:
     return kind_of(record.verdicts) or "failure"
 
 
-def _row(record: TrialRecord, mode: int, kept: Sequence[int]) -> TrialRow:
+def _row(campaign: Campaign, record: TrialRecord, mode: int, kept: Sequence[int]) -> TrialRow:
     verdict = leading(record.verdicts)
-    values = values_of(record)
+    values = told_values(campaign, record)
     return TrialRow(
         id=record.id,
         outcome=outcome_of(record),
