@@ -97,7 +97,7 @@ def _print_explanation(found: Explanation) -> None:
     output.print_table(table)
     for removal in found.removals:
         out.print(removal_text(removal))
-    for text in (*needs_sentences(found), *decided_sentences(found.inevitability)):
+    for text in (*needs_sentences(found), *decided_sentences(found.inevitability, found.layer)):
         out.print(text)
     out.print(f"{found.runs} runs spent")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
-from mrta_falsify.core.task_history import robots_of, tasks_of
+from mrta_falsify.core.task_history import tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
@@ -148,10 +148,9 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         trace: of the run; without it only what the evidence names is told.
     """
     if verdict.spec != SPEC:
-        concerned = set(verdict.who)
-        if trace is not None:
-            concerned |= set(robots_of(tasks_of(verdict), trace))
-        return WaitAccount(waits=tuple(_followed(concerned, (), verdict, trace)))
+        if tasks_of(verdict):  # late or undone: what cost the time may have gone by then
+            return WaitAccount(waits=())
+        return WaitAccount(waits=tuple(_followed(verdict.who, (), verdict, trace)))
     found = leading_claim(verdict.evidence)
     waiting = tuple(dict.fromkeys(row["robot"] for row in found.get("cycle", ())))
     named = verdict.who if set(verdict.who) & set(waiting) else waiting

@@ -80,8 +80,10 @@ def test_the_time_until_which_a_layer_would_have_averted_the_failure_is_found(sc
     assert 11.5 <= planner.open_until < 12.0 <= planner.lost_from <= 12.5
     for point in (queues.at(queues.open_until), queues.at(queues.lost_from)):
         assert point.chance.trials >= 6
-    first, *_ = decided_sentences(found)
+    first, *_ = decided_sentences(found, "queue_policy")
     assert first == f"It was decided at {found.decided_at:.1f} s, by the queue policy."
+    first, *_ = decided_sentences(found, "")  # the rows name no layer
+    assert first == f"It was decided at {found.decided_at:.1f} s."
 
 
 def test_the_time_when_chance_alone_decided_it_is_found(scripted):
@@ -89,7 +91,7 @@ def test_the_time_when_chance_alone_decided_it_is_found(scripted):
     found = scripted(lambda name, time, number: time >= turns[name] or number % 4 == 0, PLANNER)
     assert found.by == ""
     assert 20.0 <= found.decided_at <= 20.5
-    assert "by no single layer" in decided_sentences(found)[0]
+    assert "by no single layer" in decided_sentences(found, "")[0]
 
 
 def test_times_next_to_the_turn_get_copies_until_one_half_is_left_out(scripted):
@@ -115,7 +117,7 @@ def test_what_cannot_be_judged_widens_the_interval(scripted):
     assert found.curves[0].points[0].chance.undecided == 1
     found = scripted(lambda name, time, number: None)
     assert found.decided_at is None
-    assert decided_sentences(found) == ()
+    assert decided_sentences(found, "") == ()
 
 
 def test_a_stack_that_fails_from_the_start_is_not_asked_again(scripted):
@@ -156,7 +158,7 @@ def test_what_cannot_be_rewound_is_said(scripted):
     found = scripted(lambda name, time, number: True, PLANNER, why_not=reason)
     assert found.left_out == reason
     assert found.decided_at is None
-    assert decided_sentences(found) == (f"Not rewound: {reason}.",)
+    assert decided_sentences(found, "") == (f"Not rewound: {reason}.",)
 
 
 def test_layers_that_removed_the_failure_are_replaced_and_shipped_ones_from_the_start():

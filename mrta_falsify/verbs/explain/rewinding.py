@@ -66,7 +66,7 @@ def branches_of(
     """Choose what to exchange: what has removed the failure, the shipped layer first.
 
     A shipped layer is tried whether or not it has removed the failure at ``at``, then from the
-    start. Of the members of a deadlock each is taken away, last.
+    start. Of two or more members of a deadlock each is taken away, last.
 
     Args:
         job: that fails.
@@ -91,6 +91,8 @@ def branches_of(
     wanted.sort(key=lambda branch: (not branch.restores, order.get(branch.name, len(order))))
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     members = leading_claim(failure.verdict.evidence).get("members", ())
+    if len(members) < 2:
+        members = ()  # without the one that is stuck, nobody is
     return [
         *wanted,
         *(

@@ -87,15 +87,24 @@ def _list(runs: Sequence[ChangedRun]) -> str:
 # --- when it was decided -----------------------------------------------------------------
 
 
-def decided_sentences(found: Inevitability | None) -> tuple[str, ...]:
-    """Say when a failure was decided, by which layer, and what else would have averted it."""
+def decided_sentences(found: Inevitability | None, layer: str) -> tuple[str, ...]:
+    """Say when a failure was decided, by which layer, and what else would have averted it.
+
+    Args:
+        found: by rewinding the run; None: it was not rewound.
+        layer: that the rows name. No other is told to have decided it: rewinding asks few layers,
+            and not whether any other removes the failure as well.
+    """
     if found is None:
         return ()
     told = []
     if found.decided_at is not None:
         stack, *others = found.curves
         first = decisive(found.curves)
-        told = [_decided(found), _turn_sentence(stack, stack.change[0].upper() + stack.change[1:])]
+        told = [
+            _decided(found, layer),
+            _turn_sentence(stack, stack.change[0].upper() + stack.change[1:]),
+        ]
         told += [_turn_sentence(first, f"With {first.change}")] if first else []
         told += [
             f"Until {curve.open_until:.1f} s it would have been averted, too: {curve.change}."
@@ -107,8 +116,10 @@ def decided_sentences(found: Inevitability | None) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _decided(found: Inevitability) -> str:
-    by = f", by the {found.by.replace('_', ' ')}" if found.by else ", by no single layer"
+def _decided(found: Inevitability, layer: str) -> str:
+    by = "" if found.by else ", by no single layer"
+    if found.by and found.by == layer:
+        by = f", by the {found.by.replace('_', ' ')}"
     if found.decided_at == 0.0:
         return f"It was decided from the start{by}."
     return f"It was decided at {found.decided_at:.1f} s{by}."

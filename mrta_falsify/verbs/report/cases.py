@@ -224,7 +224,7 @@ def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
         removals=tuple(map(removal_text, found.removals)),
         needs=needs_sentences(found),
         inevitability=found.inevitability,
-        decided=decided_sentences(found.inevitability),
+        decided=decided_sentences(found.inevitability, found.layer),
         jittered=(copies.failed, copies.runs) if copies.runs else case.jittered,
     )
 

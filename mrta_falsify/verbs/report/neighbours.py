@@ -9,12 +9,13 @@ import numpy as np
 
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
 from mrta_falsify.verbs.folders import make_directory
-from mrta_falsify.verbs.report.trial_table import dimension_names, values_of
+from mrta_falsify.verbs.report.trial_table import dimension_names, told_values
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import rerun
 from reports.contents import Neighbour
@@ -47,7 +48,7 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
         return None
     steps = _steps(campaign, record.candidate.u, near.candidate.u)
     names = dimension_names(campaign)
-    here, there = values_of(record), values_of(near)
+    here, there = told_values(campaign, record), told_values(campaign, near)
     order = [int(i) for i in np.argsort(-steps, kind="stable") if steps[i] > 0.0]
     return Neighbour(
         id=near.id,
@@ -69,8 +70,10 @@ def _steps(campaign: Campaign, one: Array, others: Array) -> Array:
     return np.asarray(steps)
 
 
-def _text(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+def _text(value: DimensionValue) -> str:
+    if value is None:
+        return ""
+    return str(value) if isinstance(value, (str, bool)) else f"{value:.4g}"
 
 
 @guarded()
