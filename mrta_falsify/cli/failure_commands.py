@@ -46,9 +46,20 @@ if TYPE_CHECKING:
     default=80,
     text="Copies at most, beside these, that repeat the run from earlier and earlier; 0: none.",
 )
+@click.option(
+    "--keep",
+    is_flag=True,
+    help="Write a run of each exchange that removes the failure, and one of the stack as it is.",
+)
 @format_option
 def explain_command(
-    directory: Path, id: str, max_runs: int, workers: int | None, rewinds: int, style: str
+    directory: Path,
+    id: str,
+    max_runs: int,
+    workers: int | None,
+    rewinds: int,
+    keep: bool,
+    style: str,
 ) -> int:
     """Ask which layer a failure belongs to, by runs with one layer exchanged before its onset.
 
@@ -72,6 +83,7 @@ def explain_command(
             id,
             max_runs,
             rewinds=rewinds,
+            keep=keep,
             workers=workers,
             on_done=on_progress,
         )
@@ -81,6 +93,8 @@ def explain_command(
         for text in what_happened(campaign, record):
             output.stdout().print(text)
         _print_explanation(found)
+        for page in sorted((campaign.folder(record) / "explain").glob("*/report.html")):
+            output.stdout().print(f"a run of it: {page}")
     return ExitCode.DONE
 
 

@@ -36,6 +36,7 @@ from simulator_interface.simulate import EpisodeRun
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
+OnEnd = Callable[[World, Judged], None]  #: called with a run's world and result where it was run
 
 
 class Lab(AbstractContextManager["Lab"]):
@@ -72,6 +73,16 @@ class Lab(AbstractContextManager["Lab"]):
     def run(self, experiment: Experiment) -> RunResult:
         """Run one experiment."""
         return next(self.map((experiment,)))
+
+    def watch(self, experiment: Experiment, on_end: OnEnd) -> RunResult:
+        """Run one experiment, known or not, and look at the run itself where it was run.
+
+        Args:
+            experiment: to run.
+            on_end: called in the process that ran it, with its trace.
+        """
+        (result,) = run_group((experiment,), on_end)
+        return self.journal.keep(experiment.digest(), result)
 
     def map(self, experiments: Iterable[Experiment]) -> Iterator[RunResult]:
         """Run experiments; their results come in the order of the experiments.
@@ -156,12 +167,16 @@ def _forks(experiment: Experiment) -> bool:
 _guard = Guard()  # of a process of the pool
 
 
+def _ignore(world: World, judged: Judged) -> None:
+    del world, judged
+
+
 def _in_pool(group: tuple[Experiment, ...]) -> list[RunResult]:
     with guarded(_guard):
         return run_group(group)
 
 
-def run_group(group: Sequence[Experiment]) -> list[RunResult]:
+def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunResult]:
     """Run experiments that share all before their first edit, sorted by the time of that."""
     first = group[0]
     try:
@@ -172,9 +187,9 @@ def run_group(group: Sequence[Experiment]) -> list[RunResult]:
     except InputError as error:
         return [RunResult(status="impossible", detail=str(error)) for _ in group]
     if not _forks(first):
-        return [_whole(one, world) for one in group]
+        return [_whole(one, world, on_end) for one in group]
     try:
-        rows = run_in_watched_copy(functools.partial(_forked_rows, group, world))
+        rows = run_in_watched_copy(functools.partial(_forked_rows, group, world, on_end))
     except CopyFailed as failed:
         return [RunResult(status="error", detail=failed.message) for _ in group]
     return [codec.decode(RunResult, row, where="run") for row in rows]
@@ -193,7 +208,7 @@ def _job_of(experiment: Experiment, world: World) -> Job:
     )
 
 
-def _whole(experiment: Experiment, world: World) -> RunResult:
+def _whole(experiment: Experiment, world: World, on_end: OnEnd) -> RunResult:
     """Run a stack in a process of its own; what is edited is so from the first tick on."""
     stack = experiment.stack
     for edit in experiment.edits:
@@ -205,10 +220,11 @@ def _whole(experiment: Experiment, world: World) -> RunResult:
         return RunResult(status="impossible", detail=str(error))
     except HarnessError as error:
         return RunResult(status="error", detail=str(error))
+    on_end(world, judged)
     return result_of(experiment, judged)
 
 
-def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
+def _forked_rows(group: Sequence[Experiment], world: World, on_end: OnEnd) -> list[Any]:
     """Run a world once, and go on in a fork where each experiment begins; results as data."""
     job = _job_of(group[0], world)
     judges = judges_of(job)
@@ -223,12 +239,14 @@ def _forked_rows(group: Sequence[Experiment], world: World) -> list[Any]:
     run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
     try:
         run.advance()
-        return [_forked(run, watch, one, wanted) for one in group]
+        return [_forked(run, watch, one, wanted, on_end) for one in group]
     finally:
         run.close()
 
 
-def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int]) -> Any:
+def _forked(
+    run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int], on_end: OnEnd
+) -> Any:
     _advance(run, one.begins_at)
 
     def branch() -> Any:
@@ -239,7 +257,9 @@ def _forked(run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[in
             if not run.ended:
                 _make(run, edit)
         _advance(run, np.inf)
-        return codec.encode(result_of(one, summed_up(run.outcome(), watch)))
+        judged = summed_up(run.outcome(), watch)
+        on_end(run.episode.world, judged)
+        return codec.encode(result_of(one, judged))
 
     try:
         return run_in_watched_copy(branch)

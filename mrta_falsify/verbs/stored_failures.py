@@ -31,6 +31,7 @@ def explain_trial(
     max_runs: int = MAX_RUNS,
     *,
     rewinds: int = REWINDS,
+    keep: bool = False,
     workers: int | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
@@ -43,6 +44,8 @@ def explain_trial(
         id: of the trial.
         max_runs: re-runs at most.
         rewinds: copies at most, beside these, that tell when the failure was decided; 0: none.
+        keep: write a run of each exchange that removes the failure into ``explain`` beside the
+            trial, and one of the stack as it is.
         workers: processes; None: as many as the machine has cores.
         on_done: called after each re-run with how many are done, and how many there will be.
 
@@ -56,6 +59,7 @@ def explain_trial(
         record,
         max_runs=max_runs,
         rewinds=rewinds,
+        keep=keep,
         workers=count_cores(workers),
         on_done=on_done,
     )

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -28,11 +29,11 @@ def _job(defect, *specifications):
 
 
 @pytest.mark.long
-def test_the_layer_whose_exchange_removes_the_failure_is_named():
+def test_the_layer_whose_exchange_removes_the_failure_is_named(tmp_path):
     told = []
+    job = _job("room_freed_while_parked", "exclusive_use")
     found = explain_job(
-        _job("room_freed_while_parked", "exclusive_use"),
-        on_done=lambda done, total: told.append((done, total)),
+        job, on_done=lambda done, total: told.append((done, total)), keep=tmp_path / "explain"
     )
     assert found.layer == "queue_policy"
     stack, *rows = found.rows
@@ -44,6 +45,16 @@ def test_the_layer_whose_exchange_removes_the_failure_is_named():
     assert len({row.runs + row.otherwise + row.avoided + row.unknown for row in found.rows}) == 1
     assert [done for done, _ in told] == list(range(1, found.runs + 1))
     assert all(done <= total for done, total in told)
+    # the runs that are kept show what the rows say
+    kept = {
+        folder.name.rstrip("_0123456789"): folder for folder in (tmp_path / "explain").iterdir()
+    }
+    assert set(kept) == {"as_it_is", "queue_policy"}
+    for name, fails in (("as_it_is", True), ("queue_policy", False)):
+        verdicts = json.loads((kept[name] / "verdicts.json").read_text())
+        own = [row for row in verdicts if row["spec"] == "exclusive_use"]
+        assert [row["violated"] for row in own] == [fails]
+        assert (kept[name] / "report.html").is_file()
 
 
 @pytest.mark.slow

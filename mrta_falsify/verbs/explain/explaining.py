@@ -13,17 +13,21 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 
 from mrta_falsify.campaigns.attribution import WORLD, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import ChangedRun, CopyCount, Explanation, LayerRow, Removal
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.world import World
 from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, Judged, judge, of_copy
@@ -38,16 +42,19 @@ from mrta_falsify.verbs.explain.rows import (
     failure_of,
     is_knife_edge,
     rows_of,
+    run_to_keep,
     suspicion_from,
 )
 from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import schedules_of
+from mrta_falsify.verbs.run import write_run
 from mrta_falsify.verbs.stored_trials import job_of
 from simulator_interface.guard import guarded
 from simulator_interface.simulate import Outcome
 
 LEAD = 10.0  # s before the onset at which things are changed
 MAX_RUNS = 120  # of rows, unless the caller says otherwise
+KEPT = "explain"  # folder of runs beside the trial
 JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
 
 
@@ -57,6 +64,7 @@ def explain(
     *,
     max_runs: int = MAX_RUNS,
     rewinds: int = 0,
+    keep: bool = False,
     workers: int = 1,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
@@ -68,6 +76,8 @@ def explain(
         max_runs: runs of rows, removals and changed worlds at most; the last layers in the
             pipeline give way first.
         rewinds: copies at most, beside these, that tell when the failure was decided.
+        keep: write a run of each row that removes the failure, and one of the stack as it is in
+            the same way, into ``explain`` beside the trial: world, trace, picture and page.
         workers: processes that run rows.
         on_done: called after each run with how many are done, and how many there will be.
 
@@ -91,6 +101,7 @@ def explain(
             removals=removals,
             whole=whole,
             on_done=on_done,
+            keep=folder / KEPT if keep else None,
         )
         write_finding(folder, found)
     lab.journal.discard()
@@ -107,6 +118,7 @@ def explain_job(
     removals: RunJournal[Removal] | None = None,
     whole: RunJournal[ChangedRun] | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
+    keep: Path | None = None,
 ) -> Explanation:
     """Explain the failure of a job (see :func:`explain`)."""
     lab = lab or Lab()
@@ -134,6 +146,8 @@ def explain_job(
     )
     layer, reason = suspicion_from(told, verdict, guess)
     cured = {row.change for row in curing(told)} if told else set()
+    if keep is not None and told:
+        _keep_runs(job, failure, told, changes, keep, lab)
     branches = branches_of(job, failure, changes, cured, told[0].at if told else 0.0)
     inevitability = rewind(job, failure, branches, rewinds, lab)
     return Explanation(
@@ -182,6 +196,30 @@ def _rows(
         # What was lost long before the onset is not mended by mending the layer that lost it.
         rows += rows_of(job, failure, 0.0, changes, count.left, lab)
     return rows
+
+
+def _keep_runs(
+    job: Job,
+    failure: Failure,
+    rows: Sequence[LayerRow],
+    changes: Sequence[Change],
+    folder: Path,
+    lab: Lab,
+) -> None:
+    """Write a run of the stack as it is, and one of each row that removes the failure."""
+    by_text = {change.text: change for change in changes}
+    for row in (rows[0], *curing(rows)):
+        change = by_text.get(row.change)
+        experiment = run_to_keep(failure, row, change, job, lab)
+        if experiment is None:
+            continue
+        config = job.config if change is None else change.config
+        name = "as_it_is" if change is None else f"{row.layer}_{list(by_text).index(row.change)}"
+        lab.watch(experiment, partial(_keep_run, folder / name, config))
+
+
+def _keep_run(folder: Path, config: StackConfig, world: World, judged: Judged) -> None:
+    write_run(judged.outcome, world, folder, config=config)
 
 
 def _copies(rows: Sequence[LayerRow]) -> CopyCount:

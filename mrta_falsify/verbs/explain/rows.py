@@ -180,6 +180,23 @@ def experiment_of(
     )
 
 
+def run_to_keep(
+    failure: Failure, row: LayerRow, change: Change | None, job: Job, lab: Lab
+) -> Experiment | None:
+    """Choose the run of a row that shows best what it says: of most copies, the first.
+
+    Returns:
+        None if no copy was run.
+    """
+    wanted = "fails" if 2 * row.failed > row.runs else "passes"
+    for number in range(1, MOST + 1):
+        experiment = experiment_of(job, failure, row.at, change, number)
+        known = lab.journal.answers.get(experiment.digest())
+        if known is not None and fate_of(known, failure, since=row.at) == wanted:
+            return experiment
+    return None
+
+
 def fate_of(result: RunResult, failure: Failure, *, since: float = 0.0, without: str = "") -> str:
     """Say what became of a failure in a run: fails, otherwise, avoids, passes, or unknown.
 
