@@ -163,6 +163,7 @@ class ReportContents:
     even: bool = True  #: these are of trials that were drawn evenly
     table: TrialTable | None = None  #: None: there are no trials, or only one run
     summary: tuple[str, ...] = ()  #: sentences for someone who knows nothing of the campaign
+    counted_by: str = ""  #: command that tells the same again from the stored trials
     run: CaseContents | None = None  #: the only case, where the report is of a single run
     errors: tuple[ErrorKind, ...] = ()  #: what the toolkit failed at
     floor: World | None = None  #: whose floor the coverage map shows

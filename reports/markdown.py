@@ -21,6 +21,8 @@ def render_markdown(report: ReportContents) -> str:
     Names and texts are escaped: what looks like HTML or Markdown in them stays as it is.
     """
     lines = [f"# {plain(report.title)}", "", plain(report.headline) + ".", ""]
+    lines += [*_bullets(report.summary)]
+    lines += [f"Count it again: {code(report.counted_by)}", ""] if report.counted_by else []
     lines += _paragraphs(f"**{plain(text)}**" for text in report.warnings)
     lines += [f"- {label}: {plain(text)}" for label, text in report.facts]
     lines += ["", *_paragraphs(map(plain, report.notes))]

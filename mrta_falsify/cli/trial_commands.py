@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 )
 def list_command(directory: Path, failed: bool, style: str) -> int:
     """List the trials of a campaign."""
-    from mrta_falsify.verbs.stored_trials import TrialRow, list_trials
+    from mrta_falsify.verbs.report.build import told_in_short
+    from mrta_falsify.verbs.stored_trials import TrialRow, list_trials, open_campaign
 
     rows = list_trials(directory, failed)
     if style == "json":
@@ -47,6 +48,8 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
             writer.writerow({**codec.encode(row), **lists})
     else:
         _print_trials(rows)
+        for text in told_in_short(open_campaign(directory)):
+            output.stdout().print(text)
     return ExitCode.DONE
 
 

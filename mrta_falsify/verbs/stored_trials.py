@@ -156,12 +156,15 @@ def _chance_text(copies: Jittered, most: int) -> str:
 
 
 def layer_of(campaign: Campaign, record: TrialRecord) -> str:
-    """Name the suspected layer: by ``explain`` if it was run, else by rules on the trace."""
+    """Name the suspected layer: by ``explain`` if it was run, else by rules on the trace.
+
+    Empty where these, or the runs of ``explain``, name none.
+    """
     if not record.failed:
         return record.layer
     with contextlib.suppress(InputError):  # a damaged file; `report` says what is wrong with it
         explained = read_finding(campaign.folder(record), Explanation)
-        if explained is not None and explained.layer:
+        if explained is not None:
             return explained.layer
     return record.layer
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dim
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
 from mrta_falsify.verbs.report.summary import summary_sentences
 from mrta_falsify.verbs.report.trial_table import trial_table
+from mrta_falsify.verbs.stored_trials import layer_of
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.page import write_page
 from reports.sentences import violation_sentence
@@ -82,13 +84,14 @@ def build_report(
     floor = _any_world(campaign, judged)
     versions = next((record.versions for record in judged), {})
     kinds = modes(campaign)
-    layers = {r.id: r.layer for r in failed} | {case.id: case.layer for case in shown if case.layer}
+    layers = {record.id: layer_of(campaign, record) for record in failed}
     found = _modes(kinds, failed, shown, layers)
     ranking = rank_dimensions(campaign, judged)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
         headline=_headline(campaign, failed, len(judged), kinds),
         summary=summary_sentences(campaign, judged, kinds, ranking.mattering, layers),
+        counted_by=shlex.join(["mrta-falsify", "list", str(campaign.directory)]),
         facts=facts_of(campaign, judged, failed),
         modes=found,
         trials=_trials(judged, floor),
@@ -109,6 +112,15 @@ def build_report(
         warnings=warnings_of(campaign, judged),
         tables=comparison_tables(campaign, against) if against is not None else (),
     )
+
+
+def told_in_short(campaign: Campaign) -> tuple[str, ...]:
+    """Sum a campaign up as the first screen of its page does, with what the numbers do not say."""
+    judged = [record for record in campaign.records if record.status == "ok"]
+    layers = {record.id: layer_of(campaign, record) for record in judged if record.failed}
+    mattering = rank_dimensions(campaign, judged).mattering
+    told = summary_sentences(campaign, judged, modes(campaign), mattering, layers)
+    return (*told, *notes_of(campaign))
 
 
 def _compared_notes(settings: TrialSettings) -> tuple[str, ...]:
@@ -156,7 +168,7 @@ def _modes(
     kinds: Sequence[FailureMode],
     failed: Sequence[TrialRecord],
     shown: Sequence[CaseContents],
-    layer_of: Mapping[str, str],
+    layers_by_id: Mapping[str, str],
 ) -> tuple[Mode, ...]:
     by_id = {record.id: record for record in failed}
     cases: dict[str, list[CaseContents]] = {}
@@ -165,7 +177,7 @@ def _modes(
     found = []
     for mode in kinds:
         verdict = leading(by_id[mode.ids[0]].verdicts)
-        layers = Counter(layer_of[i] for i in mode.ids)
+        layers = Counter(layers_by_id[i] for i in mode.ids)
         layers.pop("", None)
         found.append(
             Mode(

@@ -217,7 +217,7 @@ def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
     copies = found.jittered
     return dataclasses.replace(
         case,
-        layer=found.layer or case.layer,
+        layer=found.layer,
         layer_evidence=evidence,
         counterfactuals=found.counterfactuals,
         rows=found.rows,

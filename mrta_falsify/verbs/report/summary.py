@@ -8,6 +8,8 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.core.config import STACK_LAYERS, StackConfig
+from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.probability import WIDEST
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
@@ -44,12 +46,37 @@ def summary_sentences(
     if not judged:
         return ()
     return (
+        *_stack_sentences(campaign.settings.trials.stack),
         *_failure_sentences(campaign, judged),
         *_mode_sentences(judged, found),
         *_layer_sentences(judged, layers),
         *_parameter_sentences(campaign, mattering),
         *_unseen_sentences(campaign),
     )
+
+
+def _stack_sentences(stack: StackConfig) -> list[str]:
+    """Say which faults are planted in the stack under test, and what else is not as shipped."""
+    if stack.stack is not None:
+        return []
+    told = [
+        f"A fault is planted in the stack under test: {DEFECTS[name].what} ({name}, "
+        f"{DEFECTS[name].layer.replace('_', ' ')})."
+        for name in stack.defects
+    ]
+    shipped = StackConfig()
+    other = [
+        f"{layer.replace('_', ' ')} {getattr(stack, layer).name}{_options_text(stack, layer)}"
+        for layer in STACK_LAYERS
+        if getattr(stack, layer) != getattr(shipped, layer)
+    ]
+    return told + ([f"The stack under test is not as shipped: {listed(other)}."] if other else [])
+
+
+def _options_text(stack: StackConfig, layer: str) -> str:
+    options = getattr(stack, layer).options
+    told = ", ".join(f"{name} {str(value).lower()}" for name, value in options.items())
+    return f" with {told}" if told else ""
 
 
 def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> list[str]:
