@@ -196,7 +196,7 @@ def consequence_sentence(verdict: Verdict, cause: Verdict) -> str:
         return text
     after = ""
     if verdict.violated_at is not None:
-        after = f", {verdict.violated_at - cause_begins(cause):.2g} s after the onset"
+        after = f", {verdict.violated_at - cause_begins(cause):.1f} s after the onset"
     return f"A consequence of it{after}: {text[0].lower()}{text[1:]}"
 
 

@@ -159,7 +159,7 @@ def test_a_touch_after_the_onset_is_told_as_a_consequence():
     gridlock = stuck(*PAIR, members=["robot1", "robot2"])
     touch = violated("no_robot_static_contact", "robot1", at=40.45)
     assert consequence_sentence(touch, gridlock) == (
-        "A consequence of it, 0.45 s after the onset: "
+        "A consequence of it, 0.5 s after the onset: "
         "a robot touched a wall or furniture at 40.5 s: robot1."
     )
     other = violated("no_robot_static_contact", "robot9", at=40.45)
