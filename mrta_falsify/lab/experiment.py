@@ -55,6 +55,7 @@ class Experiment:
     early_stop: bool = True  #: ends 3 s after the first violation that is looked for
     #: ends once all of these tasks are; empty: with all. A run that is not forked goes on
     until_delivered: tuple[int, ...] = ()
+    ends_late: bool = False  #: ends, too, once one of these is late, which decides it
     limits: StackLimits = StackLimits()
     perturbation: int = 0  #: number of the world's copy with small differences; 0: the world itself
     transcript: Told | None = None  #: what a stack outside has said; it is not asked

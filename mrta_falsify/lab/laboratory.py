@@ -36,6 +36,7 @@ from simulator_interface.simulate import EpisodeRun
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
+LATE = 0.5  # s after its deadline at which a task counts as late
 OnEnd = Callable[[World, Judged], None]  #: called with a run's world and result where it was run
 
 
@@ -230,28 +231,40 @@ def _forked_rows(group: Sequence[Experiment], world: World, on_end: OnEnd) -> li
     judges = judges_of(job)
     watch = TrialWatch(job, judges)
     wanted: list[int] = []  # tasks of the experiment that goes on
+    due: list[float] = []  # when the first of them is late, if that decides it [s]
 
     def stop(frame: Frame) -> str:
         delivered = run.episode.books.delivered
         is_done = bool(wanted) and all(task in delivered for task in wanted)
-        return "decided" if is_done else watch.stop(frame)
+        is_late = bool(due) and any(
+            frame.sensed.time > at + LATE and task not in delivered
+            for task, at in zip(wanted, due, strict=True)
+        )
+        return "decided" if is_done or is_late else watch.stop(frame)
 
     run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
     try:
         run.advance()
-        return [_forked(run, watch, one, wanted, on_end) for one in group]
+        return [_forked(run, watch, one, (wanted, due), on_end) for one in group]
     finally:
         run.close()
 
 
 def _forked(
-    run: EpisodeRun, watch: TrialWatch, one: Experiment, wanted: list[int], on_end: OnEnd
+    run: EpisodeRun,
+    watch: TrialWatch,
+    one: Experiment,
+    until: tuple[list[int], list[float]],
+    on_end: OnEnd,
 ) -> Any:
     _advance(run, one.begins_at)
 
     def branch() -> Any:
         run.episode.become_copy()
+        wanted, due = until
         wanted.extend(one.until_delivered)
+        tasks = run.episode.world.tasks
+        due.extend(tasks[task].deadline for task in wanted if one.ends_late)
         for edit in one.edits:
             _advance(run, edit.at)
             if not run.ended:

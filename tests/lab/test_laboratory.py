@@ -86,3 +86,25 @@ def test_a_fork_without_a_change_is_the_run_itself_and_one_with_a_change_is_not(
     )
     assert whole.status == "judged"
     assert whole.trace == same.trace != other.trace
+
+
+def test_a_run_that_a_deadline_decides_ends_once_a_task_is_late(experiment):
+    tasks = tuple(dataclasses.replace(task, deadline=1.0) for task in experiment.world.tasks)
+    world = dataclasses.replace(experiment.world, tasks=tasks)
+    late = dataclasses.replace(
+        experiment, world=world, then=("deadlines",), until_delivered=(0,), edits=(Edit(at=0.0),)
+    )
+    whole = Lab().run(late)
+    ended = Lab().run(dataclasses.replace(late, ends_late=True))
+    assert whole.sim_time == pytest.approx(3.0)
+    assert 1.0 < ended.sim_time < 2.0
+    assert [v.spec for v in ended.verdicts if v.violated] == ["deadlines"]
+
+
+def test_the_run_itself_can_be_looked_at(experiment, tmp_path):
+    def write(world, judged):
+        (tmp_path / "seen").write_text(judged.outcome.trace.digest)
+
+    forked = dataclasses.replace(experiment, edits=(Edit(at=1.0),))
+    result = Lab().watch(forked, write)
+    assert (tmp_path / "seen").read_text() == result.trace

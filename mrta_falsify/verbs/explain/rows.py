@@ -172,6 +172,7 @@ def experiment_of(
         then=job.then,
         early_stop=not is_late,
         until_delivered=failure.tasks,
+        ends_late=failure.verdict.spec == "deadlines",
         limits=job.limits,
         perturbation=perturbation,
         edits=(Edit(at=at, stack=change.config if change is not None else None),),
