@@ -89,7 +89,9 @@ def test_a_fork_without_a_change_is_the_run_itself_and_one_with_a_change_is_not(
 
 
 def test_a_run_that_a_deadline_decides_ends_once_a_task_is_late(experiment):
-    tasks = tuple(dataclasses.replace(task, deadline=1.0) for task in experiment.world.tasks)
+    tasks = tuple(
+        dataclasses.replace(task, arrival=0.0, deadline=1.0) for task in experiment.world.tasks
+    )
     world = dataclasses.replace(experiment.world, tasks=tasks)
     late = dataclasses.replace(
         experiment, world=world, then=("deadlines",), until_delivered=(0,), edits=(Edit(at=0.0),)
