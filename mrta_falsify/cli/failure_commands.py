@@ -173,6 +173,7 @@ def minimize_command(
     beside the original.
     """
     from mrta_falsify.core.findings import finding_data
+    from mrta_falsify.verbs.minimize.minimising import expected_runs
     from mrta_falsify.verbs.minimize.reruns import PERTURBED
     from mrta_falsify.verbs.minimize.telling import minimal_text
     from mrta_falsify.verbs.stored_failures import minimize_trial
@@ -181,7 +182,7 @@ def minimize_command(
     campaign = open_campaign(directory)
     record = campaign.record(id)
     most = max_runs + PERTURBED
-    output.say_cost(most, record.wall_s)
+    output.say_cost(most, record.wall_s, expected=expected_runs(campaign, record))
     with output.progress(f"minimize {record.id}", most, "runs", is_most=True) as on_progress:
         found = minimize_trial(
             directory,

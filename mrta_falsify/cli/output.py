@@ -203,7 +203,7 @@ def time_text(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def say_cost(runs: int, each: float, *, copies: bool = False) -> None:
+def say_cost(runs: int, each: float, *, copies: bool = False, expected: int = 0) -> None:
     """Say what work may take before it begins; nothing of work that ends soon.
 
     Args:
@@ -211,6 +211,7 @@ def say_cost(runs: int, each: float, *, copies: bool = False) -> None:
         each: wall clock of the run that is repeated [s].
         copies: all runs but the first are copies of it, which end once they are decided. Then the
             time of the whole is not known before some have been run.
+        expected: runs that it should take; 0: not known.
     """
     if runs * each <= FIRST_LINE:
         return
@@ -218,7 +219,9 @@ def say_cost(runs: int, each: float, *, copies: bool = False) -> None:
         first = f"the trial again, about {time_text(each)}"
         say(f"{first}, then at most {runs - 1} copies; the time left is said once some are run")
         return
-    say(f"at most {runs} runs of about {each:.1f} s each: {time_text(runs * each)} on one core")
+    likely = f"about {expected} runs, " if 0 < expected < runs else ""
+    time_said = time_text((expected if likely else runs) * each)
+    say(f"{likely}at most {runs}, of about {each:.1f} s each: {time_said} on one core")
 
 
 def print_files(directory: Path) -> None:

@@ -184,6 +184,7 @@ def test_tables_fit_80_columns(cli, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "80")
     for args in (("list", str(RECORDED / "beds")), ("plugins",)):
         lines = cli(*args).stdout.splitlines()
+        lines = [line for line in lines if not line.endswith(".")]  # sentences are not wrapped
         assert max(map(len, lines)) <= 80, args
         assert len(lines) > 8
 
@@ -246,7 +247,7 @@ def test_a_first_run_that_is_longer_does_not_count_in_the_time_left(capsys, monk
 @pytest.mark.parametrize(
     ("runs", "each", "copies", "said"),
     [
-        (100, 6.0, False, ["at most 100 runs of about 6.0 s each: 10 min on one core"]),
+        (100, 6.0, False, ["at most 100, of about 6.0 s each: 10 min on one core"]),
         (
             120,
             31.5,
@@ -260,6 +261,12 @@ def test_a_first_run_that_is_longer_does_not_count_in_the_time_left(capsys, monk
 def test_the_cost_is_said_before_work_that_does_not_end_soon(capsys, runs, each, copies, said):
     output.say_cost(runs, each, copies=copies)
     assert capsys.readouterr().err.splitlines() == said
+
+
+def test_the_expected_runs_are_said_beside_the_maximum(capsys):
+    output.say_cost(210, 6.0, expected=40)
+    said = "about 40 runs, at most 210, of about 6.0 s each: 4 min on one core"
+    assert capsys.readouterr().err.splitlines() == [said]
 
 
 def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tmp_path):

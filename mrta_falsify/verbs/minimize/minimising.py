@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,14 +32,15 @@ from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import Jittered, TrialRecord
-from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.trace import read_trace, write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, judge, of_copy
-from mrta_falsify.verbs.minimize.edits import GROUPS
+from mrta_falsify.verbs.minimize.edits import GROUPS, things_of
+from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
-from mrta_falsify.verbs.minimize.reruns import OutOfRunsError, Reruns
+from mrta_falsify.verbs.minimize.reruns import PERTURBED, OutOfRunsError, Reruns
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of, other_stack_of
 from simulator_interface.guard import guarded
@@ -102,6 +104,24 @@ def minimize(
     with going_on(f"minimize {record.id}", lab.journal):
         found = minimize_job(job, other=other, max_runs=max_runs, lab=lab, on_run=on_run)
         return _write(found, job, other, folder)
+
+
+def expected_runs(campaign: Campaign, record: TrialRecord) -> int:
+    """Estimate how many runs it takes to minimise a stored failure; 0: that is not known.
+
+    The first guess is right as a rule. Then each thing that it keeps is tried once or twice, and so
+    are all pairs.
+    """
+    verdict, path = leading(record.verdicts), campaign.directory / record.trace_file
+    if verdict is None or not (record.trace_file and path.is_file()):
+        return 0
+    with contextlib.suppress(InputError):
+        job = job_of(campaign, record)
+        guess = concerned(job.world, verdict, read_trace(path))
+        if guess is not None:
+            count = len(things_of(guess))
+            return 1 + 2 * count + math.comb(count, 2) + PERTURBED
+    return 0
 
 
 def _write(found: Smallest, job: Job, other: StackConfig | None, folder: Path) -> Minimisation:
