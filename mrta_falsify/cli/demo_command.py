@@ -28,8 +28,9 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
 
     First one day in PyBullet: six robots, eight people, the stream testcase_6agents_3_3, with
     verdicts and a picture. Then a short campaign on sampled days: it shows the first violation
-    found, or says that none was. Last, labelled as such, the same search on a stack with a planted
-    fault. The report is of the campaign if it found a violation, else of the planted fault.
+    found, or says that none was. Last, labelled as such, an example that deadlocks: a controller in
+    which each robot takes half of every evasion, where robots meet head on. The report is of the
+    campaign if it found a violation, else of the example.
     """
     from mrta_falsify.verbs import demo
     from mrta_falsify.verbs.folders import make_directory
@@ -41,7 +42,7 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
     _show_day(seed, config, folder / "day")
     titles = {
         demo.SAMPLED_DAYS: "2. A campaign on sampled days",
-        demo.PLANTED: "3. An example with a planted fault",
+        demo.EXAMPLE: "3. An example that deadlocks",
     }
     results = []
     for search, title in titles.items():
@@ -58,7 +59,7 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
         print_campaign(result)
         results.append(result)
     page = demo.write_failure_report(results, folder)
-    found = "campaign" if results[0].progress.failed else "planted fault"
+    found = "campaign" if results[0].progress.failed else "example"
     click.echo()
     click.echo(f"Report of the {found}, with what failed and why:")
     click.echo(str(page))

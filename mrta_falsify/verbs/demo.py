@@ -37,16 +37,18 @@ class DemoSearch:
     scenario: str
     trials: int  #: at most
     settings: tuple[str, ...] = ()  #: of the stack
+    specifications: tuple[str, ...] = ()  #: those of campaigns if empty
     stop_after: int = 0
 
 
 SAMPLED_DAYS = DemoSearch(name="campaign", scenario="hospital_day", trials=8)
-#: a fault of a published system, switched on, in a scenario that brings it out
-PLANTED = DemoSearch(
-    name="planted",
-    scenario="burst_of_tasks",
+#: a published controller without priorities, in a scenario in which robots meet head on
+EXAMPLE = DemoSearch(
+    name="example",
+    scenario="opposing_flows",
     trials=12,
-    settings=("defects=[same_room_twice_stalls]",),
+    settings=("controller=decentralised_cbf", "controller.share=0.5"),
+    specifications=("no_deadlock",),
     stop_after=1,
 )
 
@@ -65,8 +67,8 @@ class DemoResult:
 
     day: DemoDay
     campaign: CampaignResult  #: on the stack given
-    planted: CampaignResult  #: on the same stack with a planted fault
-    report: Path  #: of the campaign, if it found a failure; else of the planted example
+    example: CampaignResult  #: on a stack that deadlocks
+    report: Path  #: of the campaign, if it found a failure; else of the example
 
 
 def demo(
@@ -76,7 +78,7 @@ def demo(
     settings: Sequence[str] = (),
     output: Place = "demo-run",
 ) -> DemoResult:
-    """Run one day in PyBullet, search sampled days, and search a stack with a planted fault.
+    """Run one day in PyBullet, search sampled days, and search a stack that deadlocks.
 
     Args:
         seed: of the day and of both campaigns.
@@ -92,14 +94,14 @@ def demo(
     load_compiled_code(world, config)
     day = run_day(world, config, folder / "day")
     results = []
-    for search in (SAMPLED_DAYS, PLANTED):
+    for search in (SAMPLED_DAYS, EXAMPLE):
         results.append(run_search(search, seed, config, folder))
         if results[-1].ended == "interrupted":
             raise KeyboardInterrupt
     return DemoResult(
         day=day,
         campaign=results[0],
-        planted=results[1],
+        example=results[1],
         report=write_failure_report(results, folder),
     )
 
@@ -142,6 +144,7 @@ def run_search(
         output=folder,
         stack=config,
         settings=search.settings,
+        specs=search.specifications,
         seed=seed,
         screen=True,
     )
