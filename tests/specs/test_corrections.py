@@ -66,3 +66,25 @@ def test_a_neighbour_that_is_near_and_no_more_is_no_lock():
     near = BlockedBy(0, "cluster", 1)
     stalled = removals(is_outside=True, without_1=shown(BlockedBy(0, "stalled")))
     assert corrected({0: [near]}, {0, 1}, stalled)[0] == [BlockedBy(0, "stalled")]
+
+
+def test_robots_that_stand_behind_each_other_hold_a_robot_together():
+    """The one behind takes the place of the one that is gone, and was in no edge before."""
+    tried = removals(
+        without_1=shown(BESIDE), without_1_2=shown(nearer=(0,)), without_2=shown(BEHIND)
+    )
+    assert corrected({0: [BEHIND]}, {0, 1, 2}, tried)[0] == [BEHIND, BESIDE]
+
+
+def test_a_robot_without_whom_all_stays_as_it_was_is_left_out_of_those_that_hold_together():
+    far = BlockedBy(0, "barrier", 3)
+    tried = removals(
+        without_1=shown(BESIDE, far),
+        without_1_2_3=shown(nearer=(0,)),
+        without_1_2=shown(nearer=(0,)),
+        without_1_3=shown(BESIDE),
+        without_2_3=shown(BEHIND),
+        without_2=shown(BEHIND),
+        without_3=shown(BEHIND),
+    )
+    assert corrected({0: [BEHIND]}, {0, 1, 2, 3}, tried)[0] == [BEHIND, BESIDE]

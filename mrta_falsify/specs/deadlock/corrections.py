@@ -71,10 +71,12 @@ def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> Edges
 
     An edge holds if the robot sets out for its goal once its blocker is gone. Otherwise what
     holds it without the blocker takes the edge's place, unless these are robots among its edges
-    already: then several may hold it together, and it is tried without all of them. A robot that
-    queues for a room, and is not held by who has it, waits for the room alone. A stack outside
-    may remember the locks of a robot that is gone; there an edge goes only where a thing with a
-    name, or a person, is seen in the way, or where nothing but nearness spoke for it.
+    already: then several may hold it together, and it is tried without all of them. Where one robot
+    stands behind the other, it takes the place of the one that is gone: all are named without which
+    the robot sets out, and does not without fewer. A robot that queues for a room, and is not held
+    by who has it, waits for the room alone. A stack outside may remember the locks of a robot that
+    is gone; there an edge goes only where a thing with a name, or a person, is seen in the way, or
+    where nothing but nearness spoke for it.
 
     Args:
         edges: of the wait-for graph, as geometry shows them.
@@ -107,6 +109,12 @@ def _corrected_of(
             fails.append((edge, edges_by_robot(answer.edges).get(i, [])))
     if holds:
         return [edge for edge in own if edge in holds or edge in others]
+    if fails and not removals.is_outside:
+        known = {e.other: e for _, instead in reversed(fails) for e in instead if _is_robot(e)}
+        known |= {edge.other: edge for edge, _ in fails}
+        several = _held_together(i, known, stuck, removals)
+        if several:
+            return [*others, *several]
     kept, together = list(others), []  # several may hold it together
     for edge, instead in fails:
         new = [e for e in instead if e.other != edge.other or e.cause == "human"]
@@ -127,6 +135,47 @@ def _corrected_of(
             instead = edges_by_robot(answer.edges).get(i, [])
             together = [e for e in instead if e not in kept]
     return [*kept, *together] or [BlockedBy(i, "stalled")]
+
+
+def _held_together(
+    i: int, known: dict[int, BlockedBy], stuck: set[int], removals: Removals
+) -> list[BlockedBy]:
+    """Find robots without all of which robot ``i`` sets out, and does not without fewer of them.
+
+    Args:
+        i: robot.
+        known: edges to robots that may, by robot; what stands behind these is found.
+        stuck: robots whose edges are asked about.
+        removals: from the moment in question.
+
+    Returns:
+        Its edges to them; none if it stays without any robot that is seen in its way.
+    """
+
+    def sets_out(gone: Collection[int]) -> bool:
+        answer = removals.without(tuple(sorted(gone)), stuck | {i})
+        if answer is None:
+            return False
+        for edge in edges_by_robot(answer.edges).get(i, []):
+            if _is_robot(edge):
+                behind.setdefault(edge.other, edge)
+        return i in answer.nearer or i in answer.freed
+
+    for _ in range(ROUNDS):
+        behind: dict[int, BlockedBy] = {}
+        if sets_out(known):
+            break
+        if behind.keys() <= known.keys():
+            return []
+        known = {**behind, **known}
+    else:
+        return []
+    needed = dict(known)
+    for j in sorted(known):
+        rest = {k: edge for k, edge in needed.items() if k != j}
+        if rest and sets_out(rest):
+            needed = rest
+    return [needed[j] for j in sorted(needed)]
 
 
 def _is_robot(edge: BlockedBy) -> bool:

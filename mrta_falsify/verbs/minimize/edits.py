@@ -57,13 +57,13 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
 def without_both(
     world: World, one: Thing, other: Thing, had: Mapping[str, Sequence[int]]
 ) -> World | None:
-    """Leave two things out of a world, robots with what they had to do.
+    """Leave two things out of a world.
 
     Args:
         world: to make smaller.
         one: first.
         other: second, of the same group or of a later one.
-        had: tasks by the robot that had them last.
+        had: tasks that go along, by the robot that had them last.
 
     Returns:
         The smaller world; None if it is not valid.

@@ -113,9 +113,11 @@ class SmallestSearch:
         """Yield worlds without two things, from the pair at ``place`` on."""
         pairs = list(itertools.combinations(things_of(self.world), 2))
         for number, (one, other) in enumerate(pairs[place:], start=place):
-            smaller = without_both(self.world, one, other, self._course.had)
-            if smaller is not None:
-                yield Smaller(smaller, "two things", number)
+            has_robot = "robots" in (one.group, other.group)
+            for had in (self._course.had, {}) if has_robot else ({},):  # tasks go along, or stay
+                smaller = without_both(self.world, one, other, had)
+                if smaller is not None:
+                    yield Smaller(smaller, "two things", number)
 
     def count_pairs(self) -> tuple[int, int]:
         """Count the pairs of things that are left, and those of them that were tried.
@@ -123,8 +125,8 @@ class SmallestSearch:
         A pair without which no valid world is left counts as tried.
         """
         count = math.comb(len(things_of(self.world)), 2)
-        missing = sum(not self._reruns.knows(smaller.world) for smaller in self._pairs())
-        return count, count - missing
+        missing = {s.place for s in self._pairs() if not self._reruns.knows(s.world)}
+        return count, count - len(missing)
 
     def _shrink(self, group: str, size: int) -> None:
         """Remove chunks of at most ``size`` things of a group, down to single things."""
