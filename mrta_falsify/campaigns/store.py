@@ -110,7 +110,7 @@ class Campaign:
 
         There is a column for each specification's robustness (``rho.``), each margin
         (``margin.``), each descriptor (``what.``), and each dimension of the search space under
-        its name, with values as a person reads them.
+        its name (after ``param`` where another column has it), with values as a person reads them.
         """
         import pandas as pd  # noqa: PLC0415 - loads slowly
 
@@ -134,7 +134,8 @@ class Campaign:
             row |= {f"rho.{v.spec}": v.robustness for v in record.verdicts}
             row |= {f"margin.{name}": value for name, value in record.objectives.items()}
             row |= {f"what.{name}": value for name, value in record.descriptors.items()}
-            row |= self.values_of(record)
+            values = self.values_of(record)
+            row |= {f"param {n}" if n in row else n: value for n, value in values.items()}
             rows.append(row)
         return pd.DataFrame(rows)
 

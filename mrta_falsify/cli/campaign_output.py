@@ -220,12 +220,15 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     if not asked or not data.failed or progress.wanted >= asked or data.ended == "interrupted":
         return ""
     sought = data.failed - data.afterthoughts - data.kinds["shut"]
+    few = "that few copies share"
     passed_over = [
         (data.afterthoughts, f"only in {' or '.join(data.then)}"),
         (data.kinds["shut"], "shut by the world"),
-        (sought - progress.wanted, "that few copies share"),
+        (sought - progress.wanted, f"{few}, or the other stack, too" if data.against else few),
     ]
     counts = [f"{count} {what}" for count, what in passed_over if count]
+    if not counts:
+        return ""
     return f"--stop-after {asked} counts other failures than these: {listed(counts)}"
 
 

@@ -93,7 +93,8 @@ def explain_command(
         for text in what_happened(campaign, record):
             output.stdout().print(text)
         _print_explanation(found)
-        for page in sorted((campaign.folder(record) / "explain").glob("*/report.html")):
+        kept = sorted((campaign.folder(record) / "explain").glob("*/report.html")) if keep else []
+        for page in kept:
             output.stdout().print(f"a run of it: {page}")
     return ExitCode.DONE
 

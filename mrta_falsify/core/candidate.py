@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import ast
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -13,7 +13,6 @@ from mrta_falsify.core.seeding import candidate_seed, stream
 #: ``opaque``: the coordinate seeds a generator; deterministic, but near values mean nothing
 DimensionKind = Literal["range", "normal", "point", "choice", "integer", "opaque"]
 DimensionValue: TypeAlias = float | int | bool | str | None
-ANGLES = (".yaw", ".heading", ".roll", ".pitch")  # properties that are angles [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +25,8 @@ class Dimension:
     high: float | None = None
     choices: int = 0  #: number of values, for choice and integer
     values: tuple[str, ...] = later(())  #: these values, if they are equally likely and plain
-    options: tuple[str, ...] = later(())  #: what each choice is, in words
+    #: what each choice is: Python's text of a plain value, or words
+    options: tuple[str, ...] = later(())
 
     def told(self, value: float | None) -> DimensionValue:
         """Give a value as a person reads it: of a choice the option, not its number.
@@ -40,26 +40,17 @@ class Dimension:
         if value is None:
             return None
         if self.kind == "choice" and 0 <= int(value) < len(self.options):
-            told = _option(self.options[int(value)])
-            if isinstance(told, float) and self.name.endswith(ANGLES):
-                return f"{told:g} deg" if self._is_in_degrees else f"{math.degrees(told):.4g} deg"
-            return told
+            return _option(self.options[int(value)])
         return int(value) if self.kind in ("choice", "integer") else value
 
-    @property
-    def _is_in_degrees(self) -> bool:
-        """Whether the program multiplies the options by ``deg``: one is more than a turn in rad."""
-        numbers = [told for told in map(_option, self.options) if isinstance(told, float)]
-        return any(abs(number) > 2.0 * math.pi for number in numbers)
 
-
-def _option(words: str) -> bool | float | str:
-    if words in ("True", "False"):
-        return words == "True"
+def _option(words: str) -> DimensionValue:
+    """Read Python's text of a truth value, number or string; other words are told as they are."""
     try:
-        return float(words)
-    except ValueError:
+        told = ast.literal_eval(words)
+    except (ValueError, SyntaxError):
         return words
+    return told if isinstance(told, (bool, int, float, str)) else words
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
-from mrta_falsify.core.task_history import tasks_of
+from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
 #: what is waited for where no robot, person or thing is known, by cause; a solid otherwise
 NOTHING_KNOWN = {"no-path": "no way", "queue": "the queue"}
+LATE_OR_UNDONE = ("deadlines", "all_tasks_done")
 STALLED = "stalled"  #: cause of a robot that does not drive although nothing is in its way
 PUSHED = "pushed by"  #: text of the arrow from a thing to the person who has it
 
@@ -148,9 +149,12 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         trace: of the run; without it only what the evidence names is told.
     """
     if verdict.spec != SPEC:
-        if tasks_of(verdict):  # late or undone: what cost the time may have gone by then
+        if verdict.spec in LATE_OR_UNDONE:  # what cost the time may have gone by then
             return WaitAccount(waits=())
-        return WaitAccount(waits=tuple(_followed(verdict.who, (), verdict, trace)))
+        concerned = set(verdict.who)
+        if trace is not None:
+            concerned |= set(robots_of(tasks_of(verdict), trace))
+        return WaitAccount(waits=tuple(_followed(concerned, (), verdict, trace)))
     found = leading_claim(verdict.evidence)
     waiting = tuple(dict.fromkeys(row["robot"] for row in found.get("cycle", ())))
     named = verdict.who if set(verdict.who) & set(waiting) else waiting

@@ -69,7 +69,8 @@ class Lab(AbstractContextManager["Lab"]):
 
     def __exit__(self, *error: Any) -> None:
         self._pool = None
-        self._opened.__exit__(*error)
+        opened, self._opened = self._opened, ExitStack()
+        opened.__exit__(*(error or (None, None, None)))
 
     def run(self, experiment: Experiment) -> RunResult:
         """Run one experiment."""
@@ -83,7 +84,7 @@ class Lab(AbstractContextManager["Lab"]):
             on_end: called in the process that ran it, with its trace.
         """
         (result,) = run_group((experiment,), on_end)
-        return self.journal.keep(experiment.digest(), result)
+        return result
 
     def map(self, experiments: Iterable[Experiment]) -> Iterator[RunResult]:
         """Run experiments; their results come in the order of the experiments.
@@ -102,7 +103,7 @@ class Lab(AbstractContextManager["Lab"]):
         for _ in {key for key in keys if key not in missing}:
             self.on_run()
         for key, result in self._ran(_shared(missing)):
-            self.journal.keep(key, result)
+            self._keep(key, result)
             self.on_run()
         for key in keys:
             yield self.journal.answers[key]
@@ -135,12 +136,20 @@ class Lab(AbstractContextManager["Lab"]):
             return
         if self._pool is None:
             self._pool = self._opened.enter_context(spawned(self.workers))
-        futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in groups]
         try:
+            futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in groups]
             for group, future in zip(groups, futures, strict=True):
                 yield from zip(group, future.result(), strict=True)
         except BrokenProcessPool:
+            self.__exit__()
             raise HarnessError("a process of the lab has died; call again") from None
+
+    def _keep(self, key: str, result: RunResult) -> None:
+        """Keep a result; on disc only if it may not come out otherwise when it is run again."""
+        if result.status == "error":
+            self.journal.answers[key] = result
+        else:
+            self.journal.keep(key, result)
 
 
 def _shared(missing: dict[str, Experiment]) -> list[dict[str, Experiment]]:

@@ -273,6 +273,7 @@ def write_run(
     config: StackConfig | None = None,
     gif: bool = False,
     mp4: bool = False,
+    again: str = "",
 ) -> RunFiles:
     """Write everything a run leaves behind.
 
@@ -283,6 +284,7 @@ def write_run(
         config: the stack that was run; the default stack if None.
         gif: also write an animation.
         mp4: also write a video.
+        again: command that makes the run again; empty: it runs the world on the stack.
 
     Returns:
         Paths of world.json, stack.yaml, trace.zip, verdicts.json, picture.png, report.html.
@@ -294,7 +296,8 @@ def write_run(
     folder = make_directory(Path(directory))
     files = _files_in(folder, gif=gif, mp4=mp4)
     with staged(folder, mark=VERDICTS, others=OTHER_FILES) as stage:
-        _write_files(outcome, world, config, written=_files_in(stage, gif=gif, mp4=mp4), kept=files)
+        written = _files_in(stage, gif=gif, mp4=mp4)
+        _write_files(outcome, world, config, written=written, kept=files, again=again)
     return files
 
 
@@ -314,7 +317,13 @@ def _files_in(folder: Path, *, gif: bool, mp4: bool) -> RunFiles:
 
 
 def _write_files(
-    outcome: Outcome, world: World, config: StackConfig, *, written: RunFiles, kept: RunFiles
+    outcome: Outcome,
+    world: World,
+    config: StackConfig,
+    *,
+    written: RunFiles,
+    kept: RunFiles,
+    again: str,
 ) -> None:
     """Write the files of a run to ``written``; the report names them as ``kept``."""
     from reports import animation, page, run_picture  # noqa: PLC0415 - matplotlib loads slowly
@@ -338,7 +347,7 @@ def _write_files(
     computed = ("computed in", f"{outcome.wall_s:.1f} s ({speed:.1f}x real time)")
     report = report_of_run(
         dataclasses.replace(view, facts=(*view.facts, computed)),
-        command=shlex.join(command),
+        command=again or shlex.join(command),
         stack=yaml.safe_dump(codec.encode(config), sort_keys=False),
         versions=versions(),
         picture=written.picture,

@@ -59,7 +59,7 @@
         const found = CONDITION.exec(word);
         const column = found ? this.columns.findIndex((name) => name.toLowerCase().startsWith(found[1])) : -1;
         if (column < 0) return (row) => row.slice(0, 3).some((cell) => String(cell).toLowerCase().includes(word));
-        const limit = Number(found[3]), holdsWord = (cell) => found[2] === "=" && cell.toLowerCase() === found[3];
+        const limit = Number(found[3]), holdsWord = (cell) => found[2] === "=" && cell.toLowerCase().startsWith(found[3]);
         const holds = { "<": (x) => x < limit, ">": (x) => x > limit, "<=": (x) => x <= limit, ">=": (x) => x >= limit, "=": (x) => x === limit };
         return (row) => row[column] !== null &&
           (typeof row[column] === "string" && Number.isNaN(Number(row[column])) ? holdsWord(row[column]) : holds[found[2]](Number(row[column])));

@@ -77,7 +77,9 @@ class Driver:
 
     def _drive_leaf(self, found: Found) -> None:
         proxy = found.value._conditioned
-        leaf = DrivenLeaf(proxy, self.source, is_choice=found.is_choice, options=found.options)
+        leaf = DrivenLeaf(
+            proxy, self.source, is_choice=found.is_choice, options=found.options, words=found.words
+        )
         leaf.place(len(self._dimensions))
         found.value.conditionTo(leaf)
         self._unit_of[id(found.value)] = len(self._units)

@@ -36,7 +36,6 @@ from scenic_worlds.primitives.charts import FLOOR_AXES, Axis, axes_of_random, ch
 from scenic_worlds.primitives.polygons import LAST
 
 PLAIN = (int, float, str)  # options that are equal if they look alike
-MOST_LETTERS = 40  # of an option in words
 MOST_NAMED = 64  # integers of a range that are told by value
 TAIL = 1e-12  # normal quantiles are taken within this of 0 and 1: 7 standard deviations
 
@@ -82,6 +81,7 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         source: of the coordinates.
         is_choice: whether the primitive picks one of a list of options.
         options: these.
+        words: what each of them is.
     """
 
     def __init__(
@@ -91,11 +91,12 @@ class DrivenLeaf(Samplable):  # type: ignore[misc] # Scenic has no types
         *,
         is_choice: bool,
         options: Sequence[Any] = (),
+        words: tuple[str, ...] = (),
     ) -> None:
         super().__init__(primitive._dependencies)
         self._needsSampling = self._isLazy = True  # even without dependencies
         self.primitive = primitive
-        self.axes, self._draw = _drive(primitive, is_choice=is_choice, options=options)
+        self.axes, self._draw = _drive(primitive, is_choice=is_choice, options=options, words=words)
         self._source = source
         self.start = self.stop = 0
 
@@ -119,7 +120,7 @@ def is_primitive(thing: Any) -> bool:
 
 
 def _drive(
-    primitive: Any, *, is_choice: bool, options: Sequence[Any]
+    primitive: Any, *, is_choice: bool, options: Sequence[Any], words: tuple[str, ...]
 ) -> tuple[tuple[Axis, ...], Draw]:
     kind = type(primitive)
     if kind is Range:
@@ -129,7 +130,7 @@ def _drive(
     if kind is TruncatedNormal:
         return _truncated_normal(primitive)
     if kind is DiscreteRange:
-        return _integer(primitive, is_choice=is_choice, options=options)
+        return _integer(primitive, is_choice=is_choice, options=options, words=words)
     if kind is PointInRegionDistribution:
         return _point(primitive)
     return _opaque(primitive)
@@ -194,28 +195,8 @@ def _plain(options: Sequence[Any]) -> tuple[str, ...]:
     return tuple(map(repr, options)) if all(isinstance(o, PLAIN) for o in options) else ()
 
 
-def _in_words(options: Sequence[Any], count: int) -> tuple[str, ...]:
-    """Put options in words that a person can cite; () if they are not known."""
-    if len(options) != count:
-        return ()
-    return tuple(_word(option, number) for number, option in enumerate(options, start=1))
-
-
-def _word(option: Any, number: int) -> str:
-    name = getattr(option, "name", None)
-    if isinstance(option, str) or isinstance(name, str):
-        return str(name if not isinstance(option, str) else option)
-    if isinstance(option, (list, tuple)):
-        return "[" + ", ".join(_word(part, k) for k, part in enumerate(option, start=1)) + "]"
-    if needsSampling(option):
-        return f"option {number}, which is random itself"
-    text = repr(option)
-    is_short = len(text) <= MOST_LETTERS and " at 0x" not in text
-    return text if is_short else f"option {number}, a {type(option).__name__}"
-
-
 def _integer(
-    primitive: Any, *, is_choice: bool, options: Sequence[Any]
+    primitive: Any, *, is_choice: bool, options: Sequence[Any], words: tuple[str, ...]
 ) -> tuple[tuple[Axis, ...], Draw]:
     kind = "choice" if is_choice else "integer"
     least, most = _bounds(primitive.low, primitive.high)
@@ -224,7 +205,7 @@ def _integer(
     if primitive.weights or len(named) != count:
         named = ()
     axis = (
-        Axis("choice", choices=count, values=named, options=_in_words(options, count))
+        Axis("choice", choices=count, values=named, options=words if len(words) == count else ())
         if kind == "choice"
         else Axis("integer", least, most, count, named)
     )

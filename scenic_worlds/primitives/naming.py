@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from scenic.core.distributions import (
     FunctionDistribution,
     MethodDistribution,
     MultiplexerDistribution,
+    OperatorDistribution,
     Samplable,
     TupleDistribution,
     UniformDistribution,
@@ -49,6 +51,11 @@ class Found:
     value: Samplable
     is_choice: bool  #: picks one of a list of options
     options: tuple[Any, ...]  #: these
+    words: tuple[str, ...]  #: what each of them is: Python's text of a plain value, or a name
+
+
+#: what the program makes of a value: the property itself, it times ``deg``, a part of it
+Within: TypeAlias = Literal["", "deg", "part"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +66,7 @@ class _Place:
     value: Samplable
     is_choice: bool
     options: tuple[Any, ...] = ()
+    within: Within = ""
 
 
 #: properties that Scenic computes from others; what they are made of is named after the others
@@ -66,6 +74,8 @@ DERIVED = frozenset(
     f".{name}"
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
+ANGLES = (".yaw", ".heading", ".roll", ".pitch")  # properties that are angles [rad]
+MOST_LETTERS = 40  # of an option in words
 DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
 #: what Scenic's random primitives are made of
 PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
@@ -117,7 +127,9 @@ def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
         seen.add(id(value))
         proxy = value._conditioned
         if is_primitive(proxy):
-            found.append((root, len(found), Found(name, value, place.is_choice, place.options)))
+            words = _words(place)
+            one = Found(name, value, place.is_choice, place.options, words)
+            found.append((root, len(found), one))
         chooses = isinstance(proxy, (MultiplexerDistribution, UniformDistribution))
         for suffix, part in _parts(proxy):
             if needsSampling(part):
@@ -125,10 +137,52 @@ def find_primitives(roots: tuple[Root, ...]) -> tuple[Found, ...]:
                 is_index = chooses and suffix == ""
                 is_listed = is_index and isinstance(proxy, MultiplexerDistribution)
                 options = tuple(proxy.options) if is_listed else ()
-                part_place = _Place(name + suffix, part, is_index, options)
+                within = _within(proxy, place.within)
+                part_place = _Place(name + suffix, part, is_index, options, within)
                 heappush(queue, (deeper, next(order), root, part_place))
     found.sort(key=lambda entry: entry[:2])
     return _with_unique_names([entry[2] for entry in found])
+
+
+def _within(value: Any, outer: Within) -> Within:
+    """Say what the program makes of the parts of a value."""
+    if not isinstance(value, OperatorDistribution) or value.operator == "__getitem__":
+        return outer
+    factors = [value.object, *value.operands]
+    is_degrees = value.operator in ("__mul__", "__rmul__") and any(
+        isinstance(factor, float) and math.isclose(factor, math.radians(1.0)) for factor in factors
+    )
+    return "deg" if is_degrees and not outer else "part"
+
+
+def _words(place: _Place) -> tuple[str, ...]:
+    """Put the options of a choice in words that a person can cite."""
+    is_angle = place.within == "deg" or place.name.endswith(ANGLES)
+    told = []
+    for number, option in enumerate(place.options, start=1):
+        is_number = isinstance(option, (int, float)) and not isinstance(option, bool)
+        if place.within == "part":
+            told.append(f"option {_word(option, number)}")
+        elif is_number and is_angle:
+            degrees = option if place.within == "deg" else math.degrees(option)
+            told.append(f"{round(degrees, 6):g} deg")
+        else:
+            told.append(_word(option, number))
+    return tuple(told)
+
+
+def _word(option: Any, number: int) -> str:
+    name = getattr(option, "name", None)
+    if isinstance(name, str):
+        return name
+    if needsSampling(option):
+        return f"option {number}, which is random itself"
+    if isinstance(option, (list, tuple)):
+        text = "[" + ", ".join(_word(part, k) for k, part in enumerate(option, start=1)) + "]"
+        return text if len(text) <= MOST_LETTERS else f"option {number}, a list of {len(option)}"
+    text = repr(option)
+    is_short = len(text) <= MOST_LETTERS and " at 0x" not in text
+    return text if is_short else f"option {number}, a {type(option).__name__}"
 
 
 def _with_unique_names(found: list[Found]) -> tuple[Found, ...]:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
+from scenic_worlds.program import compile_program
+
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 EVERYTHING = """
@@ -260,3 +262,23 @@ def test_dimensions_come_in_the_same_order_whatever_the_hash_seed(everything):
         found.add(done.stdout.strip().splitlines()[-1])
     assert len(found) == 1
     assert "only_required|v0|v1|v2|" in found.pop()
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "told"),
+    [
+        ("new Bed at (4, 4), facing Uniform(0, 90) deg", "yaw", ["0 deg", "90 deg"]),
+        ("new Bed at (4, 4), facing Uniform(0 deg, 90 deg)", "yaw", ["0 deg", "90 deg"]),
+        ("new Bed at (4, 4), facing Uniform(0, 1) * 90 deg", "yaw", ["option 0", "option 1"]),
+        ("new Bed at (4, 4), with active Uniform(True, False)", "active", [True, False]),
+        ("new Bed at (4, 4), with length Discrete({1: 3, 2: 1})", "length", [1, 2]),
+        ("new Bed at (4, 4), with length Uniform(1, 2) * 0.9", "length", ["option 1", "option 2"]),
+    ],
+)
+def test_choices_are_told_as_what_they_are(tmp_path, text, name, told):
+    path = tmp_path / "choice.scenic"
+    rest = "new Robot with start_room 0\nparam tasks = [(0, 2, 3, 200)]\n"
+    path.write_text(f"model scenic_worlds.model\n{text}\n{rest}")
+    space = compile_program(path).space
+    (found,) = [d for d in space.dimensions if d.name.endswith(f".{name}")]
+    assert [found.told(float(k)) for k in range(2)] == told

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -32,9 +31,11 @@ def _job(defect, *specifications):
 def test_the_layer_whose_exchange_removes_the_failure_is_named(tmp_path):
     told = []
     job = _job("room_freed_while_parked", "exclusive_use")
-    found = explain_job(
-        job, on_done=lambda done, total: told.append((done, total)), keep=tmp_path / "explain"
-    )
+
+    def keep(name, config, world, judged):
+        (tmp_path / name).write_text(str([v.spec for v in judged.verdicts if v.violated]))
+
+    found = explain_job(job, on_done=lambda done, total: told.append((done, total)), keep=keep)
     assert found.layer == "queue_policy"
     stack, *rows = found.rows
     assert stack.layer == ""
@@ -46,15 +47,8 @@ def test_the_layer_whose_exchange_removes_the_failure_is_named(tmp_path):
     assert [done for done, _ in told] == list(range(1, found.runs + 1))
     assert all(done <= total for done, total in told)
     # the runs that are kept show what the rows say
-    kept = {
-        folder.name.rstrip("_0123456789"): folder for folder in (tmp_path / "explain").iterdir()
-    }
-    assert set(kept) == {"as_it_is", "queue_policy"}
-    for name, fails in (("as_it_is", True), ("queue_policy", False)):
-        verdicts = json.loads((kept[name] / "verdicts.json").read_text())
-        own = [row for row in verdicts if row["spec"] == "exclusive_use"]
-        assert [row["violated"] for row in own] == [fails]
-        assert (kept[name] / "report.html").is_file()
+    kept = {path.name.rstrip("_0123456789"): path.read_text() for path in tmp_path.iterdir()}
+    assert kept == {"as_it_is": "['exclusive_use']", "queue_policy": "[]"}
 
 
 @pytest.mark.slow

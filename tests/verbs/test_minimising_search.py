@@ -19,6 +19,7 @@ from mrta_falsify.verbs.minimize.edits import HORIZON_MARGIN, without
 from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
+from mrta_falsify.verbs.minimize.reruns import OutOfRunsError
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.minimize.telling import minimal_text
 
@@ -205,8 +206,23 @@ def test_a_pair_stays_without_which_few_perturbed_runs_fail(two_chairs):
     search.finish()
     assert search.one_minimal
     assert len(search.world.furniture) == 3
-    assert search.unsure == 1
+    assert len(search.unsure) == 1
     assert search.count_pairs() == (21, 21)
+
+
+def test_a_pair_that_the_runs_do_not_suffice_to_vote_on_counts_as_untried(two_chairs):
+    class OutOfRuns(_Asked):
+        def is_robust(self, world):
+            raise OutOfRunsError
+
+    course = Course(found=8.0, had={}, delivered={}, rests=())
+    search = SmallestSearch(two_chairs, course, OutOfRuns(_needs_each_other))
+    with pytest.raises(OutOfRunsError):
+        search.finish()
+    pairs, tried = search.count_pairs()
+    assert pairs == 21
+    known = [way.pair for way in search._ways() if way.pair < tried + 1]
+    assert tried == len(set(known)) - 1  # the one whose vote is pending is not among them
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.deadlock.goals import GoalMap
-from mrta_falsify.specs.deadlock.obstruction import SOLID_NEAR
+from mrta_falsify.specs.deadlock.obstruction import PATH_STEP, PULL_REACH, SOLID_CONE, SOLID_NEAR
+from mrta_falsify.specs.deadlock.path_ahead import points_ahead
 from mrta_falsify.specs.deadlock.place_kind import kind_of_place
 from mrta_falsify.specs.deadlock.wait_graph import EdgesByRobot
 
@@ -177,19 +178,26 @@ def _edge_row(edge: BlockedBy, world: World) -> EdgeRow:
 def _named(row: EdgeRow, edge: BlockedBy, world: World, frame: Frame) -> EdgeRow:
     """Name the solid that holds a robot off, where geometry says only that one does.
 
-    It is the nearest one; nothing is on the robot's path.
+    It is the nearest one ahead; nothing is on the robot's path.
     """
     if edge.cause != "wall" or edge.resource:
         return row
     from shapely import Point, Polygon  # noqa: PLC0415 - loads slowly
+    from shapely.ops import nearest_points  # noqa: PLC0415
 
-    place = Point(frame.sensed.pose[edge.robot, :2])
-    away = {
-        name: place.distance(Polygon(outline)) for name, outline in _solids(world, frame).items()
-    }
+    x, y = place = frame.sensed.pose[edge.robot, :2]
+    path, goal = frame.intent.path[edge.robot], frame.intent.goal[edge.robot]
+    way = path if len(path) else goal[None]
+    pull = points_ahead(way, x, y, PULL_REACH, PATH_STEP)[-1] - place
+    away: dict[str, float] = {}
+    for name, outline in _solids(world, frame).items():
+        point = nearest_points(Polygon(outline), Point(place))[0]
+        offset = np.array([point.x, point.y]) - place
+        length = float(np.hypot(*offset))
+        if length <= SOLID_NEAR and offset @ pull >= SOLID_CONE * length * np.hypot(*pull):
+            away[name] = length
     nearest = min(away, key=lambda name: away[name], default="")
-    held = nearest and away[nearest] <= SOLID_NEAR
-    return dataclasses.replace(row, resource=nearest) if held else row
+    return dataclasses.replace(row, resource=nearest) if nearest else row
 
 
 def _solids(world: World, frame: Frame) -> dict[str, Array]:

@@ -12,9 +12,11 @@ tick on. The whole world is run without each of its things, and under other sche
 from __future__ import annotations
 
 import dataclasses
+import shlex
+import shutil
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
+from typing import TypeAlias
 
 from mrta_falsify.campaigns.attribution import WORLD, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
@@ -54,6 +56,8 @@ from simulator_interface.simulate import Outcome
 
 LEAD = 10.0  # s before the onset at which things are changed
 MAX_RUNS = 120  # of rows, unless the caller says otherwise
+#: writes a run: its name, the stack that took over, the world, and the run
+Keep: TypeAlias = Callable[[str, StackConfig, World, Judged], None]
 KEPT = "explain"  # folder of runs beside the trial
 JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
 
@@ -101,11 +105,23 @@ def explain(
             removals=removals,
             whole=whole,
             on_done=on_done,
-            keep=folder / KEPT if keep else None,
+            on_found=partial(write_finding, folder),
+            keep=_keeping(campaign, record) if keep else None,
         )
-        write_finding(folder, found)
     lab.journal.discard()
     return found
+
+
+def _keeping(campaign: Campaign, record: TrialRecord) -> Keep:
+    """Make room for the runs that are kept, and say how they are written."""
+    folder = campaign.folder(record) / KEPT
+    shutil.rmtree(folder, ignore_errors=True)
+    again = shlex.join(["mrta-falsify", "explain", str(campaign.directory), record.id, "--keep"])
+
+    def write(name: str, config: StackConfig, world: World, judged: Judged) -> None:
+        write_run(judged.outcome, world, folder / name, config=config, again=again)
+
+    return write
 
 
 @guarded()
@@ -118,10 +134,40 @@ def explain_job(
     removals: RunJournal[Removal] | None = None,
     whole: RunJournal[ChangedRun] | None = None,
     on_done: Callable[[int, int], None] = lambda done, total: None,
-    keep: Path | None = None,
+    on_found: Callable[[Explanation], None] = lambda found: None,
+    keep: Keep | None = None,
 ) -> Explanation:
-    """Explain the failure of a job (see :func:`explain`)."""
-    lab = lab or Lab()
+    """Explain the failure of a job (see :func:`explain`).
+
+    Args:
+        job: that fails.
+        max_runs: runs of rows, removals and changed worlds at most.
+        rewinds: copies at most, beside these.
+        lab: that runs them; its processes end here.
+        removals: of finished removals.
+        whole: of finished runs of changed worlds.
+        on_done: called after each run.
+        on_found: called with the explanation, before any run is kept.
+        keep: writes a run of a row.
+    """
+    with lab or Lab() as opened:
+        found, keep_runs = _explained(job, max_runs, rewinds, opened, removals, whole, on_done)
+        on_found(found)
+        if keep is not None:
+            keep_runs(keep)
+    return found
+
+
+def _explained(
+    job: Job,
+    max_runs: int,
+    rewinds: int,
+    lab: Lab,
+    removals: RunJournal[Removal] | None,
+    whole: RunJournal[ChangedRun] | None,
+    on_done: Callable[[int, int], None],
+) -> tuple[Explanation, Callable[[Keep], None]]:
+    """Explain the failure of a job; the second result runs again what shows it best."""
     judged = judge(job)
     verdict = leading(judged.verdicts)
     if verdict is None:
@@ -146,11 +192,9 @@ def explain_job(
     )
     layer, reason = suspicion_from(told, verdict, guess)
     cured = {row.change for row in curing(told)} if told else set()
-    if keep is not None and told:
-        _keep_runs(job, failure, told, changes, keep, lab)
     branches = branches_of(job, failure, changes, cured, told[0].at if told else 0.0)
     inevitability = rewind(job, failure, branches, rewinds, lab)
-    return Explanation(
+    found = Explanation(
         layer=layer,
         guess=guess,
         reason=reason,
@@ -164,6 +208,7 @@ def explain_job(
         runs=count.done,
         inevitability=inevitability,
     )
+    return found, partial(_keep_runs, job, failure, told, changes, lab)
 
 
 def _alone(job: Job, verdict: Verdict, judged: Judged) -> tuple[Verdict, Outcome]:
@@ -203,23 +248,19 @@ def _keep_runs(
     failure: Failure,
     rows: Sequence[LayerRow],
     changes: Sequence[Change],
-    folder: Path,
     lab: Lab,
+    keep: Keep,
 ) -> None:
-    """Write a run of the stack as it is, and one of each row that removes the failure."""
+    """Keep a failing run of the stack as it is, and one of each row that removes the failure."""
     by_text = {change.text: change for change in changes}
-    for row in (rows[0], *curing(rows)):
+    for row in (*rows[:1], *curing(rows)):
         change = by_text.get(row.change)
         experiment = run_to_keep(failure, row, change, job, lab)
         if experiment is None:
             continue
         config = job.config if change is None else change.config
         name = "as_it_is" if change is None else f"{row.layer}_{list(by_text).index(row.change)}"
-        lab.watch(experiment, partial(_keep_run, folder / name, config))
-
-
-def _keep_run(folder: Path, config: StackConfig, world: World, judged: Judged) -> None:
-    write_run(judged.outcome, world, folder, config=config)
+        lab.watch(experiment, partial(keep, name, config))
 
 
 def _copies(rows: Sequence[LayerRow]) -> CopyCount:

@@ -184,12 +184,12 @@ def experiment_of(
 def run_to_keep(
     failure: Failure, row: LayerRow, change: Change | None, job: Job, lab: Lab
 ) -> Experiment | None:
-    """Choose the run of a row that shows best what it says: of most copies, the first.
+    """Choose a run that shows what a row says: it passes, and without a change it fails.
 
     Returns:
-        None if no copy was run.
+        None if no copy was run that does.
     """
-    wanted = "fails" if 2 * row.failed > row.runs else "passes"
+    wanted = "fails" if change is None else "passes"
     for number in range(1, MOST + 1):
         experiment = experiment_of(job, failure, row.at, change, number)
         known = lab.journal.answers.get(experiment.digest())

@@ -120,7 +120,8 @@ def expected_runs(campaign: Campaign, record: TrialRecord) -> int:
         guess = concerned(job.world, verdict, read_trace(path))
         if guess is not None:
             count = len(things_of(guess))
-            return 1 + 2 * count + math.comb(count, 2) + PERTURBED
+            runs = 1 + 2 * count + math.comb(count, 2)
+            return runs * (2 if campaign.settings.trials.against else 1) + PERTURBED
     return 0
 
 
@@ -161,7 +162,7 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
 
     path = folder / PROGRAM
     wanted = mechanism(found.judged.verdicts)
-    name = found.finding.signature
+    name = signed(found.judged.verdicts, job.rules)
     try:
         write_program(found.world, path, comment=f"The smallest world that fails with {name}.")
         judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
@@ -229,7 +230,7 @@ def minimize_job(
         other=said.other,
         pairs=pairs,
         pairs_tried=tried,
-        pairs_unsure=search.unsure,
+        pairs_unsure=len(search.unsure),
     )
     return Smallest(world=world, judged=judged, theirs=said.their_run, finding=finding)
 

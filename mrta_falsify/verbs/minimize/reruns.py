@@ -58,6 +58,7 @@ class Reruns:
     other: StackConfig | None = None  #: must pass where the other one fails; None: any may fail
     count: int = field(init=False, default=0)  #: simulated, including earlier calls
     _known: dict[str, _Answer] = field(init=False, default_factory=dict)  #: by digest of the world
+    _counted: set[str] = field(init=False, default_factory=set)  #: perturbed runs, by digest
 
     def first_failing(self, worlds: Iterable[Smaller]) -> tuple[Smaller, Course] | None:
         """Find the first of ``worlds`` that fails in the wanted way.
@@ -95,8 +96,10 @@ class Reruns:
         """
         if self.max_runs - self.count < PERTURBED:
             raise OutOfRunsError
-        vote = self.lab.vote(self._experiment(world, perturbed=True), PERTURBED, self._repeats)
-        self._spend(vote.runs + vote.undecided, "")
+        own = self._experiment(world, perturbed=True)
+        vote = self.lab.vote(own, PERTURBED, self._repeats)
+        for number in range(1, 1 + vote.runs + vote.undecided):
+            self._spend_once(dataclasses.replace(own, perturbation=number))
         return vote.robust
 
     def perturbed(self, world: World) -> tuple[bool, ...]:
@@ -104,9 +107,9 @@ class Reruns:
         own = self._experiment(world, perturbed=True)
         copies = [dataclasses.replace(own, perturbation=1 + k) for k in range(PERTURBED)]
         fails = []
-        for result in self.lab.map(copies):
+        for copy, result in zip(copies, self.lab.map(copies), strict=True):
             fails.append(self._repeats(result))
-            self._spend(1, "")
+            self._spend_once(copy)
         return tuple(failed for failed in fails if failed is not None)
 
     def _experiment(self, world: World, *, perturbed: bool = False) -> Experiment:
@@ -124,10 +127,10 @@ class Reruns:
 
     def _repeats(self, result: RunResult) -> bool | None:
         """Whether a run violates the same specification; None: it tells nothing."""
-        if result.status == "impossible":
+        own = [verdict for verdict in result.verdicts if verdict.spec == self.verdict.spec]
+        if not own or any(verdict.not_judged for verdict in own):
             return None
-        own = (v for v in result.verdicts if v.violated and v.spec == self.verdict.spec)
-        return any(is_shut(verdict) == is_shut(self.verdict) for verdict in own)
+        return any(v.violated and is_shut(v) == is_shut(self.verdict) for v in own)
 
     def _next_batch(self, rest: Iterator[Smaller]) -> Iterator[tuple[str, Smaller]]:
         """Take worlds up to one that is known to fail, at most one unknown for each worker."""
@@ -170,9 +173,18 @@ class Reruns:
 
     def _passes(self, theirs: RunResult) -> bool:
         """Whether the other stack passes what is looked for first, and can be judged by it."""
-        if theirs.failed or kind_of(theirs.verdicts) == "shut":
+        if theirs.status == "error":
+            raise HarnessError(theirs.detail)
+        if theirs.status == "impossible" or theirs.failed or kind_of(theirs.verdicts) == "shut":
             return False
         return not any(v.not_judged for v in theirs.verdicts if v.spec == self.verdict.spec)
+
+    def _spend_once(self, copy: Experiment) -> None:
+        """Count a perturbed run, unless it was counted before."""
+        key = copy.digest()
+        if key not in self._counted:
+            self._counted.add(key)
+            self._spend(1, "")
 
     def _spend(self, runs: int, text: str) -> None:
         self.count += runs

@@ -12,7 +12,8 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -21,6 +22,7 @@ from mrta_falsify.lab import Course
 from mrta_falsify.verbs.minimize.edits import (
     GROUPS,
     HORIZON_MARGIN,
+    Thing,
     things_of,
     ways_to_remove,
     without,
@@ -32,6 +34,15 @@ from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
 from mrta_falsify.verbs.minimize.reruns import Reruns, Smaller
 
 
+class _Way(NamedTuple):
+    """A way to take two things away."""
+
+    pair: int  #: number of the pair
+    one: Thing
+    other: Thing
+    had: Mapping[str, Sequence[int]]  #: tasks that go along, by robot
+
+
 class SmallestSearch:
     """Holds the smallest failing world so far, and the course of its run."""
 
@@ -40,7 +51,9 @@ class SmallestSearch:
         self._course = course
         self._reruns = reruns
         self.one_minimal = False  #: whether nothing single can go
-        self.unsure = 0  #: pairs without which the world fails, but few runs with small differences
+        #: pairs without which the world fails, but few runs with small differences
+        self.unsure: set[int] = set()
+        self._pending: set[int] = set()  # pairs that the runs do not suffice to vote on
 
     def _take(self, worlds: Iterable[Smaller]) -> Smaller | None:
         """Go on with the first of some smaller worlds that fails; None if none fails."""
@@ -99,25 +112,35 @@ class SmallestSearch:
 
     def _remove_pair(self) -> bool:
         """Remove the first pair of things without which most runs still fail, if there is one."""
-        self.unsure, place = 0, 0
+        self.unsure, place, ways = set(), 0, self._ways()
         while found := self._reruns.first_failing(self._pairs(place)):
             smaller, course = found
-            if self._reruns.is_robust(smaller.world):
+            pair = ways[smaller.place].pair
+            self._pending = {pair}
+            is_robust = self._reruns.is_robust(smaller.world)
+            self._pending = set()
+            if is_robust:
                 self.world, self._course = smaller.world, course
                 return True
-            self.unsure += 1
+            self.unsure.add(pair)
             place = smaller.place + 1
         return False
 
+    def _ways(self) -> list[_Way]:
+        """List the ways to take two things away: with a robot, its tasks go along, or stay."""
+        pairs = itertools.combinations(things_of(self.world), 2)
+        return [
+            _Way(number, one, other, had)
+            for number, (one, other) in enumerate(pairs)
+            for had in ((self._course.had, {}) if "robots" in (one.group, other.group) else ({},))
+        ]
+
     def _pairs(self, place: int = 0) -> Iterator[Smaller]:
-        """Yield worlds without two things, from the pair at ``place`` on."""
-        pairs = list(itertools.combinations(things_of(self.world), 2))
-        for number, (one, other) in enumerate(pairs[place:], start=place):
-            has_robot = "robots" in (one.group, other.group)
-            for had in (self._course.had, {}) if has_robot else ({},):  # tasks go along, or stay
-                smaller = without_both(self.world, one, other, had)
-                if smaller is not None:
-                    yield Smaller(smaller, "two things", number)
+        """Yield worlds without two things, from the way at ``place`` on."""
+        for number, way in enumerate(self._ways()[place:], start=place):
+            smaller = without_both(self.world, way.one, way.other, way.had)
+            if smaller is not None:
+                yield Smaller(smaller, "two things", number)
 
     def count_pairs(self) -> tuple[int, int]:
         """Count the pairs of things that are left, and those of them that were tried.
@@ -125,8 +148,9 @@ class SmallestSearch:
         A pair without which no valid world is left counts as tried.
         """
         count = math.comb(len(things_of(self.world)), 2)
-        missing = {s.place for s in self._pairs() if not self._reruns.knows(s.world)}
-        return count, count - len(missing)
+        ways = self._ways()
+        missing = {ways[s.place].pair for s in self._pairs() if not self._reruns.knows(s.world)}
+        return count, count - len(missing | self._pending)
 
     def _shrink(self, group: str, size: int) -> None:
         """Remove chunks of at most ``size`` things of a group, down to single things."""

@@ -75,7 +75,10 @@ def _stack_sentences(stack: StackConfig) -> list[str]:
 
 def _options_text(stack: StackConfig, layer: str) -> str:
     options = getattr(stack, layer).options
-    told = ", ".join(f"{name} {str(value).lower()}" for name, value in options.items())
+    told = ", ".join(
+        f"{name} {str(value).lower() if isinstance(value, bool) else value}"
+        for name, value in options.items()
+    )
     return f" with {told}" if told else ""
 
 
