@@ -117,6 +117,18 @@ def test_a_row_that_never_comes_to_the_situation_proves_nothing():
     assert told(avoids) == "controller: avoids the situation in 6"
 
 
+def test_a_row_that_makes_it_rarer_is_not_named_beside_one_that_avoids_it_and_never_fails():
+    rows = [
+        row("", 12, runs=12),
+        row("planner", 3, runs=8, avoided=4),
+        row("controller", 0, runs=2, avoided=10),
+    ]
+    assert separating(rows) == ()
+    found = suspicion_from(rows, STOOD, "controller")
+    assert found.layer == ""
+    assert "exchanging planner makes it rarer" in found.reason
+
+
 def test_runs_that_fail_in_another_way_are_no_cure():
     assert separating([row("", 6), row("planner", 0, runs=0, otherwise=6)]) == ()
     assert separating([row("", 4), row("planner", 0, runs=4, otherwise=2)]) == ()

@@ -266,6 +266,9 @@ def meets(row: LayerRow) -> bool:
 def separating(rows: Sequence[LayerRow]) -> tuple[str, ...]:
     """List the layers a row of which separates from all rows of other layers.
 
+    A row that still fails now and then does not where another one never fails and avoids the
+    situation: that may be the better answer.
+
     Args:
         rows: the stack as it is, first, then one or more of each layer.
     """
@@ -274,6 +277,9 @@ def separating(rows: Sequence[LayerRow]) -> tuple[str, ...]:
     for row in asked:
         others = [other for other in asked if other.layer != row.layer]
         high = vote_of(row).bounds[1]
+        avoid = (r for r in rows if r.layer != row.layer and not meets(r) and not r.failed)
+        if row.failed and any(avoid):
+            continue
         if row.layer and all(high < vote_of(other).bounds[0] for other in others):
             found.append(row.layer)
     return tuple(dict.fromkeys(found))
@@ -319,16 +325,16 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
         return Suspicion(WHOLE, _of_whole(rows))
     names = separating(rows)
     if len(names) == 1:
-        cures = [row for row in curing(rows) if row.layer == names[0]]
-        return Suspicion(names[0], f"{told(stack)}; {'; '.join(map(told, cures))}")
+        own = [row for row in curing(rows) if row.layer == names[0]]
+        return Suspicion(names[0], f"{told(stack)}; {'; '.join(map(told, own))}")
     if names:
         return Suspicion("", f"no single layer: exchanging any of {_listed(names)} removes it")
-    helps = tuple(dict.fromkeys(row.layer for row in curing(rows)))
-    if helps:
-        which = _listed(helps)
+    cures = curing(rows)
+    if cures:
+        which = _listed(tuple(dict.fromkeys(row.layer for row in cures)))
+        does = "makes it rarer" if any(row.failed for row in cures) else "removes it"
         return Suspicion(
-            "",
-            f"no single layer: exchanging {which} removes it, and no row is told from all others",
+            "", f"no single layer: exchanging {which} {does}, and no row is told from all others"
         )
     return Suspicion("", f"no single layer: {told(stack)}, and no exchange removes it")
 
