@@ -10,13 +10,14 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.core.probability import chance_of_failure
 from mrta_falsify.core.record import Jittered, OtherRun
+from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.objectives import SMALLEST, differing, search_score
@@ -24,6 +25,7 @@ from mrta_falsify.trial import Judged
 from scenic_worlds.variation import jittered_worlds
 
 Run = Callable[[World], Judged]
+FateOnOther: TypeAlias = Literal["passes", "fails", "not judged"]
 
 
 class Comparison(NamedTuple):
@@ -157,20 +159,35 @@ def _with_copies(other: OtherRun, judged: Judged, runs: Sequence[Judged]) -> Oth
     )
 
 
-def fate_on_other(judged: Judged, theirs: Judged) -> Literal["passes", "fails", "not judged"]:
+def fate_on_other(judged: Judged, theirs: Judged) -> FateOnOther:
     """Say what becomes of a failure on the other stack, in what is looked for first.
 
     Args:
         judged: the failing run of the stack under test.
         theirs: the run of the other stack in the same world.
     """
-    if theirs.is_sought:
+    return fate_by(
+        leading(judged.verdicts), theirs.verdicts, fails=theirs.is_sought, is_shut=theirs.is_shut
+    )
+
+
+def fate_by(
+    failure: Verdict | None, theirs: Sequence[Verdict], *, fails: bool, is_shut: bool
+) -> FateOnOther:
+    """Say the same of a run whose trace is gone.
+
+    Args:
+        failure: of the stack under test, the violated verdict that explains it.
+        theirs: verdicts of the other stack in the same world.
+        fails: whether one is violated that is looked for first.
+        is_shut: whether it fails only because the world shut a place.
+    """
+    if fails:
         return "fails"
-    if theirs.is_shut:  # it could not show what it does
+    if is_shut:  # it could not show what it does
         return "not judged"
-    verdict = leading(judged.verdicts)
-    wanted = verdict.spec if verdict is not None else ""
-    unjudged = any(v.not_judged and v.spec == wanted for v in theirs.verdicts)
+    wanted = failure.spec if failure is not None else ""
+    unjudged = any(v.not_judged and v.spec == wanted for v in theirs)
     return "not judged" if unjudged else "passes"
 
 

@@ -16,6 +16,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Comparing, Costs, Specification
 from mrta_falsify.core.stack_failure import StackLimits
+from mrta_falsify.core.task_history import LATE_OR_UNDONE
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import kind_of, primary, secondary
@@ -36,8 +37,6 @@ T = TypeVar("T")
 
 SETTLE = 3.0  # s of simulation kept after the violation that decides a run
 LOOK_EVERY = 0.5  # s between two looks at whether a run is decided
-#: specifications that a campaign looks for last unless the user says otherwise
-LATE_OR_UNDONE = ("deadlines", "all_tasks_done")
 NO_COSTS = Costs(way=(), time=0.0, calls=0, undelivered=0)
 REFERENCES_KEPT = 8  # worlds; copies of one world follow each other
 UNBOUNDED = 1e9  # stands for an infinite robustness in records

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 )
 def list_command(directory: Path, failed: bool, style: str) -> int:
     """List the trials of a campaign."""
-    from mrta_falsify.verbs.report.build import told_in_short
-    from mrta_falsify.verbs.stored_trials import TrialRow, list_trials, open_campaign
+    from mrta_falsify.verbs.stored_trials import TrialRow, open_campaign, trial_rows
 
-    rows = list_trials(directory, failed)
+    campaign = open_campaign(directory)
+    rows = trial_rows(campaign, failed)
     if style == "json":
         output.print_json(rows)
     elif style == "csv":
@@ -47,8 +47,10 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
             lists = {"violated": " ".join(row.violated), "not_judged": " ".join(row.not_judged)}
             writer.writerow({**codec.encode(row), **lists})
     else:
+        from mrta_falsify.verbs.report.build import told_in_short
+
         _print_trials(rows)
-        for text in told_in_short(open_campaign(directory)):
+        for text in told_in_short(campaign, {row.id: row.layer for row in rows}):
             output.stdout().print(text)
     return ExitCode.DONE
 

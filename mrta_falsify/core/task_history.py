@@ -8,6 +8,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 
+LATE_OR_UNDONE = ("deadlines", "all_tasks_done")  #: specifications of what became of tasks
 MOST_TOLD = 6  # tasks of one verdict that get a sentence each
 
 

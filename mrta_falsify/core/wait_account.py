@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
-from mrta_falsify.core.task_history import robots_of, tasks_of
+from mrta_falsify.core.task_history import LATE_OR_UNDONE, robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
 #: what is waited for where no robot, person or thing is known, by cause; a solid otherwise
 NOTHING_KNOWN = {"no-path": "no way", "queue": "the queue"}
-LATE_OR_UNDONE = ("deadlines", "all_tasks_done")
 STALLED = "stalled"  #: cause of a robot that does not drive although nothing is in its way
 PUSHED = "pushed by"  #: text of the arrow from a thing to the person who has it
 

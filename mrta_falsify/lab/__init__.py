@@ -2,7 +2,7 @@
 
 from mrta_falsify.lab.course import Course, TimedPose, course_of
 from mrta_falsify.lab.experiment import Edit, Experiment, RunResult, Situation, Vote
-from mrta_falsify.lab.laboratory import Lab
+from mrta_falsify.lab.laboratory import Lab, experiment_of_job
 
 __all__ = [
     "Course",
@@ -14,4 +14,5 @@ __all__ = [
     "TimedPose",
     "Vote",
     "course_of",
+    "experiment_of_job",
 ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack
@@ -69,8 +69,7 @@ class Lab(AbstractContextManager["Lab"]):
 
     def __exit__(self, *error: Any) -> None:
         self._pool = None
-        opened, self._opened = self._opened, ExitStack()
-        opened.__exit__(*(error or (None, None, None)))
+        self._opened.__exit__(*error)
 
     def run(self, experiment: Experiment) -> RunResult:
         """Run one experiment."""
@@ -82,6 +81,9 @@ class Lab(AbstractContextManager["Lab"]):
         Args:
             experiment: to run.
             on_end: called in the process that ran it, with its trace.
+
+        Raises:
+            HarnessError: the toolkit failed, or ``on_end`` did.
         """
         (result,) = run_group((experiment,), on_end)
         return result
@@ -141,7 +143,8 @@ class Lab(AbstractContextManager["Lab"]):
             for group, future in zip(groups, futures, strict=True):
                 yield from zip(group, future.result(), strict=True)
         except BrokenProcessPool:
-            self.__exit__()
+            self._pool = None
+            self._opened.close()
             raise HarnessError("a process of the lab has died; call again") from None
 
     def _keep(self, key: str, result: RunResult) -> None:
@@ -187,7 +190,16 @@ def _in_pool(group: tuple[Experiment, ...]) -> list[RunResult]:
 
 
 def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunResult]:
-    """Run experiments that share all before their first edit, sorted by the time of that."""
+    """Run experiments that share all before their first edit, sorted by the time of that.
+
+    Args:
+        group: of them, alike in world, stack and perturbation.
+        on_end: called with the world and the result of each, where it was run.
+
+    Returns:
+        A result for each; a world that cannot begin, and a stack that ends its process, are
+        results as well.
+    """
     first = group[0]
     try:
         world = first.world
@@ -203,6 +215,19 @@ def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunR
     except CopyFailed as failed:
         return [RunResult(status="error", detail=failed.message) for _ in group]
     return [codec.decode(RunResult, row, where="run") for row in rows]
+
+
+def experiment_of_job(job: Job) -> Experiment:
+    """Describe the run of a job; a stack outside is asked anew."""
+    return Experiment(
+        world=job.world,
+        stack=job.config,
+        specs=job.specifications,
+        then=job.then,
+        early_stop=job.early_stop,
+        limits=job.limits,
+        rules=job.rules,
+    )
 
 
 def _job_of(experiment: Experiment, world: World) -> Job:
@@ -239,41 +264,41 @@ def _forked_rows(group: Sequence[Experiment], world: World, on_end: OnEnd) -> li
     job = _job_of(group[0], world)
     judges = judges_of(job)
     watch = TrialWatch(job, judges)
-    wanted: list[int] = []  # tasks of the experiment that goes on
-    due: list[float] = []  # when the first of them is late, if that decides it [s]
+    forked: list[Experiment] = []  # that goes on; none before the fork
 
     def stop(frame: Frame) -> str:
         delivered = run.episode.books.delivered
-        is_done = bool(wanted) and all(task in delivered for task in wanted)
-        is_late = bool(due) and any(
-            frame.sensed.time > at + LATE and task not in delivered
-            for task, at in zip(wanted, due, strict=True)
-        )
-        return "decided" if is_done or is_late else watch.stop(frame)
+        is_decided = any(_is_decided(one, world, delivered, frame.sensed.time) for one in forked)
+        return "decided" if is_decided else watch.stop(frame)
 
     run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
     try:
         run.advance()
-        return [_forked(run, watch, one, (wanted, due), on_end) for one in group]
+        return [_forked(run, watch, one, forked, on_end) for one in group]
     finally:
         run.close()
+
+
+def _is_decided(one: Experiment, world: World, delivered: Collection[int], time: float) -> bool:
+    """Whether what became of the tasks of an experiment is known at a time [s]."""
+    open_ = [task for task in one.until_delivered if task not in delivered]
+    if one.ends_late and any(time > world.tasks[task].deadline + LATE for task in open_):
+        return True
+    return bool(one.until_delivered) and not open_
 
 
 def _forked(
     run: EpisodeRun,
     watch: TrialWatch,
     one: Experiment,
-    until: tuple[list[int], list[float]],
+    forked: list[Experiment],
     on_end: OnEnd,
 ) -> Any:
     _advance(run, one.begins_at)
 
     def branch() -> Any:
         run.episode.become_copy()
-        wanted, due = until
-        wanted.extend(one.until_delivered)
-        tasks = run.episode.world.tasks
-        due.extend(tasks[task].deadline for task in wanted if one.ends_late)
+        forked.append(one)
         for edit in one.edits:
             _advance(run, edit.at)
             if not run.ended:

@@ -30,6 +30,7 @@ from mrta_falsify.core.claims import (
     earliest,
     leading_claim,
 )
+from mrta_falsify.core.task_history import LATE_OR_UNDONE
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 
@@ -53,7 +54,7 @@ TIES = (
     "all_tasks_done",
 )
 #: say that work was late, undone or dear, not what went wrong
-OUTCOMES = frozenset(("deadlines", "all_tasks_done"))
+OUTCOMES = frozenset(LATE_OR_UNDONE)
 COSTLY = "costly"  #: how the names of specifications begin that compare with a reference stack
 #: what a robot that cannot move violates sooner or later
 STANDSTILL = frozenset(("no_livelock", "no_starvation", "progress"))

@@ -88,7 +88,11 @@ def list_trials(directory: Place, failed: bool = False) -> tuple[TrialRow, ...]:
     Raises:
         StoreError: not a campaign.
     """
-    campaign = open_campaign(directory)
+    return trial_rows(open_campaign(directory), failed)
+
+
+def trial_rows(campaign: Campaign, failed: bool = False) -> tuple[TrialRow, ...]:
+    """List the trials of a campaign that is read already, as :func:`list_trials`."""
     return tuple(_row(campaign, r) for r in campaign.records if r.failed or not failed)
 
 

@@ -17,6 +17,7 @@ failure lies below the lower bound of every other row that comes to the situatio
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -30,7 +31,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import is_kept, tick_of
 from mrta_falsify.core.words import listed
-from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Situation, Vote
+from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Situation, Vote, experiment_of_job
 from mrta_falsify.specs.causes import is_outcome, is_shut, primary
 from mrta_falsify.trial import Job, of_copy
 from mrta_falsify.verbs.explain.changes import Change
@@ -163,21 +164,14 @@ def experiment_of(
         change: None: the stack stays as it is.
         perturbation: number of the copy.
     """
-    judged = of_copy(job)
-    is_late = is_outcome(failure.verdict)
-    return Experiment(
-        world=job.world,
-        stack=job.config,
-        specs=judged.specifications,
-        then=job.then,
-        early_stop=not is_late,
+    return dataclasses.replace(
+        experiment_of_job(of_copy(job)),
+        early_stop=not is_outcome(failure.verdict),
         until_delivered=failure.tasks,
         ends_late=failure.verdict.spec == "deadlines",
-        limits=job.limits,
         perturbation=perturbation,
         edits=(Edit(at=at, stack=change.config if change is not None else None),),
         situation=failure.situation,
-        rules=job.rules,
     )
 
 
@@ -185,6 +179,13 @@ def run_to_keep(
     failure: Failure, row: LayerRow, change: Change | None, job: Job, lab: Lab
 ) -> Experiment | None:
     """Choose a run that shows what a row says: it passes, and without a change it fails.
+
+    Args:
+        failure: that the rows are asked about.
+        row: of which a run is wanted.
+        change: of the row; None: the stack as it is.
+        job: that fails.
+        lab: that has run the row.
 
     Returns:
         None if no copy was run that does.

@@ -39,14 +39,34 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
         The smaller world. None if it is not valid: a person would push furniture that is gone,
         or no robot or no task would be left.
     """
-    changes: dict[str, Any] = {group: _others(getattr(world, group), gone)}
-    if group != "tasks" and had:
-        changes["tasks"] = _others(world.tasks, had)
-    if group == "robots":
-        names = {robot.name for robot in changes["robots"]}
-        orphans = [i for i, task in enumerate(world.tasks) if task.robot not in {"", *names}]
-        changes["tasks"] = _others(world.tasks, {*had, *orphans})
-        changes["events"] = events_without(world, names)
+    return without_things(world, [Thing(group, i) for i in gone], had)
+
+
+def without_things(
+    world: World, things: Collection[Thing], had: Collection[int] = ()
+) -> World | None:
+    """Leave some things of any groups out of a world.
+
+    Args:
+        world: to make smaller.
+        things: that go.
+        had: indices of tasks that go along.
+
+    Returns:
+        As :func:`without`.
+    """
+    gone: dict[str, set[int]] = {"tasks": set(had)}
+    for thing in things:
+        gone.setdefault(thing.group, set()).add(thing.number)
+    changes: dict[str, Any] = {}
+    if "robots" in gone:
+        names = {robot.name for robot in _others(world.robots, gone["robots"])}
+        orphans = (i for i, task in enumerate(world.tasks) if task.robot not in {"", *names})
+        gone["tasks"].update(orphans)
+    for group, numbers in gone.items():
+        changes[group] = _others(getattr(world, group), numbers)
+    if "robots" in gone:
+        changes["events"] = events_without(changes.get("events", world.events), names)
     try:
         smaller = dataclasses.replace(world, **changes)
     except InputError:
@@ -54,31 +74,9 @@ def without(world: World, group: str, gone: Sequence[int], had: Sequence[int] = 
     return smaller if smaller.robots and smaller.tasks else None
 
 
-def without_both(
-    world: World, one: Thing, other: Thing, had: Mapping[str, Sequence[int]]
-) -> World | None:
-    """Leave two things out of a world.
-
-    Args:
-        world: to make smaller.
-        one: first.
-        other: second, of the same group or of a later one.
-        had: tasks that go along, by the robot that had them last.
-
-    Returns:
-        The smaller world; None if it is not valid.
-    """
-    if one.group == other.group:
-        return without(world, one.group, [one.number, other.number], _had([one, other], world, had))
-    along = _had([one, other], world, had)
-    if other.group == "tasks":
-        along = sorted({*along, other.number})
-        return without(world, one.group, [one.number], along)
-    smaller = without(world, one.group, [one.number])
-    return smaller and without(smaller, other.group, [other.number], along)
-
-
-def _had(things: Sequence[Thing], world: World, had: Mapping[str, Sequence[int]]) -> list[int]:
+def tasks_along(
+    things: Sequence[Thing], world: World, had: Mapping[str, Sequence[int]]
+) -> list[int]:
     """List the tasks of the robots among some things."""
     names = [world.robots[thing.number].name for thing in things if thing.group == "robots"]
     return [task for name in names for task in had.get(name, ())]
@@ -97,10 +95,8 @@ def ways_to_remove(
     """
     items = [getattr(world, group)[i] for i in gone]
     what = named(group, items)
-    along: list[int] = []
-    if group == "robots":
-        # tasks that stay would go to the other robots, and change their routes
-        along = [task for robot in items for task in had.get(robot.name, ())]
+    # tasks that stay would go to the other robots, and change their routes
+    along = tasks_along([Thing(group, i) for i in gone], world, had)
     if along:
         yield along, f"{what} and what {'it' if len(items) == 1 else 'they'} had to do"
     if not along or len(gone) == 1:
@@ -112,10 +108,10 @@ def _others(items: Sequence[Any], gone: Collection[int]) -> tuple[Any, ...]:
     return tuple(item for i, item in enumerate(items) if i not in left_out)
 
 
-def events_without(world: World, names: set[str]) -> tuple[Event, ...]:
+def events_without(events: Sequence[Event], names: set[str]) -> tuple[Event, ...]:
     """Restrict outages to the robots ``names``; an outage of none of them is left out."""
     kept: list[Event] = []
-    for event in world.events:
+    for event in events:
         if not isinstance(event, CommsOutage) or not event.robots:
             kept.append(event)
             continue

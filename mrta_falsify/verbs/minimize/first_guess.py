@@ -43,7 +43,7 @@ def concerned(world: World, verdict: Verdict, trace: Trace, *, wide: bool = Fals
     had = {task for name in names for task in course.had.get(name, ())}
     due = [i for i, task in enumerate(world.tasks) if task.arrival <= until]
     people = _people_named(verdict) | _people_met(trace, moments, tracks, reach)
-    events = [event for event in events_without(world, names) if event.start <= until]
+    events = [event for event in events_without(world.events, names) if event.start <= until]
     try:
         chosen = dataclasses.replace(
             world,

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mrta_falsify.campaigns.signature import mechanism
+from mrta_falsify.copies import fate_by
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.lab import Course, Experiment, Lab, RunResult
+from mrta_falsify.lab import Course, Experiment, Lab, RunResult, experiment_of_job
 from mrta_falsify.specs.causes import is_shut, kind_of, leading
 from mrta_falsify.trial import Job, of_copy
 
@@ -114,16 +115,7 @@ class Reruns:
 
     def _experiment(self, world: World, *, perturbed: bool = False) -> Experiment:
         job = of_copy(self.job) if perturbed else self.job
-        return Experiment(
-            world=world,
-            stack=job.config,
-            specs=job.specifications,
-            then=job.then,
-            early_stop=job.early_stop,
-            limits=job.limits,
-            with_course=not perturbed,
-            rules=job.rules,
-        )
+        return dataclasses.replace(experiment_of_job(job), world=world, with_course=not perturbed)
 
     def _repeats(self, result: RunResult) -> bool | None:
         """Whether a run violates the same specification; None: it tells nothing."""
@@ -169,22 +161,23 @@ class Reruns:
         if self.other is None:
             return _Answer(result.course, 1)
         theirs = self.lab.run(dataclasses.replace(own, stack=self.other, with_course=False))
-        return _Answer(result.course if self._passes(theirs) else None, 2)
-
-    def _passes(self, theirs: RunResult) -> bool:
-        """Whether the other stack passes what is looked for first, and can be judged by it."""
         if theirs.status == "error":
             raise HarnessError(theirs.detail)
-        if theirs.status == "impossible" or theirs.failed or kind_of(theirs.verdicts) == "shut":
-            return False
-        return not any(v.not_judged for v in theirs.verdicts if v.spec == self.verdict.spec)
+        fate = fate_by(
+            self.verdict,
+            theirs.verdicts,
+            fails=theirs.failed,
+            is_shut=kind_of(theirs.verdicts) == "shut",
+        )
+        passes = fate == "passes" and theirs.status != "impossible"
+        return _Answer(result.course if passes else None, 2)
 
     def _spend_once(self, copy: Experiment) -> None:
         """Count a perturbed run, unless it was counted before."""
         key = copy.digest()
         if key not in self._counted:
             self._counted.add(key)
-            self._spend(1, "")
+            self._spend(1, "one more run with small differences")
 
     def _spend(self, runs: int, text: str) -> None:
         self.count += runs

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from mrta_falsify.core.trace import Trace
@@ -23,10 +23,11 @@ from mrta_falsify.verbs.minimize.edits import (
     GROUPS,
     HORIZON_MARGIN,
     Thing,
+    tasks_along,
     things_of,
     ways_to_remove,
     without,
-    without_both,
+    without_things,
 )
 from mrta_falsify.verbs.minimize.first_guess import concerned, end_of_interest
 from mrta_falsify.verbs.minimize.later_starts import later_starts
@@ -38,9 +39,8 @@ class _Way(NamedTuple):
     """A way to take two things away."""
 
     pair: int  #: number of the pair
-    one: Thing
-    other: Thing
-    had: Mapping[str, Sequence[int]]  #: tasks that go along, by robot
+    things: tuple[Thing, ...]
+    along: Sequence[int]  #: tasks that go along
 
 
 class SmallestSearch:
@@ -128,17 +128,16 @@ class SmallestSearch:
 
     def _ways(self) -> list[_Way]:
         """List the ways to take two things away: with a robot, its tasks go along, or stay."""
-        pairs = itertools.combinations(things_of(self.world), 2)
-        return [
-            _Way(number, one, other, had)
-            for number, (one, other) in enumerate(pairs)
-            for had in ((self._course.had, {}) if "robots" in (one.group, other.group) else ({},))
-        ]
+        ways = []
+        for number, pair in enumerate(itertools.combinations(things_of(self.world), 2)):
+            along = tasks_along(pair, self.world, self._course.had)
+            ways += [_Way(number, pair, tasks) for tasks in ((along, ()) if along else ((),))]
+        return ways
 
     def _pairs(self, place: int = 0) -> Iterator[Smaller]:
         """Yield worlds without two things, from the way at ``place`` on."""
         for number, way in enumerate(self._ways()[place:], start=place):
-            smaller = without_both(self.world, way.one, way.other, way.had)
+            smaller = without_things(self.world, way.things, way.along)
             if smaller is not None:
                 yield Smaller(smaller, "two things", number)
 

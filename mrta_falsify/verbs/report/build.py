@@ -114,10 +114,14 @@ def build_report(
     )
 
 
-def told_in_short(campaign: Campaign) -> tuple[str, ...]:
-    """Sum a campaign up as the first screen of its page does, with what the numbers do not say."""
+def told_in_short(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, ...]:
+    """Sum a campaign up as the first screen of its page does, with what the numbers do not say.
+
+    Args:
+        campaign: to sum up.
+        layers: suspected layer by id of a failing trial (:func:`.stored_trials.layer_of`).
+    """
     judged = [record for record in campaign.records if record.status == "ok"]
-    layers = {record.id: layer_of(campaign, record) for record in judged if record.failed}
     mattering = rank_dimensions(campaign, judged).mattering
     told = summary_sentences(campaign, judged, modes(campaign), mattering, layers)
     return (*told, *notes_of(campaign))
