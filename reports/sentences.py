@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
 from mrta_falsify.specs.holds import main_kinds
 from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
+APART = 2.0  # m from their mean; members farther apart have no place in common
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
 MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
 SHOWN_FROM = 0.1  # s of blocked time below which a cause is not worth a word
@@ -136,7 +138,8 @@ def _standing_sentence(verdict: Verdict, when: str) -> str:
         what = "is stuck" if alone else "are stuck"
     else:
         what, beside, shut = "cannot go on", "", f"{shut_text(account, claim)}: "
-    where = f"{_for_how_long(claim)}{beside}{_place(claim.get('place'))}"
+    place = "" if _are_apart(account) else _place(claim.get("place"))
+    where = f"{_for_how_long(claim)}{beside}{place}"
     since = ""
     if account.onset is not None:
         stood = "it has" if alone else "they have"
@@ -300,8 +303,27 @@ def _what_cuts_off(wait: WaitsFor, waits: Sequence[WaitsFor], told: Mapping[str,
 
 
 def account_sentences(account: WaitAccount) -> tuple[str, ...]:
-    """Tell who waits for whom, a sentence for each wait, the root's first."""
-    return tuple(dict.fromkeys(_sentence_of(wait, account) for wait in account.waits))
+    """Tell who waits for whom, the root first, and where they were if that is not one place."""
+    waits = tuple(dict.fromkeys(_sentence_of(wait, account) for wait in account.waits))
+    return (*waits, _places_sentence(account)) if _are_apart(account) else waits
+
+
+def _are_apart(account: WaitAccount) -> bool:
+    """Whether no single place tells where the members stand."""
+    if len(account.places) < 2:
+        return False
+    points = [(row.x, row.y) for row in account.places]
+    middle = (statistics.fmean(x for x, _ in points), statistics.fmean(y for _, y in points))
+    return any(math.dist(point, middle) > APART for point in points)
+
+
+def _places_sentence(account: WaitAccount) -> str:
+    """Say where each member stood when the failure was found."""
+    rows = account.places[:MOST_NAMES]
+    beyond = len(account.places) - len(rows)
+    more = [f"{beyond} more were elsewhere"] if beyond else []
+    were = [f"{row.robot} was{_place(row._asdict())}" for row in rows]
+    return f"When it was found, {listed([*were, *more])}."
 
 
 def _sentence_of(wait: WaitsFor, account: WaitAccount) -> str:

@@ -208,8 +208,8 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(f"{none} found; closest call: score {data.best_score:+.3f}")
     if not isinstance(data.probability, NoProbability) and data.probability.trials:
         _print_probability(data.probability)
-    if data.unseen is not None:
-        out.print(unseen_sentence(data.unseen))
+    if data.unseen is not None and (text := unseen_sentence(data.unseen)):
+        out.print(text)
     out.print(f"campaign: {data.directory}")
 
 

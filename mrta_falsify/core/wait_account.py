@@ -38,6 +38,16 @@ class PresentObject(NamedTuple):
     carried_by: str = ""  #: person who pushes it; empty: no one does
 
 
+class StandsAt(NamedTuple):
+    """Where a member stood when the failure was found."""
+
+    robot: str
+    x: float  #: [m]
+    y: float  #: [m]
+    near: str  #: room or queue; empty: none is known
+    distance: float  #: to it [m]
+
+
 class Arrow(NamedTuple):
     """An arrow of the wait-for graph between two named nodes."""
 
@@ -65,6 +75,7 @@ class WaitAccount:
     blockers: tuple[str, ...] = ()  #: idle robots that stand in the way
     objects: tuple[PresentObject, ...] = ()  #: things and people that took part
     onset: float | None = None  #: when the last member stopped [s]
+    places: tuple[StandsAt, ...] = ()  #: of the members; empty: older evidence says not
 
     @property
     def root(self) -> str:
@@ -177,6 +188,10 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         blockers=tuple(found.get("blockers", ())),
         objects=tuple(_object(row) for row in found.get("objects", ())),
         onset=float(onset) if isinstance(onset, (int, float)) else None,
+        places=tuple(
+            StandsAt(name, float(row["x"]), float(row["y"]), row["near"], float(row["distance"]))
+            for name, row in found.get("places", {}).items()
+        ),
     )
 
 

@@ -17,7 +17,7 @@ from mrta_falsify.campaigns.statistics import (
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.claims import KIND_TEXT, KINDS
 from mrta_falsify.core.codec import later
-from mrta_falsify.core.probability import Probability, interval_text
+from mrta_falsify.core.probability import WIDEST, Probability, interval_text
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import TightCount, counted, things_text
 from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
@@ -242,7 +242,9 @@ def unseen_in(campaign: Campaign) -> Unseen | None:
 
 
 def unseen_sentence(found: Unseen) -> str:
-    """Say how probably another uniform trial shows a situation that none has shown."""
+    """Say how probably another uniform trial shows a new situation; empty: too few to tell."""
+    if found.high - found.low > WIDEST:
+        return ""
     return (
         f"{found.situations} situations in {found.trials} uniform trials; chance that another one "
         f"shows a new situation: {found.estimate:.2f}, "

@@ -61,8 +61,9 @@
         if (column < 0) return (row) => row.slice(0, 3).some((cell) => String(cell).toLowerCase().includes(word));
         const limit = Number(found[3]), holdsWord = (cell) => found[2] === "=" && cell.toLowerCase().startsWith(found[3]);
         const holds = { "<": (x) => x < limit, ">": (x) => x > limit, "<=": (x) => x <= limit, ">=": (x) => x >= limit, "=": (x) => x === limit };
+        const number = (cell) => typeof cell === "string" ? Number.parseFloat(cell) : Number(cell); // "90 deg" is 90
         return (row) => row[column] !== null &&
-          (typeof row[column] === "string" && Number.isNaN(Number(row[column])) ? holdsWord(row[column]) : holds[found[2]](Number(row[column])));
+          (Number.isNaN(number(row[column])) ? holdsWord(row[column]) : holds[found[2]](number(row[column])));
       });
       const outcome = this.outcome.value;
       return (row) => (!outcome || row[1] === outcome) && tests.every((test) => test(row));

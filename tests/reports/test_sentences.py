@@ -63,6 +63,24 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
     )
 
 
+def test_members_that_stand_apart_have_their_own_places_and_no_common_one():
+    mean = {"x": 5.0, "y": 0.0, "near": "ward", "distance": 4.0, "kind": "room"}
+    places = {
+        "robot1": {"x": 1.0, "y": 0.0, "near": "kitchen", "distance": 0.2, "kind": "room"},
+        "robot2": {"x": 9.0, "y": 0.0, "near": "lab", "distance": 1.5, "kind": "room"},
+    }
+    apart = stuck(*PAIR, members=["robot1", "robot2"], place=mean, places=places)
+    assert "ward" not in violation_sentence(apart)
+    assert account_sentences(wait_account(apart))[-1] == (
+        "When it was found, robot1 was at kitchen (x 1.0 m, y 0.0 m) and "
+        "robot2 was 1.5 m from lab (x 9.0 m, y 0.0 m)."
+    )
+    near = {**places, "robot2": {**places["robot1"], "x": 2.5}}
+    together = stuck(*PAIR, members=["robot1", "robot2"], place=mean, places=near)
+    assert "4.0 m from ward" in violation_sentence(together)
+    assert len(account_sentences(wait_account(together))) == len(PAIR)
+
+
 @pytest.mark.parametrize(
     ("evidence", "told"),
     [

@@ -68,7 +68,7 @@ class ObjectRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRow:
-    """Where a deadlock is."""
+    """Where a deadlock is, or one of its members."""
 
     x: float  #: [m]
     y: float  #: [m]
@@ -90,7 +90,7 @@ class DeadlockEvidence:
     #: edges of the victims that stand already, and of robots in the way that cannot go on
     chain: tuple[EdgeRow, ...]
     objects: tuple[ObjectRow, ...]  #: things and people on those edges
-    place: PlaceRow
+    place: PlaceRow  #: the mean of the members' places
     onset: float  #: since when no member has made progress [s]
     detected_at: float  #: [s]
     confirmed: bool  #: by a continuation; else it is only suspected
@@ -103,6 +103,7 @@ class DeadlockEvidence:
     #: edges of the members as geometry showed them, before removals corrected them
     cycle_seen: tuple[EdgeRow, ...] = ()
     members_alone: tuple[str, ...] = ()  #: as removals alone tell them, where that differs
+    places: dict[str, PlaceRow] = dataclasses.field(default_factory=dict)  #: of each member then
 
     def encoded(self, others: Iterable[DeadlockEvidence] = ()) -> dict[str, Any]:
         """Give the evidence of a verdict, JSON-shaped, with further deadlocks in ``others``."""
@@ -136,8 +137,6 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
     chain = [e for i in behind for e in deadlock.edges.get(i, ()) if e.cause != "task"]
     others = {edge.other for edge in cycle if edge.cause != "human"}
     stand = frame.sensed.pose[members, :2]
-    place = stand.mean(axis=0)
-    near, distance = GoalMap(world).nearest_name(place)
     return DeadlockEvidence(
         members=tuple(names[i] for i in members),
         root=names[members[0]],
@@ -147,18 +146,21 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         cycle=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in cycle),
         chain=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in chain),
         objects=_objects((*cycle, *chain), world, frame),
-        place=PlaceRow(
-            x=float(place[0]),
-            y=float(place[1]),
-            near=near,
-            distance=distance,
-            kind=kind_of_place(world, stand),
-        ),
+        place=_place(stand, world),
+        places={names[i]: _place(frame.sensed.pose[[i], :2], world) for i in members},
         onset=max(deadlock.onsets.values()),
         detected_at=frame.sensed.time,
         confirmed=deadlock.confirmed,
         kind="deadlock" if len(members) > 1 else "stuck",
     )
+
+
+def _place(points: Array, world: World) -> PlaceRow:
+    """Describe where the mean of ``points`` ``(N, 2)`` [m] lies."""
+    middle = points.mean(axis=0)
+    near, distance = GoalMap(world).nearest_name(middle)
+    kind = kind_of_place(world, points)
+    return PlaceRow(x=float(middle[0]), y=float(middle[1]), near=near, distance=distance, kind=kind)
 
 
 def edge_rows(robots: Iterable[int], edges: EdgesByRobot, world: World) -> tuple[EdgeRow, ...]:

@@ -79,7 +79,8 @@ def facts_of(
 def notes_of(campaign: Campaign) -> tuple[str, ...]:
     """Say how likely a violation is, or why that is not known, and how much is still unseen."""
     unseen = unseen_in(campaign)
-    seen = (f"{unseen_sentence(unseen)}.",) if unseen is not None else ()
+    text = unseen_sentence(unseen) if unseen is not None else ""
+    seen = (f"{text}.",) if text else ()
     return _chance_notes(campaign) + seen + _beside_notes(campaign)
 
 
