@@ -3,7 +3,7 @@
 from scenic.core.regions import Region
 
 from scenic_worlds.floor import FloorObject, corridors, inside_rooms, places
-from scenic_worlds.random_places import first_stop
+from scenic_worlds.random_places import first_stop, region_of_visits
 
 
 def random_route(stops=3, within=corridors):
@@ -11,9 +11,19 @@ def random_route(stops=3, within=corridors):
     return [Region.uniformPointIn(within) for _ in range(stops)]
 
 
-def random_visits(stops=3):
-    """A route over `stops` random points in rooms, off the points where robots work."""
-    return random_route(stops, within=inside_rooms)
+def random_visits(stops=3, least=0):
+    """A route over `stops` random points in rooms, off the points where robots work.
+
+    Points that follow each other are `least` m apart, or as far as the floor allows. Where rooms
+    have no such points, others are taken where nobody works or waits.
+    """
+    if least == 0:
+        return random_route(stops, within=inside_rooms)
+    route = []
+    for number in range(stops):
+        before = route[-1:] + (route[:1] if 1 < number == stops - 1 else [])
+        route.append(Region.uniformPointIn(region_of_visits(places, least, *before)))
+    return route
 
 
 class Human(FloorObject):
@@ -26,6 +36,7 @@ class Human(FloorObject):
         reacts: gives way to robots; if False, walks on and ignores them.
         repeat: starts again after the last point; False stays there.
         phase: share of the route walked at time 0, in [0, 1].
+        pause: stands so long at each point of the route [s].
         appears_at, leaves_at: when the person is on the floor [s].
         body_radius: [m].
     """
@@ -39,6 +50,7 @@ class Human(FloorObject):
     reacts: True
     repeat: True
     phase: 0.0
+    pause: 0.0
     appears_at: 0.0
     leaves_at: 1e9
     body_radius: 0.25

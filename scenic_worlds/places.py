@@ -43,6 +43,8 @@ TRAFFIC_REACH = 2.0  # m from a roadway that still counts as corridor
 KEPT_CLEAR = 0.45  # m around room points, waiting spots and parking: a robot of 0.22 m turns there
 DOORWAY_DEPTH = 0.8  # m on either side of a door that counts as the doorway
 SMALL_ITEM = (0.45, 0.3)  # m, width and length of the least that stands along a wall
+SMALLEST_VISIT = 0.2  # m^2, of the floor that people go to
+SMALLEST_STEP = 0.5  # m; people who come no farther than this may go anywhere
 QUEUE_WIDTH = 0.8  # m, of the strip that holds the waiting spots
 
 
@@ -121,13 +123,35 @@ class Places:
             ("standing_room",), lambda: region_from(self.standing_shape, "standing_room")
         )
 
+    @functools.cached_property
+    def _inside_shape(self) -> BaseGeometry:
+        return self.standing_shape.intersection(self._all_rooms)
+
     @property
     def inside_rooms(self) -> Region:
         """The part of ``standing_room`` inside rooms: where people go without being in the way."""
         return self._kept(
             ("inside_rooms",),
-            lambda: region_from(self.standing_shape.intersection(self._all_rooms), "inside_rooms"),
+            lambda: region_from(self._inside_shape, "inside_rooms"),
         )
+
+    def visits(self, least: float, before: Array) -> Region:
+        """Where people go: inside rooms, else in ``standing_room``, away from where they come from.
+
+        Args:
+            least: distance [m] to each of ``before``; less where the floor has no such place.
+            before: ``(K, 2)`` [m].
+        """
+        inside = self._inside_shape
+        while True:
+            near = shapely.union_all(shapely.buffer(shapely.points(before), least))
+            for shape in (inside, self.standing_shape):
+                far = shape.difference(near)
+                if far.area > SMALLEST_VISIT:
+                    return region_from(far, "visits")
+            if least < SMALLEST_STEP:
+                return region_from(self.standing_shape, "visits")
+            least /= 2.0
 
     # --- one room ------------------------------------------------------------------------
 

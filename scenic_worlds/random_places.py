@@ -41,6 +41,12 @@ def region_of_route(places: Places, start: Any, end: Any) -> Region:
 
 
 @lifted
+def region_of_visits(places: Places, least: float, *before: Any) -> Region:
+    """Where a person may go who comes from places ``before``, ``least`` [m] from each of them."""
+    return places.visits(float(least), np.array([[p[0], p[1]] for p in before]).reshape(-1, 2))
+
+
+@lifted
 def region_beside(places: Places, thing: Any, distance: Any) -> Region:
     """Free floor around an object, oriented towards it.
 

@@ -92,6 +92,7 @@ HUMAN_VALUES = {
     "start": "phase",
     "appears_at": "appears_at",
     "leaves_at": "leaves_at",
+    "pause": "pause",
 }
 
 

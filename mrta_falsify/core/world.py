@@ -152,6 +152,8 @@ class HumanSpec:
     leaves_at: float = quantity(low=0.0, unit="s", allow_infinite=False, default=1e9)
     directives: tuple[Directive, ...] = later(())
     body: Literal["person", "robot"] = later("person")  #: "robot": scripted, not of the fleet
+    #: stands so long at each point of the route before it walks on
+    pause: float = quantity(low=0.0, unit="s", default=0.0, came_later=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -30,6 +30,8 @@ SMALLEST_RADIUS, LARGEST_RADIUS = 0.05, 1.0  # m
 MOST_ROBOTS = 4  # of the scenario
 SLACK = 4.0  # times what one robot needs for a task, the most that the scenario allows it
 LAST_ARRIVAL = 60.0  # s
+LEAST_WALK = 5.0  # m between two places that a visitor goes to
+PAUSE = (5.0, 20.0)  # s that it stays at each
 
 BUILDING_ENDING = ".building"  # of a building's name, before ``.yaml``
 FLOOR_ENDING, DERIVED_ENDING = ".floor.json", ".derived.yaml"
@@ -94,6 +96,7 @@ def import_floor(
             written then.
     """
     from scenic_worlds.layouts.derivation import derive_layout  # noqa: PLC0415 - loads numba
+    from scenic_worlds.layouts.passing import move_beside_lanes  # noqa: PLC0415 - loads numba
     from simulator_interface.formats.floor_yaml import read_floor  # noqa: PLC0415
 
     if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
@@ -101,14 +104,15 @@ def import_floor(
             f"--radius is {radius} m; it must be {SMALLEST_RADIUS} to {LARGEST_RADIUS} m"
         )
     source = Path(map)
-    floor = read_floor(source, None if rooms is None else Path(rooms), level=level)
-    assert floor.source is not None
-    if len(floor.rooms) < 2:
-        raise FormatError(f"{floor.source}: names one room; deliveries need two")
+    read = read_floor(source, None if rooms is None else Path(rooms), level=level)
+    if len(read.rooms) < 2:
+        raise FormatError(_too_few_rooms(read))
     try:
+        floor = move_beside_lanes(read, radius=radius)
         world = derive_layout(floor, radius=radius)
     except WorldError as error:
-        raise WorldError(f"{floor.source}: {error}") from None
+        raise WorldError(f"{read.source}: {error}") from None
+    assert floor.source is not None
     folder = make_directory(Path(output))
     name = source.stem.removesuffix(BUILDING_ENDING)
     stem = folder / (name if level is None else f"{name}_{level}")
@@ -127,7 +131,29 @@ def import_floor(
         _write_text(scenario, text)
     _draw(world, paths[1])
     return _summary(
-        floor, world, (paths[0], scenario, derived, paths[1]), is_kept=is_kept, radius=radius
+        floor,
+        world,
+        (paths[0], scenario, derived, paths[1]),
+        is_kept=is_kept,
+        radius=radius,
+        moved=[
+            f"{now.name} (by {np.hypot(*(now.point - before.point)):.1f} m)"
+            for before, now in zip(read.rooms, floor.rooms, strict=True)
+            if now is not before
+        ],
+    )
+
+
+def _too_few_rooms(floor: Floor) -> str:
+    (room,) = floor.rooms
+    if floor.no_rooms:
+        return (
+            f"{floor.source}: has one place for tasks, {room.name!r}; deliveries need two. Left "
+            f"out: {'; '.join(floor.no_rooms)} (give a second vertex on a lane a name)"
+        )
+    return (
+        f"{floor.source}: names one room, {room.name!r}; deliveries need two (add "
+        "{name: ..., point: [x, y]} to rooms)"
     )
 
 
@@ -157,6 +183,10 @@ def _derived_text(floor: Floor, world: World) -> str:
     )
     if "rooms" not in data:  # a building
         data = _without_defaults(floor.described)
+        numbers = {room.name: number for number, room in enumerate(world.rooms)}
+        to_queue = {(lane.start, lane.end): lane.to_queue for lane in world.lanes}
+        for given in data.get("lanes", []):
+            _fill(given, "to_queue", to_queue[numbers[given["start"]], numbers[given["end"]]])
         heading = (
             "# The building as a floor file, with all that was derived. Change what does not\n"
             "# please, and import this file: what it says is kept.\n"
@@ -227,7 +257,8 @@ model scenic_worlds.model
 
 for i in range(2):
     new Human with name f'visitor{{i + 1}}',
-        with route random_visits(2), with speed Range(0.6, 1.3)
+        with route random_visits(2, least={LEAST_WALK:g}), with speed Range(0.6, 1.3),
+        with pause Range({PAUSE[0]:g}, {PAUSE[1]:g})
 
 # Deadlines: 2 to {SLACK:g} times what one robot needs alone.
 param tasks = tight_deadlines({robots + 2}, between=(0, {LAST_ARRIVAL:g}), factor=(2, {SLACK:g}))
@@ -255,6 +286,7 @@ def _summary(
     *,
     is_kept: bool,
     radius: float,
+    moved: Sequence[str],
 ) -> ImportedFloor:
     rooms = tuple(
         ImportedRoom(
@@ -285,7 +317,11 @@ def _summary(
         longest_travel_s=float(world.travel_times.max()),
         map=floor.map_facts,
         left_out=floor.left_out,
-        warnings=(*_map_warnings(floor.map_facts), *_place_warnings(world, radius)),
+        warnings=(
+            *_map_warnings(floor.map_facts),
+            *_passing_notes(world, radius, moved),
+            *_place_warnings(world, radius),
+        ),
     )
 
 
@@ -306,6 +342,25 @@ def _map_warnings(facts: MapFacts | None) -> list[str]:
         said.append(
             f"{facts.specks} solid specks (at {places}{more}) are obstacles; if they are "
             "noise, least_patch: 0.02 in the file of rooms leaves out what is smaller [m^2]"
+        )
+    return said
+
+
+def _passing_notes(world: World, radius: float, moved: Sequence[str]) -> list[str]:
+    """Say which rooms lie on the ways of others, and what was done about it."""
+    from scenic_worlds.layouts.passing import is_mere_spot  # noqa: PLC0415 - loads numba
+
+    said = []
+    if moved:
+        said.append(
+            f"{', '.join(moved)}: others drive over the place, so its spot is beside the lane now"
+        )
+    spots = [room.name for room in world.rooms if is_mere_spot(room, radius)]
+    if spots:
+        said.append(
+            f"{', '.join(spots)}: others drive past here and there is no room beside their way; a "
+            "robot has only the spot where it stands, and others pass it or wait (give the room a "
+            "point off the way if there is one)"
         )
     return said
 

@@ -6,6 +6,8 @@ the doors, where lanes still pass; parking keeps away from all of it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
@@ -13,8 +15,15 @@ from shapely.geometry import MultiPolygon, Polygon
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.world import Lane, Resource, Room, World
 from scenic_worlds.layouts.assembly import lane_travel_times
-from scenic_worlds.layouts.entrances import Entrance, find_entrance
+from scenic_worlds.layouts.entrances import FRONT, Entrance, find_entrance
 from scenic_worlds.layouts.frontages import corners
+from scenic_worlds.layouts.passing import (
+    Passers,
+    is_outside_rooms,
+    rooms_driven_through,
+    spaces_off_ways,
+    ways_of,
+)
 from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, standing_places
 from scenic_worlds.layouts.reach import check_reachable, check_spots, with_points
 from scenic_worlds.layouts.routes import (
@@ -29,17 +38,22 @@ from scenic_worlds.layouts.stops import ASK_AROUND
 from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
 SPOT_DISC = 0.30  # m around a waiting robot that lanes keep away from as from a wall
+DRIVEN_THROUGH = 0.3  # share of its clearance that floor counts for in a room of others
 LEAST_TO_LANE = 0.62  # m; a spot nearer to traffic is given up
 MOST_PARKING = 12
+MOST_TURN_OFFS = 40  # places on a lane where robots may turn off to a waiting spot
+TURN_OFF_STEP = 5  # samples of the lane from one of them to the next
 
 
-def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS) -> World:
+def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool = True) -> World:
     """Derive the layout of a user's floor.
 
     Args:
         floor: walls, rooms, and any traffic that the user gave; that is kept as it is.
         radius: of the largest robot [m]. Above the default, robots keep as much farther
             from walls and each other; below, distances stay those of the default.
+        off_ways: a room that others drive through has only as much space of its own as keeps off
+            their ways. False: it has its surroundings, whoever comes through.
 
     Returns:
         A world without robots, humans, tasks and events.
@@ -60,16 +74,28 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS) -> World:
     given = {(lane.start, lane.end): lane for lane in floor.lanes}
     lanes = _Lanes(routes, floor, entrances, queues)
     apart = LEAST_TO_LANE + 2.0 * routes.extra
-    for _ in range(2):  # spots that stand in the way are given up, once
+    through: list[int] = []
+    for look in range(2):  # spots that stand in the way are given up, once
         derived = lanes.build(given)
+        if look == 0 and off_ways:
+            ways = ways_of(floor, derived, only_derived=True)
+            through = rooms_driven_through(entrances, Passers(floor, ways, []))
+            if through:
+                lanes = _Lanes(routes, floor, entrances, queues, off=through)
+                derived = lanes.build(given)
         shorter = [
             _kept(queue, derived, i, least=0.0 if len(floor.rooms[i].queue) else apart)
+            if len(floor.rooms[i].queue) or i not in lanes.behind_others
+            else queue[:0]
             for i, queue in enumerate(queues)
         ]
         if all(len(a) == len(b) for a, b in zip(shorter, queues, strict=True)):
             break
         queues = shorter
-        lanes = _Lanes(routes, floor, entrances, queues)
+        lanes = _Lanes(routes, floor, entrances, queues, off=through)
+    if off_ways:
+        passers = Passers(floor, ways_of(floor, derived), queues)
+        entrances = spaces_off_ways(routes, floor, entrances, passers)
     parking = floor.parking
     if not len(parking):
         legs = [evenly(np.vstack([points[lane.start], lane.to_room])) for lane in derived]
@@ -79,6 +105,8 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS) -> World:
         gap = routes.gap(sites.points, routes.distance_to(driven))
         wanted = min(MOST_PARKING, len(points) + 2)
         open_floor = ~shapely.contains_xy(_areas(floor), sites.points)
+        if off_ways:
+            open_floor &= is_outside_rooms(routes, entrances, driven, sites.points)
         parking = choose_parking(
             sites.taking(open_floor), gap[open_floor], taken, wanted, farther=2.0 * routes.extra
         )
@@ -142,11 +170,24 @@ def _queues(
 
 
 class _Lanes:
-    """Right-hand ways between all rooms, for one choice of waiting spots."""
+    """Right-hand ways between all rooms, for one choice of waiting spots.
+
+    Ways of others keep off the rooms ``off``, where there is room.
+    """
 
     def __init__(
-        self, routes: RouteMap, floor: Floor, entrances: list[Entrance], queues: list[Array]
+        self,
+        routes: RouteMap,
+        floor: Floor,
+        entrances: list[Entrance],
+        queues: list[Array],
+        off: Sequence[int] = (),
     ) -> None:
+        self.behind_others: set[int] = set()  #: rooms whose spots are reached through others
+        self._off = off
+        self._shunned = np.zeros(routes.free.shape, dtype=np.bool_)
+        for i in off:
+            self._shunned |= routes.cells_in(entrances[i].area)
         self._routes = routes
         self._floor = floor
         self._entrances = entrances
@@ -167,6 +208,8 @@ class _Lanes:
                 queue_way = to_queue[start, end]
                 if known is not None and len(known.to_queue):
                     queue_way = np.asarray(known.to_queue)
+                elif known is not None and self._floor.driven_past:
+                    queue_way = self._along(start, end, room_way, otherwise=queue_way)
                 lanes.append(
                     Lane(
                         start=start,
@@ -177,18 +220,59 @@ class _Lanes:
                 )
         return lanes
 
+    def _along(self, start: int, end: int, way: Array, *, otherwise: Array) -> Array:
+        """Lead along a building's lanes to a room's last waiting spot, or to before the room.
+
+        Args:
+            start: room number.
+            end: room number.
+            way: ``(K, 2)`` along the lanes to the room's point [m].
+            otherwise: the way where none leads from the lanes to the spot.
+        """
+        driven = evenly(np.vstack([self._floor.rooms[start].point, way]))
+        room = Polygon(self._entrances[end].release_area).buffer(FRONT)
+        outside = np.flatnonzero(~shapely.contains_xy(room, driven))
+        driven = driven[: max(int(outside[-1]) if len(outside) else 0, 1) + 1]
+        queue = self._queues[end]
+        if not len(queue):
+            return _corners(driven)[1:]
+        places = np.arange(len(driven))[::TURN_OFF_STEP]
+        gaps = np.hypot(*(driven[places] - queue[-1]).T)
+        places = places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS]
+        is_clear = [self._routes.is_clear(driven[k], queue[-1]) for k in places]
+        places = places[np.array(is_clear, dtype=np.bool_)]
+        ends = np.broadcast_to(queue[-1], (len(places), 2))
+        legs = shapely.linestrings(np.stack([driven[places], ends], axis=1))
+        rooms = [Polygon(e.area) for i, e in enumerate(self._entrances) if i != start]
+        through = np.array([shapely.intersects(leg, rooms).any() for leg in legs], dtype=np.bool_)
+        if through.all():
+            others = [room for i, room in enumerate(rooms) if i != end - (end > start)]
+            if (
+                len(otherwise) < 2
+                or shapely.intersects(shapely.linestrings(otherwise), others).any()
+            ):
+                self.behind_others.add(end)
+            return otherwise
+        best = int(places[np.argmin(through)])
+        return _joined([_corners(driven[: best + 1])[1:], queue[-1:]])
+
     def _clearance(self, without: int = -1) -> Array:
         """Measure the distance to walls and waiting robots, without one room's last spot."""
         spots = [q[:-1] if i == without else q for i, q in enumerate(self._queues)]
+        spots += [self._floor.rooms[i].point[None] for i in self._off]
         waiting = np.vstack([np.zeros((0, 2)), *spots])
         clear = self._routes.clearance
         if not len(waiting):
             return clear
         return np.minimum(clear, self._routes.distance_to(waiting) - SPOT_DISC - self._routes.extra)
 
+    def _middle_ways(self, clear: Array) -> MiddleWays:
+        """Prepare the search for ways, that shun the rooms they need not lead through."""
+        return MiddleWays(self._routes, np.where(self._shunned, DRIVEN_THROUGH * clear, clear))
+
     def _ways_between_fronts(self) -> dict[tuple[int, int], Array]:
         clear = self._clearance()
-        middle = MiddleWays(self._routes, clear)
+        middle = self._middle_ways(clear)
         fronts = [entrance.front for entrance in self._entrances]
         found = {}
         for end, front in enumerate(fronts):
@@ -213,7 +297,7 @@ class _Lanes:
             goal = queue[-1] if len(queue) else fronts[end]
             clear = self._clearance(without=end)
             starts = [i for i in range(len(fronts)) if i != end]
-            ways = MiddleWays(self._routes, clear).to(goal, [fronts[i] for i in starts])
+            ways = self._middle_ways(clear).to(goal, [fronts[i] for i in starts])
             for start, found_way in zip(starts, ways, strict=True):
                 way = found_way if len(found_way) else np.vstack([fronts[start], goal])
                 lane = right_of(self._routes, way, clear, before=0.6, after=1.0)
@@ -221,6 +305,13 @@ class _Lanes:
                     [self._entrances[start].entry[::-1][1:], lane[1:-1], goal[None]]
                 )
         return found
+
+
+def _corners(points: Array) -> Array:
+    """Reduce samples ``(K, 2)`` of a polyline to its corners."""
+    if len(points) < 2:
+        return points
+    return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.linestrings(points), 0.01)))
 
 
 def _joined(pieces: list[Array]) -> Array:

@@ -55,6 +55,22 @@ class RouteMap:
         rows, cols = self.free.shape
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
+    def window(self, low: Array, high: Array) -> tuple[slice, slice]:
+        """Find the rows and columns of a box between two map points [m], clipped to the map."""
+        (first, left), (last, right) = self.cell(low), self.cell(high)
+        return slice(first, last + 1), slice(left, right + 1)
+
+    def cells_in(self, area: Array) -> BoolArray:
+        """Mark the cells ``(rows, cols)`` whose centres lie in an outline ``(V, 2)`` [m]."""
+        marks = np.zeros(self.free.shape, dtype=np.bool_)
+        rows, cols = self.window(area.min(axis=0), area.max(axis=0))
+        grid = np.moveaxis(np.mgrid[rows, cols], 0, -1)
+        centers = self.costmap.centers(grid.reshape(-1, 2))
+        marks[rows, cols] = shapely.contains_xy(shapely.polygons(area), centers).reshape(
+            grid.shape[:2]
+        )
+        return marks
+
     def gap(self, points: Array, clearance: Array | None = None) -> Array:
         """Measure the distance ``(K,)`` [m] of points ``(K, 2)`` to what is solid, 0 outside."""
         field = self.clearance if clearance is None else clearance

@@ -121,7 +121,7 @@ def _world(file: SceneFile, path: Path) -> World:
     bounds = np.concatenate([low - MARGIN, high + MARGIN])
     walls = [{"box": list(box)} for box in solid_boxes(bounds, file.free)]
     data = {**file.floor, "name": path.stem, "bounds": bounds.tolist(), "walls": walls}
-    layout = derive_layout(floor_of_data(data, path))
+    layout = derive_layout(floor_of_data(data, path), off_ways=False)
     rooms = {room.name: number for number, room in enumerate(layout.rooms)}
 
     def room(name: str, where: str) -> int:

@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError
-from simulator_interface.formats.building_file import STATIONS, Edge, Level, Vertex
-from simulator_interface.formats.building_graph import LaneGraph
+from simulator_interface.formats.building_file import Edge, Level
+from simulator_interface.formats.building_graph import LaneGraph, LaneUse
 from simulator_interface.formats.floor_fields import (
     FloorFile,
     FloorLane,
@@ -31,6 +31,8 @@ LANE_HALF = 0.5  # m beside a lane that belong to its mutex group
 LANE_FLOOR = 0.8  # m beside a lane that are floor, whatever outlines say
 WAITS_WITHIN = 10.0  # m along lanes from a place to the spots where robots wait for it
 AROUND = 0.5  # m around everything, in the bounds
+NAMES_TOLD = 5  # of vertices that are left out
+PASSED_WITHIN = 5.0  # m from a place, lanes that others drive are told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,16 +41,18 @@ class BuildingFloor:
 
     described: FloorFile
     starts: tuple[tuple[str, Array], ...]  #: name and place ``(2,)`` [m] of robots
+    driven_past: tuple[Array, ...]  #: by room: lanes ``(L, 2, 2)`` [m] near by that others drive
     left_out: tuple[str, ...]  #: what has no counterpart, in words
+    no_rooms: tuple[str, ...]  #: which vertices are no rooms, and why, in words
 
 
 def floor_of_level(level: Level, where: str) -> BuildingFloor:
     """Make a floor of a level.
 
-    Named places become rooms; chargers without a dispenser or ingestor, and parking spots without a
-    name, parking; unnamed holding points, waiting spots of the nearest place. Between places robots
-    drive along the lanes. Doors on lanes are passed one by one, all others stay shut. A mutex group
-    is a corridor for one robot.
+    Named places become rooms, chargers too; chargers and parking spots without a name, parking;
+    unnamed holding points, waiting spots of the nearest place. Where others drive over a parking
+    spot or holding point it is neither. Between places robots drive along the lanes. Doors on lanes
+    are passed one by one, all others stay shut. A mutex group is a corridor for one robot.
 
     Args:
         level: to convert.
@@ -65,9 +69,10 @@ def floor_of_level(level: Level, where: str) -> BuildingFloor:
     if not places:
         raise FormatError(
             f"{where}: level {level.name!r} has no place for tasks; a place is a vertex with a "
-            f"name and a lane, and no charger unless it has {' or '.join(STATIONS)}"
+            f"name and a lane{_because(_no_rooms(level, graph))}"
         )
-    waiting, parking = _spots(level, graph, places)
+    spots = _spots(level, graph, places)
+    waiting, parking = spots.waiting, spots.parking
     rooms = tuple(
         FloorRoom(
             name=name,
@@ -95,7 +100,9 @@ def floor_of_level(level: Level, where: str) -> BuildingFloor:
             for vertex in level.vertices
             if vertex.has("spawn_robot_name")
         ),
-        left_out=tuple(_left_out(level, graph, places, shut_doors)),
+        driven_past=tuple(_driven_past(level, spots.uses, k) for k in places.values()),
+        left_out=(*_left_out(level, graph, places, shut_doors), *_passed(spots)),
+        no_rooms=tuple(_no_rooms(level, graph)),
     )
 
 
@@ -124,15 +131,11 @@ def _shape(level: Level, edge: Edge, name: str = "") -> FloorShape:
 # --- places ----------------------------------------------------------------------------------
 
 
-def _only_charges(vertex: Vertex) -> bool:
-    return vertex.has("is_charger") and not any(map(vertex.has, STATIONS))
-
-
 def _places(level: Level, graph: LaneGraph) -> dict[str, int]:
     """Find the vertices that tasks can name; a name that occurs again gets a number."""
     found: dict[str, int] = {}
     for k, vertex in enumerate(level.vertices):
-        if not vertex.name.strip() or k not in graph.touched or _only_charges(vertex):
+        if not vertex.name.strip() or k not in graph.touched:
             continue
         name, number = vertex.name, 1
         while name in found:
@@ -142,27 +145,56 @@ def _places(level: Level, graph: LaneGraph) -> dict[str, int]:
     return found
 
 
-def _spots(
-    level: Level, graph: LaneGraph, places: dict[str, int]
-) -> tuple[dict[int, list[int]], list[int]]:
-    """Find the waiting spots of each place, nearest first, and where robots park."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Spots:
+    """Where robots wait and park, and which lanes they drive there and between places."""
+
+    waiting: dict[int, list[int]]  #: of each place, nearest first
+    parking: list[int]
+    passed: list[int]  #: vertices that would be one of them, but others drive over them
+    uses: dict[tuple[int, int], LaneUse]
+
+
+def _spots(level: Level, graph: LaneGraph, places: dict[str, int]) -> _Spots:
     rooms = list(places.values())
+    stands = [
+        k
+        for k, vertex in enumerate(level.vertices)
+        if k in graph.touched
+        and k not in places.values()
+        and any(map(vertex.has, ("is_charger", "is_parking_spot", "is_holding_point")))
+    ]
+    ways = [(a, b) for a in rooms for b in (*rooms, *stands)]
+    uses = graph.uses([*ways, *((b, a) for a in rooms for b in stands)])
+    passed = {k for edge, use in uses.items() for k in edge if use.is_for_others(k)}
     waiting: dict[int, list[int]] = {k: [] for k in rooms}
     parking = []
-    for k, vertex in enumerate(level.vertices):
-        if k in waiting or k not in graph.touched:
+    for k in stands:
+        vertex = level.vertices[k]
+        if k in passed:
             continue
-        if vertex.has("is_charger") or vertex.has("is_parking_spot"):
-            parking.append(k)
-        elif vertex.has("is_holding_point") and rooms:
+        if not vertex.has("is_charger") and not vertex.has("is_parking_spot"):
             nearest = min(rooms, key=lambda room: graph.distance(k, room))
             if graph.distance(k, nearest) <= WAITS_WITHIN:
                 waiting[nearest].append(k)
-            else:
-                parking.append(k)
+                continue
+        parking.append(k)
     for room, spots in waiting.items():
         spots.sort(key=lambda k: graph.distance(k, room))
-    return waiting, parking
+    return _Spots(
+        waiting=waiting,
+        parking=parking,
+        passed=[k for k in stands if k in passed],
+        uses=uses,
+    )
+
+
+def _driven_past(level: Level, uses: dict[tuple[int, int], LaneUse], place: int) -> Array:
+    """Collect the lanes ``(L, 2, 2)`` [m] near a place on ways that neither start nor end there."""
+    edges = [edge for edge, use in uses.items() if use.is_for_others(place)]
+    lanes = np.array([_points_of(level, edge) for edge in edges]).reshape(-1, 2, 2)
+    gap = shapely.distance(shapely.linestrings(lanes), Point(level.vertices[place].point))
+    return frozen_array(lanes[gap <= PASSED_WITHIN])
 
 
 def _lanes(
@@ -277,6 +309,46 @@ def _polygon(level: Level, ring: tuple[int, ...]) -> BaseGeometry:
 # --- what has no counterpart -----------------------------------------------------------------
 
 
+def _no_rooms(level: Level, graph: LaneGraph) -> Iterable[str]:
+    """Say which vertices are no rooms, and why."""
+    yield from _without_lanes(level, graph)
+    unnamed = [k for k in graph.touched if not level.vertices[k].name.strip()]
+    if unnamed:
+        yield f"{_counted(len(unnamed), 'vertex', 'vertices')} on lanes without a name"
+    if level.others:
+        yield f"what is on the levels {', '.join(level.others)}"
+
+
+def _without_lanes(level: Level, graph: LaneGraph) -> Iterable[str]:
+    idle = [
+        vertex.name
+        for k, vertex in enumerate(level.vertices)
+        if vertex.name.strip() and k not in graph.touched
+    ]
+    if idle:
+        count = _counted(len(idle), "named vertex", "named vertices")
+        more = ", ..." if len(idle) > NAMES_TOLD else ""
+        yield f"{count} without a lane: {', '.join(sorted(idle)[:NAMES_TOLD])}{more}"
+
+
+def _because(reasons: Iterable[str]) -> str:
+    told = "; ".join(reasons)
+    return f" (left out: {told})" if told else ""
+
+
+def _counted(count: int, one: str, several: str) -> str:
+    return f"{count} {one if count == 1 else several}"
+
+
+def _passed(spots: _Spots) -> Iterable[str]:
+    if spots.passed:
+        what = ("parking spot or holding point", "parking spots and holding points")
+        yield (
+            f"{_counted(len(spots.passed), *what)} on lanes that others drive: robots wait and "
+            "park beside the lanes"
+        )
+
+
 def _left_out(
     level: Level, graph: LaneGraph, places: dict[str, int], shut: list[Edge]
 ) -> Iterable[str]:
@@ -290,7 +362,10 @@ def _left_out(
     if shut:
         yield f"{len(shut)} doors without a lane: robots find them shut"
     if any(vertex.has("is_charger") for vertex in level.vertices):
-        yield "charging: chargers are parking places or rooms, robots have no battery"
+        yield (
+            "charging: chargers with a name are rooms, the others parking places, and robots have "
+            "no battery"
+        )
     graphs = sorted({int(lane.parameters.get("graph_idx", 0)) for lane in graph.lanes})
     if len(graphs) > 1:
         yield f"the fleets of the graphs {', '.join(map(str, graphs))}: one fleet drives all lanes"
@@ -308,9 +383,7 @@ def _left_out(
     for name, count in pieces.items():
         if count > 1:
             yield f"the unity of mutex group {name}: each of its {count} pieces is one for itself"
-    idle = [v.name for k, v in enumerate(level.vertices) if v.name and k not in graph.touched]
-    if idle:
-        yield f"{len(idle)} named vertices without a lane: {', '.join(sorted(idle)[:5])}"
+    yield from _without_lanes(level, graph)
     cut = sum(
         not np.isfinite(graph.distance(a, b)) for a in places.values() for b in places.values()
     )

@@ -23,7 +23,6 @@ T = TypeVar("T")
 MOST_ENTRIES = 20_000  # of one kind on one level
 KINDS = {1: str, 2: int, 3: float, 4: bool}  # of parameters, by the number before the value
 PIXELS, METRES = "reference_image", "cartesian_meters"
-STATIONS = ("pickup_dispenser", "dropoff_ingestor")  # what hands goods over at a vertex
 
 Parameters = dict[str, Any]
 

@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+import collections
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mrta_falsify.core.arrays import Array, IntArray
 from simulator_interface.formats.building_file import Level
+
+
+@dataclass(slots=True)
+class LaneUse:
+    """How many ways lead along a lane, in either direction."""
+
+    total: int = 0
+    by_end: collections.Counter[int] = field(default_factory=collections.Counter)
+
+    def is_for_others(self, vertex: int) -> bool:
+        """Whether a way leads along the lane that neither starts nor ends at ``vertex``."""
+        return self.total > self.by_end[vertex]
 
 
 class LaneGraph:
@@ -55,3 +71,25 @@ class LaneGraph:
         while passed[-1] != start:
             passed.append(int(self._before[start, passed[-1]]))
         return self._points[passed[::-1]]
+
+    def uses(self, ends: Iterable[tuple[int, int]]) -> dict[tuple[int, int], LaneUse]:
+        """Count the shortest ways along each lane.
+
+        Args:
+            ends: first and last vertex of each way.
+
+        Returns:
+            The use of each lane by its two vertices, the smaller one first; only what is used.
+        """
+        found: dict[tuple[int, int], LaneUse] = collections.defaultdict(LaneUse)
+        for start, end in ends:
+            if start == end or not np.isfinite(self._distance[start, end]):
+                continue
+            there = end
+            while there != start:
+                here = int(self._before[start, there])
+                use = found[min(here, there), max(here, there)]
+                use.total += 1
+                use.by_end.update((start, end))
+                there = here
+        return dict(found)

@@ -58,7 +58,10 @@ class Floor:
     #: the file, or what a building makes of it
     described: FloorFile = field(default_factory=FloorFile)
     starts: tuple[tuple[str, Array], ...] = ()  #: name and place (2,) [m] of a building's robots
+    #: of a building, by room: lanes (L, 2, 2) [m] near by that others drive
+    driven_past: tuple[Array, ...] = ()
     left_out: tuple[str, ...] = ()  #: what of a building has no counterpart, in words
+    no_rooms: tuple[str, ...] = ()  #: which of its vertices are no rooms, and why, in words
 
 
 def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = None) -> Floor:
@@ -79,7 +82,11 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
     data = None if is_sdf else codec.read_yaml(path)
     if is_building(data):
         if rooms is not None:
-            raise FormatError(f"{path}: names its own places; --rooms belong to a map or SDF world")
+            raise FormatError(
+                f"{path}: names its own places, and {rooms} cannot add to them; --rooms belong to "
+                "a map or SDF world (import the building without it, change NAME.derived.yaml, and "
+                "import that)"
+            )
         return _of_building(level_of(data, path, level), path)
     if level is not None:
         raise ConfigError(f"{path}: is no building, so it has no level {level!r}")
@@ -100,7 +107,13 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
 def _of_building(level: Level, path: Path) -> Floor:
     made = floor_of_level(level, str(path))
     floor = _assembled(path, made.described)
-    return dataclasses.replace(floor, starts=made.starts, left_out=made.left_out)
+    return dataclasses.replace(
+        floor,
+        starts=made.starts,
+        driven_past=made.driven_past,
+        left_out=made.left_out,
+        no_rooms=made.no_rooms,
+    )
 
 
 def floor_of_data(data: Any, path: Path) -> Floor:

@@ -21,7 +21,7 @@ from mrta_falsify.core.protocols import CostmapSource, CrowdView, HumanModel, Pl
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from simulator_interface.engines.rays import polygon_edges
 from simulator_interface.people.margins import Bystanders
-from simulator_interface.people.scripts import STANDS, Now, Script, ScriptPlayer
+from simulator_interface.people.scripts import SOON, STANDS, Now, Script, ScriptPlayer
 from simulator_interface.people.walking import (
     LOOK_AHEAD,
     NO_WAY,
@@ -59,6 +59,7 @@ class Crowd:
     _present: BoolArray = field(init=False)  #: (H,) as long as the next two hold
     _present_for: tuple[float, float] = (np.inf, np.inf)  #: from, until [s]
     _present_inside: BoolArray | None = None
+    _pausing: tuple[int, ...] = field(init=False)  #: people who pause on their routes
     _radius: Array = field(init=False)
     _reacts: BoolArray = field(init=False)
     _robot_radius: Array = field(init=False)
@@ -73,6 +74,7 @@ class Crowd:
     def _read_people(self) -> None:
         humans = self.world.humans
         self._present_inside = None
+        self._pausing = tuple(i for i, human in enumerate(humans) if human.pause > 0.0)
         self._radius = np.array([human.radius for human in humans])
         self._reacts = np.array([human.reacts_to_robots for human in humans], dtype=np.bool_)
 
@@ -100,7 +102,13 @@ class Crowd:
         begin = self._walking.begin
         if spec.directives:
             return begin(spec.route[:1], repeat=False, speed=spec.speed, share=0.0)
-        return begin(spec.route, repeat=spec.repeat, speed=spec.speed, share=spec.start)
+        return begin(
+            spec.route,
+            repeat=spec.repeat,
+            speed=spec.speed,
+            share=spec.start,
+            pause=spec.pause,
+        )
 
     def script_of(self, person: int) -> Script | None:
         """Look up the script of a person, None: it follows a route, or does nothing."""
@@ -197,6 +205,11 @@ class Crowd:
 
     def _fill_on_routes(self, target: Array, desired: Array, position: Array, time: float) -> None:
         """Write targets and speeds of the people on routes; the others stand."""
+        for i in self._pausing:
+            walker = self._walkers[i]
+            if time >= walker.rests_until - SOON and i not in self._at_work:
+                self._walking.go_on(walker, position[i], time)
+                self._routes = None
         if self._routes is None:
             self._routes = self._list_routes()
         ways, first, speed = self._routes

@@ -66,6 +66,8 @@ class Walker:
     way: Array  #: (L, 2) planned points to the next route point, empty: stands
     rows: ProgressRows = field(default_factory=lambda: fresh_rows(1))  #: one of them is its own
     row: int = 0  #: of ``rows``
+    pause: float = 0.0  #: at each point of the route [s]
+    rests_until: float = np.inf  #: while it pauses [s]
 
     def take_way(self, way: Array, time: float) -> None:
         """Set out along another way at ``time`` [s]."""
@@ -118,11 +120,13 @@ class Walking:
         return walker
 
     def begin(
-        self, route: Array, *, repeat: bool, speed: float, share: float
+        self, route: Array, *, repeat: bool, speed: float, share: float, pause: float = 0.0
     ) -> tuple[Array, Walker]:
         """Place a walker at ``share`` of a route; its point ``(2,)`` [m] comes first."""
         points = [self.free_point(point) for point in route]
-        standing = Walker(route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY)
+        standing = Walker(
+            route=route, repeat=repeat, speed=speed, next_point=0, way=NO_WAY, pause=pause
+        )
         if len(points) < 2:
             return points[0], standing
         last = len(points) if repeat else len(points) - 1
@@ -159,7 +163,19 @@ class Walking:
             walker.way = NO_WAY
             return
         walker.next_point = (walker.next_point + 1) % points
+        is_there = np.hypot(*(walker.way[-1] - position)) < ARRIVAL  # else stuck on the way
+        if walker.pause > 0.0 and is_there:
+            walker.take_way(NO_WAY, time)
+            walker.rests_until = time + walker.pause
+            return
         self._find_way(walker, position, time)
+
+    def go_on(self, walker: Walker, position: Array, time: float) -> None:
+        """Send a walker on that has paused; without a way it pauses again."""
+        walker.rests_until = np.inf
+        self._find_way(walker, position, time)
+        if not len(walker.way):
+            walker.rests_until = time + walker.pause
 
     def _find_way(self, walker: Walker, position: Array, time: float) -> None:
         """A way to the next route point, or to the first after it that can be reached."""

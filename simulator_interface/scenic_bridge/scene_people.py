@@ -42,6 +42,7 @@ def read_human(item: Any, name: str, places: ScenePlaces) -> HumanSpec:
         start=read_property(item, "phase"),
         appears_at=read_property(item, "appears_at"),
         leaves_at=read_property(item, "leaves_at"),
+        pause=read_property(item, "pause"),
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from shapely.geometry import Point, Polygon
+from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
@@ -42,7 +42,7 @@ def _place(floor, name):
 
 def test_pixels_become_metres_with_y_up(file):
     floor = read_floor(file)
-    assert [room.name for room in floor.rooms] == ["store", "ward", "desk"]
+    assert [room.name for room in floor.rooms] == ["store", "ward", "desk", "dock_1", "dock_2"]
     assert _place(floor, "ward") == pytest.approx([13.0, -3.0])
     assert floor.name == "clinic"
     walls = [wall.polygon for wall in floor.walls if wall.name.startswith("wall")]
@@ -77,7 +77,7 @@ def test_another_level_lies_on_the_reference_level(file):
 
 def test_lanes_keep_their_direction(file):
     lanes = {(lane.start, lane.end): lane for lane in read_floor(file).lanes}
-    assert len(lanes) == 6
+    assert len(lanes) == 5 * 4
     assert lanes["ward", "desk"].to_room.tolist() == pytest.approx(np.array([[13.0, -6.5]]))
     back = lanes["desk", "ward"].to_room  # the lane is one way, so round by the passage's end
     assert back == pytest.approx(np.array([[11.0, -3.0], [13.0, -3.0]]))
@@ -100,8 +100,14 @@ def test_a_mutex_group_is_a_corridor_for_one_robot(file):
     assert area.bounds == pytest.approx((5.0, -3.5, 11.0, -2.5))
 
 
-def test_chargers_are_parking_and_starts_and_holding_points_waiting_spots(file):
+def test_chargers_without_a_name_are_parking_and_holding_points_waiting_spots(file):
+    data = drawn_buildings.building()
+    for vertex in data["levels"]["ground"]["vertices"]:
+        if vertex[3].startswith("dock"):
+            vertex[3] = ""
+    file.write_text(yaml.safe_dump(data))
     floor = read_floor(file)
+    assert [room.name for room in floor.rooms] == ["store", "ward", "desk"]
     assert floor.parking == pytest.approx(np.array([[3.0, -6.0], [1.5, -1.5]]))
     assert [name for name, _ in floor.starts] == ["ada", "bob"]
     (ward,) = [room for room in floor.rooms if room.name == "ward"]
@@ -196,7 +202,7 @@ def test_damaged_buildings_are_told_in_a_sentence(file):
 def test_an_imported_building_can_be_changed_and_imported_again(file, tmp_path):
     done = import_floor(file, tmp_path / "out")
     assert done.floor.name == "clinic.floor.json"
-    assert done.lanes_given == 6
+    assert done.lanes_given == 20
     assert "with name 'ada'" in done.scenario.read_text()
     again = import_floor(tmp_path / "out" / "clinic.derived.yaml", tmp_path / "again")
     places, before = ([room.point for room in d.rooms] for d in (again, done))
@@ -234,25 +240,139 @@ def test_robots_deliver_in_a_building(file):
     assert _delivers(read_floor(file), [(0, 1), (2, 0), (1, 2)], radius=0.22) == 3
 
 
-def test_a_charger_with_a_dispenser_is_a_place_and_no_parking(file):
-    data = yaml.safe_load(drawn_buildings.text())
-    vertices = data["levels"]["ground"]["vertices"]
-    (charger,) = [vertex for vertex in vertices if vertex[4].get("spawn_robot_name") == [1, "ada"]]
-    charger[4]["pickup_dispenser"] = [1, "coke_dispenser"]
-    file.write_text(yaml.safe_dump(data))
+def test_robots_deliver_between_chargers(file):
     floor = read_floor(file)
-    assert charger[3] in [room.name for room in floor.rooms]
-    assert floor.parking == pytest.approx(np.array([[1.5, -1.5]]))
+    names = [room.name for room in floor.rooms]
+    ends = names.index("dock_1"), names.index("dock_2")
+    assert not len(floor.parking)
     assert [name for name, _ in floor.starts] == ["ada", "bob"]
+    assert _delivers(floor, [ends, ends[::-1]], radius=0.22) == 2
 
 
-def test_a_building_of_chargers_alone_has_no_place_for_tasks(file):
-    data = yaml.safe_load(drawn_buildings.text())
+def test_a_building_with_one_place_says_what_it_left_out(file, tmp_path):
+    data = drawn_buildings.building(("ground", "upper"))
     for vertex in data["levels"]["ground"]["vertices"]:
-        vertex[4]["is_charger"] = [4, True]
+        vertex[3] = "" if vertex[3] != "ward" else "ward"
+    data["levels"]["ground"]["vertices"].append([50, 50, 0, "attic", {}])
     file.write_text(yaml.safe_dump(data))
-    with pytest.raises(InputError, match="'ground' has no place for tasks; a place is a vertex"):
-        read_floor(file)
+    with pytest.raises(
+        InputError, match="has one place for tasks, 'ward'; deliveries need two"
+    ) as e:
+        import_floor(file, tmp_path / "out", level="ground")
+    for words in ("without a lane: attic", "7 vertices on lanes without a name", "levels upper"):
+        assert words in str(e.value)
+
+
+# --- places on the ways of others ------------------------------------------------------------
+
+
+def _hall(depth=6.0, rows=(), lanes=(), **places):
+    """A hall 20 m long with lanes along its middle: west, middle, east."""
+    y = depth / 2.0
+    corners = [(0.0, 0.0), (20.0, 0.0), (20.0, depth), (0.0, depth)]
+    stops = [(2.0, y, "west"), (10.0, y, "middle"), (18.0, y, "east")]
+    both = {"bidirectional": [4, True]}
+    return {
+        "name": "hall",
+        "coordinate_system": "cartesian_meters",
+        "levels": {
+            "L1": {
+                "vertices": [
+                    *([x, y, 0, ""] for x, y in corners),
+                    *([x, y, 0, name, places.get(name, {})] for x, y, name in stops),
+                    *([*row[:2], 0, *row[2:]] for row in rows),
+                ],
+                "walls": [[0, 1], [1, 2], [2, 3], [3, 0]],
+                "floors": [{"vertices": [0, 1, 2, 3]}],
+                "lanes": [[4, 5, both], [5, 6, both], *([a, b, both] for a, b in lanes)],
+            }
+        },
+        "lifts": {},
+    }
+
+
+def _imported(tmp_path, data):
+    file = tmp_path / "hall.building.yaml"
+    file.write_text(yaml.safe_dump(data))
+    done = import_floor(file, tmp_path / "out")
+    return done, load_layout(done.floor)
+
+
+def _violated_by_one_who_passes(layout):
+    """Run one robot past another that loads in ``middle``."""
+    names = [room.name for room in layout.rooms]
+    west, middle, east = (names.index(name) for name in ("west", "middle", "east"))
+    starts = zip(("ada", "bob"), (middle, west), strict=True)
+    world = dataclasses.replace(
+        layout,
+        robots=tuple(
+            RobotSpec(name=name, pose=frozen_array([*layout.rooms[k].point, 0.0]))
+            for name, k in starts
+        ),
+        tasks=(
+            Task(arrival=0.0, start=middle, end=middle, deadline=200, pickup_time=30, robot="ada"),
+            Task(arrival=0.0, start=west, end=east, deadline=200, robot="bob"),
+        ),
+        horizon=200.0,
+    )
+    outcome = simulate(
+        world,
+        StackConfig(engine=Choice("kinematic")),
+        specifications=build_specifications(("exclusive_use", "all_tasks_done")),
+        keep_trace=False,
+    )
+    return [(v.spec, v.evidence.get("resource")) for v in outcome.verdicts if v.violated]
+
+
+def test_a_junction_moves_beside_the_lane_where_there_is_room(tmp_path):
+    done, layout = _imported(tmp_path, _hall())
+    (middle,) = [room for room in layout.rooms if room.name == "middle"]
+    assert abs(middle.point[1] - 3.0) == pytest.approx(0.9, abs=0.1)
+    lane = LineString([[2.0, 3.0], [18.0, 3.0]])
+    assert Polygon(middle.area).distance(lane) > 0.3
+    assert "middle (by 0." in "".join(done.warnings)
+    assert _violated_by_one_who_passes(layout) == []
+    again = import_floor(done.derived, tmp_path / "again")
+    assert load_layout(again.floor).rooms[1].point == pytest.approx(middle.point, abs=1e-3)
+    assert not any("beside the lane" in said for said in again.warnings)
+
+
+def test_a_junction_in_a_narrow_corridor_owns_the_spot_of_one_robot_and_is_told(tmp_path):
+    done, layout = _imported(tmp_path, _hall(depth=1.4))
+    (middle,) = [room for room in layout.rooms if room.name == "middle"]
+    assert middle.point == pytest.approx([10.0, 0.7])
+    assert np.hypot(*(middle.area - middle.point).T).max() < 0.22
+    assert any("middle: others drive past here" in said for said in done.warnings)
+    assert ("exclusive_use", "middle") not in _violated_by_one_who_passes(layout)
+
+
+def test_a_place_at_the_end_of_its_lane_keeps_its_surroundings(tmp_path):
+    done, layout = _imported(tmp_path, _hall())
+    for room, point in ((layout.rooms[0], [2.0, 3.0]), (layout.rooms[2], [18.0, 3.0])):
+        assert room.point == pytest.approx(point)
+        assert np.hypot(*(room.area - room.point).T).max() == pytest.approx(1.2)
+    assert not any("west" in said or "east" in said for said in done.warnings)
+
+
+def test_a_place_near_a_lane_of_others_keeps_off_it(tmp_path):
+    beside = _hall(rows=[(6.0, 3.0, ""), (6.0, 4.0, "shelf")], lanes=[(7, 8)])
+    beside["levels"]["L1"]["lanes"][0] = [4, 7, {"bidirectional": [4, True]}]
+    beside["levels"]["L1"]["lanes"].append([7, 5, {"bidirectional": [4, True]}])
+    _, layout = _imported(tmp_path, beside)
+    (shelf,) = [room for room in layout.rooms if room.name == "shelf"]
+    assert shelf.point == pytest.approx([6.0, 4.0])
+    assert 0.05 < Polygon(shelf.area).distance(LineString([[2.0, 3.0], [18.0, 3.0]])) < 0.3
+
+
+def test_robots_neither_park_nor_wait_on_lanes_that_others_drive(tmp_path):
+    flags = {"is_holding_point": [4, True]}, {"is_parking_spot": [4, True]}
+    data = _hall(rows=[(6.0, 3.0, "", flags[0]), (14.0, 3.0, "", flags[1])])
+    both = {"bidirectional": [4, True]}
+    data["levels"]["L1"]["lanes"] = [[a, b, both] for a, b in ((4, 7), (7, 5), (5, 8), (8, 6))]
+    done, layout = _imported(tmp_path, data)
+    stands = [*layout.parking, *(spot for use in layout.resources for spot in use.spots)]
+    assert np.abs(np.array(stands)[:, 1] - 3.0).min() > 0.6
+    assert any("on lanes that others drive" in said for said in done.left_out)
 
 
 def _with_starts_in_rooms(layout):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely.geometry import Point, Polygon
+from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.errors import InputError, UnknownNameError, WorldError
 from mrta_falsify.core.world import write_world
@@ -217,6 +217,58 @@ def test_a_generated_hospital_survives_the_way_through_its_nav2_map(tmp_path):
     for before, after in zip(world.rooms, again.rooms, strict=True):
         assert np.hypot(*(before.door.mean(axis=0) - after.door.mean(axis=0))) < 0.3
         assert Polygon(after.area).area == pytest.approx(Polygon(before.area).area, rel=0.15)
+
+
+PASSAGE = """
+walls:
+  - {{line: [[0, 0], [18, 0], [18, 6], [0, 6], [0, 0]]}}
+  - {{box: [7, 0, 11, {low}]}}
+  - {{box: [7, {high}, 11, 6]}}
+rooms:
+  - {{name: west, point: [2, 3]}}
+  - {{name: middle, {middle}}}
+  - {{name: east, point: [16, 3]}}
+"""
+
+
+def passage(tmp_path, low, high, middle):
+    """Two halls with one passage between them, and a room in it."""
+    file = tmp_path / "passage.yaml"
+    file.write_text(PASSAGE.format(low=low, high=high, middle=middle))
+    return load_layout(file)
+
+
+@pytest.mark.parametrize("middle", ["point: [9, 3]", "area: [[7, 2], [11, 2], [11, 4], [7, 4]]"])
+def test_a_room_across_the_only_passage_owns_no_more_than_its_spot(tmp_path, middle):
+    room = passage(tmp_path, 2.3, 3.7, middle).rooms[1]
+    assert np.hypot(*(room.area - room.point).T).max() < 0.22
+
+
+def test_ways_keep_off_a_room_of_others_where_there_is_room(tmp_path):
+    layout = passage(tmp_path, 0.2, 5.8, "point: [9, 3]")
+    room = layout.rooms[1]
+    ways = [LineString(lane.to_room) for lane in layout.lanes if 1 not in (lane.start, lane.end)]
+    assert min(way.distance(Point(room.point)) for way in ways) > 0.6
+    assert all(way.distance(Polygon(room.area)) > 0.1 for way in ways)
+
+
+def test_ways_lead_around_a_room_with_two_doors(tmp_path):
+    middle = "area: [[7, 1.2], [11, 1.2], [11, 3.2], [7, 3.2]]"
+    file = tmp_path / "around.yaml"
+    text = PASSAGE.format(low=1.2, high=5.8, middle=middle)
+    file.write_text(text.replace("rooms:", "  - {box: [7, 3.2, 11, 3.4]}\nrooms:"))
+    layout = load_layout(file)
+    ways = [LineString(lane.to_room) for lane in layout.lanes if 1 not in (lane.start, lane.end)]
+    area = Polygon(layout.rooms[1].area)
+    assert area.area == pytest.approx(8.0)
+    assert not any(way.intersects(area) for way in ways)
+
+
+def test_robots_park_where_they_drive_through_no_room(tmp_path):
+    layout = passage(tmp_path, 2.3, 3.7, "point: [9, 3]")
+    rooms = [Polygon(room.area) for room in layout.rooms]
+    assert len(layout.parking)
+    assert not any(room.contains(Point(place)) for place in layout.parking for room in rooms)
 
 
 @settings(max_examples=5, deadline=None)

@@ -52,6 +52,7 @@ new Human with name 'stander', at (2, -4)
 new Human with name 'follower', with route route(1, 2)
 new Human with name 'stroller', with route random_route(4)
 new Human with name 'visitor', with route random_visits(3)
+new Human with name 'walker', with route random_visits(3, least=5), with pause Range(5, 20)
 new Human with name 'perhaps', with route [1, 2], with active Uniform(True, False)
 new Human with route [1, 2], with active False
 
@@ -278,6 +279,16 @@ def test_sampled_routes_lie_where_they_were_asked_for(showrooms, hospital_places
         assert (len(stroll), len(visits)) == (4, 3)
         assert all(corridors.contains(Point(p)) for p in stroll)
         assert all(rooms.contains(Point(p)) for p in visits)
+
+
+def test_visits_are_as_far_apart_as_asked_for(showrooms, hospital_places):
+    for world in showrooms:
+        walker = person(world, "walker")
+        steps = walker.route - np.roll(walker.route, 1, axis=0)
+        assert np.hypot(*steps.T).min() >= 5.0
+        assert 5.0 <= walker.pause <= 20.0
+    small = hospital_places.visits(1000.0, np.array([[0.0, 0.0]]))
+    assert shapely.area(small.polygons).sum() > 0.0
 
 
 def test_events_become_events(showrooms):

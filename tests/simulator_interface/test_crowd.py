@@ -8,6 +8,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec
+from mrta_falsify.specs.deadlock.rest import longest_pause
 from simulator_interface.episode import Episode
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import simulate
@@ -55,6 +56,22 @@ def test_a_phase_starts_a_person_that_far_along_the_way(share):
     along = 24.0 * share
     expected = 1.0 + (along if along <= 12.0 else 24.0 - along)
     assert crowd.start()[0] == pytest.approx([expected, 2.0], abs=0.2)
+
+
+def test_a_person_pauses_at_each_point_of_its_route_and_walks_on():
+    place = positions(ward(walker([[1.0, 2.0], [4.0, 2.0]], pause=3.0), horizon=14.0))[:, 0]
+    step = np.hypot(*np.diff(place, axis=0).T)
+    still = np.flatnonzero(step < 1e-3) * 0.05
+    first, second = still[still < 8.0], still[still > 8.0]
+    assert first.min() == pytest.approx(3.0, abs=1.0)
+    assert 1.5 < np.ptp(first) <= 3.05  # it slows down first
+    assert place[round(first.min() / 0.05)] == pytest.approx([4.0, 2.0], abs=0.5)
+    assert len(second) > 0
+    assert place[round(second.min() / 0.05)] == pytest.approx([1.0, 2.0], abs=0.5)
+
+
+def test_the_longest_pause_counts_those_of_people():
+    assert longest_pause(ward(walker([[1.0, 2.0], [4.0, 2.0]], pause=300.0))) == 300.0
 
 
 def test_people_walk_through_doors_and_come_back():

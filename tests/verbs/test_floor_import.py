@@ -329,6 +329,12 @@ def test_a_floor_that_is_no_map_takes_no_file_of_rooms(tmp_path):
         import_floor(file, tmp_path / "out", rooms=file)
 
 
+def test_one_room_is_told_with_what_to_do(tmp_path):
+    rooms = "rooms:\n  - {name: lab, point: [12.0, 2.0]}\n"
+    with pytest.raises(InputError, match=r"names one room, 'lab'; deliveries need two \(add"):
+        import_floor(draw(tmp_path, ward_grid(), rooms=rooms), tmp_path / "out")
+
+
 def test_a_radius_that_no_robot_has_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"--radius is 7.0 m; it must be 0.05 to 1.0 m"):
         import_floor(tmp_path / "no.yaml", tmp_path, radius=7.0)

@@ -18,10 +18,11 @@ NEVER = 1e9  #: s, when people leave who do not
 def longest_pause(world: World) -> float:
     """Find how long something of the world may stand by a timer of its own, at most [s].
 
-    Services at pick-up and drop-off, at lifts and chargers, and pauses in the scripts of people.
+    Services at pick-up and drop-off, at lifts and chargers, and pauses of people.
     """
     steps = [step for human in world.humans for step in human.directives]
     pauses = [step.duration for step in steps if isinstance(step, Wait)]
+    pauses += [human.pause for human in world.humans]
     services = [time for task in world.tasks for time in (task.pickup_time, task.dropoff_time)]
     in_areas = [resource.service_time for resource in world.resources]
     longest = max(services, default=0.0) + max(in_areas, default=0.0)
