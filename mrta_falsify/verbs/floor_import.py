@@ -149,8 +149,10 @@ def _draw(world: World, path: Path) -> None:
 
 def _derived_text(floor: Floor, world: World) -> str:
     """Write the user's floor file again, with doors, queues and parking where it has none."""
+    from simulator_interface.formats import building_file  # noqa: PLC0415 - with the reader
+
     assert floor.source is not None
-    data: dict[str, Any] = codec.read_yaml(floor.source)
+    data: dict[str, Any] = codec.read_yaml(floor.source, as_text=building_file.FIELDS)
     heading = (
         "# The rooms with all that was derived. Change what does not please, and import again\n"
         "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
@@ -285,7 +287,11 @@ def _summary(
         longest_travel_s=float(world.travel_times.max()),
         map=floor.map_facts,
         left_out=floor.left_out,
-        warnings=(*_map_warnings(floor.map_facts), *_place_warnings(world, radius)),
+        warnings=(
+            *floor.notes,
+            *_map_warnings(floor.map_facts),
+            *_place_warnings(world, radius),
+        ),
     )
 
 
