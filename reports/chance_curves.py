@@ -5,6 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from mrta_falsify.core.inevitability import ChanceCurve, Inevitability, decisive, monotone_fit
+from mrta_falsify.core.words import number_text
 from reports.colours import robot_colour
 from reports.svg import Drawing, ticks
 from reports.timelines import NAMES, RIGHT, ROWS_WIDTH
@@ -35,7 +36,9 @@ def draw_chances(found: Inevitability, end: float) -> Markup:
         drawing.add("text", f"{chance:g}", x=NAMES - 8, y=y + 4, class_="tick", text_anchor="end")
     for value in ticks(0.0, end, 8):
         x = NAMES + ROWS_WIDTH * value / end
-        drawing.add("text", f"{value:g} s", x=x, y=base + 16, class_="tick", text_anchor="middle")
+        drawing.add(
+            "text", f"{number_text(value)} s", x=x, y=base + 16, class_="tick", text_anchor="middle"
+        )
     if found.decided_at is not None:
         x = NAMES + ROWS_WIDTH * found.decided_at / end
         drawing.line([(x, TOP - 4), (x, base)], stroke="var(--ink)", stroke_dasharray="3 2")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
+from mrta_falsify.core.words import number_text
 from reports.contents import ParameterImportance, TrialScores
 from reports.svg import Drawing, ticks
 
@@ -74,7 +75,9 @@ def draw_slice(one: ParameterImportance, trials: TrialScores) -> Markup | None:
     drawing.line([(LEFT, zero), (LEFT + SLICE_WIDTH, zero)], stroke="var(--bad)")
     for value in ticks(bottom, top, 4):
         y = TOP + SLICE_HEIGHT * (top - value) / (top - bottom)
-        drawing.add("text", f"{value:g}", x=LEFT - 5, y=y + 4, class_="tick", text_anchor="end")
+        drawing.add(
+            "text", number_text(value), x=LEFT - 5, y=y + 4, class_="tick", text_anchor="end"
+        )
     failed = np.asarray(trials.failed, dtype=bool)
     drawing.dots(places[known & ~failed], radius=2.3, stroke="var(--driving)")
     drawing.crosses(places[known & failed], radius=CROSS, stroke="var(--bad)")
@@ -85,7 +88,7 @@ def draw_slice(one: ParameterImportance, trials: TrialScores) -> Markup | None:
             continue
         drawing.add(
             "text",
-            one.options[int(value)][:MOST_OF_OPTION] if one.options else f"{value:g}",
+            one.options[int(value)][:MOST_OF_OPTION] if one.options else number_text(value),
             x=across.x(value),
             y=base + 16,
             class_="tick",

@@ -22,6 +22,7 @@ from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
 from reports.contents import TrialTable
@@ -83,10 +84,10 @@ def pack_trials(table: TrialTable) -> str:
 
 
 def _short(value: DimensionValue) -> DimensionValue:
-    """Keep four digits of a number, and words as they are; None where it is none."""
+    """Keep of a number what can be told apart, and words as they are; None where it is none."""
     if isinstance(value, (str, bool)):
         return str(value)
-    return float(f"{value:.4g}") if value is not None and math.isfinite(value) else None
+    return float(number_text(value)) if value is not None and math.isfinite(value) else None
 
 
 def _happenings(trace: Trace, verdicts: Sequence[Verdict]) -> dict[str, list[list[Any]]]:

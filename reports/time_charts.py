@@ -12,6 +12,7 @@ from markupsafe import Markup
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.core.words import number_text
 from reports.colours import robot_colour
 from reports.contents import TrialScores
 from reports.svg import Drawing, ticks
@@ -64,7 +65,7 @@ class ChartAxes:
 
     def label_y(self, drawing: Drawing, value: float) -> None:
         """Write a number beside the vertical axis."""
-        drawing.add("text", f"{value:g}", x=LEFT - 5, y=self.y(value) + 4, class_="tick",
+        drawing.add("text", number_text(value), x=LEFT - 5, y=self.y(value) + 4, class_="tick",
                     text_anchor="end")  # fmt: skip
 
     def rule(self, drawing: Drawing, value: float, **style: object) -> None:
@@ -142,7 +143,7 @@ def _plot(signal: Signal, time: Array, robots: Sequence[int], since: float | Non
             points = _simplified(axis.points(time[first:last], curve[first:last]))
             drawing.line(points, stroke=robot_colour(robot), stroke_width=1.3)
     for value in ticks(0.0, end, 8):
-        axis.label_x(drawing, value, f"{value:g} s", 20)
+        axis.label_x(drawing, value, f"{number_text(value)} s", 20)
     return drawing.markup()
 
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
+from mrta_falsify.core.words import number_text
 from reports.colours import PHASES
 from reports.svg import Drawing, ticks
 
@@ -71,7 +72,9 @@ def _draw_times(
     base = ROWS_TOP + ROW * robots + 4.0
     for value in ticks(0.0, end, 8):
         x = NAMES + ROWS_WIDTH * value / end
-        drawing.add("text", f"{value:g} s", x=x, y=base + 16, class_="tick", text_anchor="middle")
+        drawing.add(
+            "text", f"{number_text(value)} s", x=x, y=base + 16, class_="tick", text_anchor="middle"
+        )
     for i, (time, what) in enumerate(sorted(marks)):
         x = NAMES + ROWS_WIDTH * time / end
         drawing.line([(x, 2), (x, base)], stroke="var(--bad)", stroke_dasharray="3 2")

@@ -16,10 +16,10 @@ from scenic.core.errors import ScenicError
 from scenic.core.object_types import Constructible
 
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.spelling import did_you_mean
 from scenic_worlds.misplaced import misplaced_object
 from scenic_worlds.origins import SCENIC_ENDINGS, origin_of
 from scenic_worlds.shipped import MODEL, is_library_file, library_names
-from scenic_worlds.spelling import did_you_mean
 
 _WRONG_MODEL = re.compile(r"could not import world model ([.\w]+)")
 _WRONG_KEYWORD = re.compile(r"(\w+)\(\) got an unexpected keyword argument '(\w+)'")

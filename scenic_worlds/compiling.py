@@ -10,10 +10,10 @@ from scenic.core.distributions import needsSampling
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.spelling import nearest_name
 from scenic_worlds.compile_errors import compile_error_text
 from scenic_worlds.primitives import randomness
 from scenic_worlds.shipped import MODEL
-from scenic_worlds.spelling import nearest_name
 
 
 def compile_scenario(path: Path, params: dict[str, Any]) -> Scenario:

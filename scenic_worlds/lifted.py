@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 from scenic.core.distributions import distributionFunction
 
 from mrta_falsify.core.errors import ConfigError
-from scenic_worlds.spelling import did_you_mean
+from mrta_falsify.core.spelling import did_you_mean
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -7,11 +7,12 @@ fro in the eastern room all the time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from simulator_interface.formats.rosbag_log import RMF_TYPES
@@ -96,14 +97,23 @@ def _localised(name: str, time: float) -> tuple[str, str, Any]:
     return f"/{name}/amcl_pose", kind, _new(kind, header=_header(time), pose=pose)
 
 
-def _transforms(time: float, names: list[str]) -> tuple[str, str, Any]:
+def _status(name: str) -> tuple[str, str, Any]:
+    return f"/{name}/status", "std_msgs/msg/String", _new("std_msgs/msg/String", data="NAVIGATING")
+
+
+def _transforms(time: float, names: list[str], between: str = "/") -> tuple[str, str, Any]:
     """TF with odometry's frame in between, shifted by 1 m and turned by 90 degrees."""
     rows = []
     for name in names:
         x, y, yaw = pose_at(name, time)
         for parent, child, place in (
-            ("map", f"{name}/odom", (1.0, 0.0, np.pi / 2.0)),
-            (f"{name}/odom", f"{name}/base_link", (y, 1.0 - x, yaw - np.pi / 2.0)),
+            ("map", f"{name}{between}odom", (1.0, 0.0, np.pi / 2.0)),
+            (
+                f"{name}{between}odom",
+                f"{name}{between}base_link",
+                (y, 1.0 - x, yaw - np.pi / 2.0),
+            ),
+            (f"{name}{between}base_link", f"{name}{between}arm_base_link", (0.2, 0.0, 0.0)),
         ):
             move = _new(
                 "geometry_msgs/msg/Transform",
@@ -166,12 +176,18 @@ def _map() -> tuple[str, str, Any]:
     return "/map", kind, _new(kind, header=_header(0.0), info=info, data=data.ravel())
 
 
+def _moves(name: str, time: float) -> bool:
+    return name not in GOALS or time <= MET
+
+
 def messages(kind: str, until: float = DURATION) -> list[tuple[float, str, str, Any]]:
     """List the messages of a log: time [s], topic, type, message.
 
     Args:
         kind: ``odometry`` (with goals and a map), ``tf`` (with plans and a map), ``poses`` (no
-            goals, with a map), ``fleet`` (Open-RMF's, no map).
+            goals, with a map), ``motion`` (the same by AMCL: only while a robot moves, and a status
+            to the end), ``flat`` (``tf`` with frames as ``ada_base_link``), ``fleet`` (Open-RMF's,
+            no map).
         until: when it ends [s].
     """
     names = ["ada", "bob", "cyd"]
@@ -183,26 +199,51 @@ def messages(kind: str, until: float = DURATION) -> list[tuple[float, str, str, 
             rows += [(time, *_odometry(name, time)) for name in names]
         elif kind == "poses":
             rows += [(time, *_localised(name, time)) for name in names]
-        elif kind == "tf":
-            rows.append((time, *_transforms(time, names)))
+        elif kind == "motion":
+            rows += [(time, *_localised(name, time)) for name in names if _moves(name, time)]
+            rows += [(time, *_status(name)) for name in names]
+        elif kind in ("tf", "flat"):
+            rows.append((time, *_transforms(time, names, "/" if kind == "tf" else "_")))
         else:
             rows.append((time, *_fleet(time, names)))
     for name, goal in GOALS.items():
         if kind == "odometry":
             goal_pose = _stamped(1.0, *goal)
             rows.append((1.0, f"/{name}/goal_pose", "geometry_msgs/msg/PoseStamped", goal_pose))
-        if kind == "tf":
+        if kind in ("tf", "flat"):
             rows += [(time, *_path(name, time)) for time in (0.5, 5.5)]
     return sorted(rows, key=lambda row: (row[0], row[1]))
 
 
-def write(path: Path, kind: str, storage: str, until: float = DURATION) -> Path:
-    """Write a log as a rosbag2 folder with ``storage`` ``mcap`` or ``sqlite3``."""
+def write(
+    path: Path,
+    kind: str,
+    storage: str,
+    until: float = DURATION,
+    *,
+    packed: CompressionMode = CompressionMode.NONE,
+    only: Callable[[float, str], bool] = lambda time, topic: True,
+) -> Path:
+    """Write a log as a rosbag2 folder.
+
+    Args:
+        path: the folder.
+        kind: as :func:`messages` has it.
+        storage: ``mcap`` or ``sqlite3``.
+        until: when it ends [s].
+        packed: what is compressed by zstd.
+        only: messages that are written, by time and topic.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-    with Writer(path, version=9, storage_plugin=plugin) as bag:
+    bag = Writer(path, version=9, storage_plugin=plugin)
+    if packed is not CompressionMode.NONE:
+        bag.set_compression(packed, CompressionFormat.ZSTD)
+    with bag:
         topics: dict[str, Any] = {}
         for time, topic, msgtype, message in messages(kind, until):
+            if not only(time, topic):
+                continue
             if topic not in topics:
                 topics[topic] = bag.add_connection(topic, msgtype, typestore=STORE)
             raw = STORE.serialize_cdr(message, msgtype)

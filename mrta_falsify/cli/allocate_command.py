@@ -11,6 +11,7 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE
+from mrta_falsify.core.words import clock_text, is_date, number_text
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.allocate import PlanSummary
@@ -79,11 +80,13 @@ def allocate_command(tasks: Path, travel_times: Path, style: str, **options: Any
     elif style == "smrta":
         output.print_json(answer.smrta)
     else:
-        _print_plan(summarise_plan(answer), tasks=sum(map(len, answer.case.batches)))
+        has_dates = is_date(min(answer.case.arrivals, default=0.0))
+        tasks_given = sum(map(len, answer.case.batches))
+        _print_plan(summarise_plan(answer), tasks=tasks_given, has_dates=has_dates)
     return ExitCode.DONE if answer.status == "plan" else ExitCode.VIOLATED
 
 
-def _print_plan(plan: PlanSummary, *, tasks: int) -> None:
+def _print_plan(plan: PlanSummary, *, tasks: int, has_dates: bool) -> None:
     out = output.stdout()
     stops = sum(len(robot.stops) for robot in plan.robots)
     out.print(f"status     {plan.status} in {1e3 * plan.wall_s:.1f} ms")
@@ -92,9 +95,15 @@ def _print_plan(plan: PlanSummary, *, tasks: int) -> None:
         out.print(f"why        {plan.reason}")
     for robot in plan.robots if stops <= MOST_LINES else ():
         parts = [
-            f"{stop.action} {stop.batch}.{stop.task} in {stop.room} at {stop.time_s:g}"
+            f"{stop.action} {stop.batch}.{stop.task} in {stop.room} at "
+            f"{_time(stop.time_s, has_dates)}"
             for stop in robot.stops
         ]
         out.print(f"robot {robot.robot:<4} {'; '.join(parts) or 'idle'}")
     if stops > MOST_LINES:
         out.print(f"{stops} stops; --format json prints them all")
+
+
+def _time(seconds: float, has_dates: bool) -> str:
+    """Write a time, with the hours of the day if the file counts seconds since 1970."""
+    return f"{number_text(seconds)} ({clock_text(seconds)})" if has_dates else number_text(seconds)

@@ -15,6 +15,7 @@ from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
 from mrta_falsify.core.claims import claim_kind
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.words import clock_text, date_text
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
@@ -52,8 +53,8 @@ def import_command(map: Path, style: str, **options: Any) -> int:
 
     Of a Nav2 map and a file of rooms, a floor: roadways, waiting spots and parking are derived.
     MAP may also be an SDF world, a floor file, or an Open-RMF building (NAME.building.yaml),
-    whose lanes are kept. Of a log (a rosbag2 folder, an .mcap or .db3 file, or a run's folder):
-    who waited for whom, and the worlds near by.
+    whose lanes are kept. Of a log (a rosbag2 folder, a folder of several bags of one run, an .mcap
+    or .db3 file, or a run's folder): who waited for whom, and the worlds near by.
     """
     from mrta_falsify.verbs.incident.logs import is_log
 
@@ -85,14 +86,21 @@ def _import_log(log: Path, style: str, **options: Any) -> int:
 
 def _print_log(done: ImportedLog) -> None:
     out = output.stdout()
-    out.print(f"log       {done.duration_s:.0f} s, {len(done.robots)} robots")
+    begins = "" if done.begins_at is None else f", from {date_text(done.begins_at)} on"
+    out.print(f"log       {done.duration_s:.0f} s, {len(done.robots)} robots{begins}")
     out.print(f"goals     {'; '.join(done.goals)}")
     if done.suspected:
         since = "" if done.onset_s is None else f", since {done.onset_s:.1f} s"
+        if done.onset_s is not None and done.begins_at is not None:
+            since += f" ({clock_text(done.begins_at + done.onset_s)})"
         what = SUSPECTED[claim_kind({"members": done.suspected})]
         out.print(f"suspected {what} {', '.join(done.suspected)}{since}")
         for line in done.waits:
             out.print(f"          {line}")
+    elif done.doubts:
+        out.print("suspected no deadlock, but the log does not tell enough to rule one out:")
+        for doubt in done.doubts:
+            out.print(f"          {doubt}")
     else:
         out.print("suspected nothing: no robots stood for 30 s because of each other")
     out.print(f"scenario  from {done.begin_s:.1f} s of the log on, {done.tasks} tasks")

@@ -24,7 +24,7 @@ from mrta_falsify.cli.options import (
     stack_options,
 )
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.words import listed
+from mrta_falsify.core.words import listed, number_text
 
 if TYPE_CHECKING:
     from mrta_falsify.core.candidate import Dimension
@@ -248,7 +248,7 @@ def _values(dimension: Dimension) -> str:
         return text if options and len(text) <= MOST_LETTERS else f"{dimension.choices} options"
     if low is None and high is None:
         return "depends on others"
-    parts = ["" if bound is None else f"{bound:.4g}" for bound in (low, high)]
+    parts = ["" if bound is None else number_text(bound) for bound in (low, high)]
     return f"{parts[0]} to {parts[1]}".strip()
 
 

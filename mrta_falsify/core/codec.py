@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import builtins
 import dataclasses
-import difflib
 import enum
 import functools
 import hashlib
@@ -18,6 +17,7 @@ import math
 import re
 import types
 import typing
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +26,7 @@ import yaml
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.spelling import did_you_mean
 
 T = TypeVar("T")
 
@@ -293,8 +294,7 @@ def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
     fields = {f.name: f for f in dataclasses.fields(cls)}
     for key in data:
         if key not in fields:
-            nearest = difflib.get_close_matches(str(key), fields, n=1)
-            hint = f"; did you mean {nearest[0]!r}?" if nearest else "."
+            hint = did_you_mean(str(key), fields) or "."
             known = ", ".join(fields)
             _fail(where, _join(path, str(key)), f"is not a known field{hint} Known: {known}")
     hints = _type_hints(cls)
@@ -396,10 +396,27 @@ def read_json(path: Path) -> Any:
         raise FormatError(f"{path}: is not valid JSON: {detail}") from None
 
 
-def read_yaml(path: Path) -> Any:
-    """Read a YAML file, by the safe loader only."""
+def read_yaml(path: Path, *, as_text: Collection[str] = ()) -> Any:
+    """Read a YAML file, by the safe loader only.
+
+    Args:
+        path: the file.
+        as_text: fields of other tools' files. If one of them is at the top, every scalar of the
+            file stays the text that was written, for a reader that knows what it needs: a name
+            ``007`` is no 7, and ``5e-2`` is a number (YAML 1.1 takes it for text).
+
+    Raises:
+        FormatError: it cannot be read, or is no YAML.
+    """
+    text = read_text(path)
     try:
-        data = yaml.safe_load(read_text(path))
+        loader = yaml.SafeLoader(text)
+        top = loader.get_single_node()
+        fields = top.value if isinstance(top, yaml.MappingNode) else ()
+        if any(key.value in as_text for key, _ in fields if isinstance(key, yaml.ScalarNode)):
+            data = _as_text(top, loader, {})
+        else:
+            data = None if top is None else loader.construct_document(top)
         count = _values_in(data, {})
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         detail = " ".join(str(error).split())
@@ -409,6 +426,25 @@ def read_yaml(path: Path) -> Any:
             f"{path}: its aliases (*name) unfold to {count:.1e} values; at most {MAX_YAML_VALUES}"
         )
     return data
+
+
+def _as_text(node: Any, loader: yaml.SafeLoader, known: dict[int, Any]) -> Any:
+    """Make lists, dicts and text of a node; what an alias names is made once."""
+    if isinstance(node, yaml.ScalarNode):
+        return node.value
+    if id(node) in known:
+        return known[id(node)]
+    if isinstance(node, yaml.SequenceNode):
+        rows = known[id(node)] = []
+        rows += [_as_text(row, loader, known) for row in node.value]
+        return rows
+    loader.flatten_mapping(node)
+    fields = known[id(node)] = {}
+    for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            raise ValueError("a field has no name")
+        fields[key.value] = _as_text(value, loader, known)
+    return fields
 
 
 def _values_in(data: Any, known: dict[int, int]) -> int:

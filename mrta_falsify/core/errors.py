@@ -13,8 +13,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
+
+from mrta_falsify.core.spelling import did_you_mean
 
 
 class MrtaFalsifyError(Exception):
@@ -49,8 +50,7 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, where: str = "") -> None:
         known = sorted(known)
-        nearest = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {nearest[0]!r}?" if nearest else "."
+        hint = did_you_mean(name, known) or "."
         prefix = f"{where}: " if where else ""
         listing = ", ".join(known) if known else "none"
         super().__init__(f"{prefix}unknown {kind} {name!r}{hint} Known: {listing}")

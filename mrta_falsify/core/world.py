@@ -22,6 +22,7 @@ from mrta_falsify.core.directives import Directive
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError, WorldError
 from mrta_falsify.core.geometry import transform
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world_checks import check_world
 
 SCHEMA_VERSION = 1
@@ -229,7 +230,7 @@ class World:
         """Write it in one line."""
         counts = ("robots", "humans", "furniture", "tasks", "events")
         told = ", ".join(f"{len(getattr(self, name))} {name}" for name in counts)
-        return f"<World {self.name}: {told}, {self.horizon:g} s>"
+        return f"<World {self.name}: {told}, {number_text(self.horizon)} s>"
 
     def digest(self) -> str:
         """Compute the sha256 of the canonical JSON; kept for the last few worlds."""

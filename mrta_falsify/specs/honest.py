@@ -6,6 +6,7 @@ import numpy as np
 
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.verdict import Verdict, unjudged
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import (
     MOST_REFUSALS,
@@ -61,7 +62,7 @@ class HonestEvents(ByTheBooks):
             return unknown
         if event.kind == "joined" and event.robot >= 0:
             joins_at = self._world.robots[event.robot].joins_at
-            return f"it joins at {joins_at:g} s" if time < joins_at - ROUNDING else ""
+            return f"it joins at {number_text(joins_at)} s" if time < joins_at - ROUNDING else ""
         return self._objection_of_task(event, time) if event.task >= 0 else ""
 
     def _objection_of_task(self, event: StackEvent, time: float) -> str:
@@ -71,7 +72,7 @@ class HonestEvents(ByTheBooks):
         if event.kind != "deadline-missed":
             return ""
         if time <= task.deadline:
-            return f"the deadline is at {task.deadline:g} s"
+            return f"the deadline is at {number_text(task.deadline)} s"
         delivered = self._ledger.delivered.get(event.task, np.inf)
         return f"delivered in time: at {delivered:.1f} s" if delivered <= task.deadline else ""
 

@@ -29,6 +29,7 @@ from mrta_falsify.core.allocation_problem import (
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.protocols import Allocator
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.allocation.timing import closed_travel_times, timed_allocation
 from mrta_falsify.stack.allocation.verification import verify
@@ -368,7 +369,7 @@ def _notes(
         for task in dict.fromkeys(stop.task for stop in itinerary):
             if task not in before:
                 ends = [s.time for s in itinerary if s.task == task and s.action == "dropoff"]
-                expected = f"expected at {ends[0]:g} s" if ends else ""
+                expected = f"expected at {number_text(ends[0])} s" if ends else ""
                 events.append(
                     StackEvent(time=time, kind="assigned", robot=robot, task=task, detail=expected)
                 )

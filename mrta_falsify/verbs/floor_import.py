@@ -175,8 +175,10 @@ def _draw(world: World, path: Path) -> None:
 
 def _derived_text(floor: Floor, world: World) -> str:
     """Write the user's floor file again, with doors, queues and parking where it has none."""
+    from simulator_interface.formats import building_file  # noqa: PLC0415 - with the reader
+
     assert floor.source is not None
-    data: dict[str, Any] = codec.read_yaml(floor.source)
+    data: dict[str, Any] = codec.read_yaml(floor.source, as_text=building_file.FIELDS)
     heading = (
         "# The rooms with all that was derived. Change what does not please, and import again\n"
         "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"
@@ -318,6 +320,7 @@ def _summary(
         map=floor.map_facts,
         left_out=floor.left_out,
         warnings=(
+            *floor.notes,
             *_map_warnings(floor.map_facts),
             *_passing_notes(world, radius, moved),
             *_place_warnings(world, radius),

@@ -14,7 +14,8 @@
 
   function shown(value) {
     if (value === null) return "";
-    return typeof value === "number" && !Number.isInteger(value) ? String(Number(value.toPrecision(4))) : String(value);
+    if (typeof value !== "number" || Number.isInteger(value)) return String(value);
+    return String(Number(Math.abs(value) < 1 ? value.toPrecision(4) : value.toFixed(3)));
   }
 
   class TrialTable {

@@ -12,12 +12,12 @@ from scenic.core.distributions import needsSampling, supportInterval
 from scenic.core.object_types import Constructible
 from scenic.core.scenarios import Scenario
 
+from mrta_falsify.core.spelling import did_you_mean, nearest_name
 from mrta_falsify.core.world import RobotSpec
 from scenic_worlds.lint.program_lines import Lint, ProgramText
 from scenic_worlds.lint.random_values import drawn_values, required_values
 from scenic_worlds.lint.scenic_habits import SAMPLER_PARAMS
 from scenic_worlds.shipped import MODEL
-from scenic_worlds.spelling import did_you_mean, nearest_name
 
 #: global parameters that make the world of a scene, or say what is searched
 WORLD_PARAMS = (

@@ -5,7 +5,6 @@ A field that the protocol does not know is refused by name, unless it begins wit
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 import reprlib
@@ -20,6 +19,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Phase, StackEvent
+from mrta_falsify.core.spelling import did_you_mean
 from simulator_interface.external.messages import PROTOCOL, Message
 
 READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can", "coupling")
@@ -161,10 +161,10 @@ def _text(field: str, value: Any) -> str:
 def _refuse_unknown(message: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for name in message:
         if name not in known and not str(name).startswith(FREE_PREFIX):
-            near = difflib.get_close_matches(str(name), known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            near = did_you_mean(str(name), known)
+            hint = near or f"; known are {', '.join(known)}"
             named = name if str(name).isidentifier() else shown(name)
-            raise Wrong(named[:60], f"is no field of the message; {hint}")
+            raise Wrong(named[:60], f"is no field of the message{hint}")
 
 
 # --- a command ------------------------------------------------------------------------------

@@ -3,6 +3,9 @@
 Frames are those of Open-RMF. With ``coordinate_system: reference_image`` coordinates are pixels, y
 down; metres per pixel are the mean over the measurements. Other levels lie on the reference level
 by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand.
+
+Names may be digits without quotes, as the editor writes them: text is what was written. What is not
+read is listed, so that a misspelt field is seen.
 """
 
 from __future__ import annotations
@@ -17,11 +20,31 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
+from simulator_interface.formats.written import (
+    is_empty,
+    number_in,
+    shown,
+    truth_in,
+    unused_note,
+    whole_in,
+)
 
 T = TypeVar("T")
 
+FIELDS = ("levels",)  # that tell a building file from others
+
 MOST_ENTRIES = 20_000  # of one kind on one level
 KINDS = {1: str, 2: int, 3: float, 4: bool}  # of parameters, by the number before the value
+#: fields that Open-RMF defines; those that are not read here have no counterpart or no effect
+BUILDING_FIELDS = (
+    *("building_name", "coordinate_system", "crowd_sim", "graphs", "levels", "lifts", "name"),
+    *("parameters", "reference_level_name", "version"),
+)
+LEVEL_FIELDS = (
+    *("constraints", "doors", "drawing", "elevation", "features", "fiducials"),
+    *("flattened_x_offset", "flattened_y_offset", "floors", "holes", "human_lanes", "lanes"),
+    *("layers", "measurements", "models", "regions", "vertices", "walls", "x_meters", "y_meters"),
+)
 PIXELS, METRES = "reference_image", "cartesian_meters"
 
 Parameters = dict[str, Any]
@@ -64,6 +87,7 @@ class Level:
     holes: tuple[tuple[int, ...], ...]
     models: tuple[str, ...]  #: names of their models
     lifts: tuple[str, ...]  #: of the building
+    notes: tuple[str, ...]  #: fields that Open-RMF does not define, in words
 
 
 def typed(value: str | int | float | bool) -> list[Any]:
@@ -80,7 +104,7 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
     """Read a level of a building.
 
     Args:
-        data: YAML-shaped.
+        data: lists, dicts and text, as ``codec.read_yaml`` gives them with ``as_text=FIELDS``.
         path: of the file; errors begin with it.
         name: of the level; None: the only one.
 
@@ -95,9 +119,9 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
         if len(levels) > 1:
             known = ", ".join(map(str, levels))
             raise ConfigError(f"{where}: has the levels {known}; name one by --level")
-        name = str(next(iter(levels)))
+        name = next(iter(levels))
     if name not in levels:
-        raise UnknownNameError("level", name, map(str, levels), where=where)
+        raise UnknownNameError("level", name, levels, where=where)
     place = f"{where}: levels.{name}"
     level = _mapping(levels[name], place)
     points, vertices = _vertices(level, place)
@@ -105,9 +129,9 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
     if len(points):
         points = _in_metres(points, data, levels, name, where)
     return Level(
-        building=str(data.get("building_name", data.get("name", "")) or path.name.split(".")[0]),
+        building=_text(data.get("building_name", data.get("name", ""))) or path.name.split(".")[0],
         name=name,
-        others=tuple(str(other) for other in levels if other != name),
+        others=tuple(other for other in levels if other != name),
         vertices=tuple(
             Vertex(name=text, point=point, parameters=given)
             for point, (text, given) in zip(points, vertices, strict=True)
@@ -118,7 +142,11 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
         floors=_entries(level, "floors", place, lambda e, w: _outline(e, w, count)),
         holes=_entries(level, "holes", place, lambda e, w: _outline(e, w, count)),
         models=_entries(level, "models", place, _model),
-        lifts=tuple(map(str, _mapping(data.get("lifts") or {}, f"{where}: lifts"))),
+        lifts=tuple(_mapping(_or_empty(data.get("lifts"), {}), f"{where}: lifts")),
+        notes=(
+            *unused_note("the building", data, BUILDING_FIELDS),
+            *unused_note(f"level {name}", level, LEVEL_FIELDS),
+        ),
     )
 
 
@@ -131,15 +159,13 @@ def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> 
         return points
     if system != PIXELS:
         raise FormatError(
-            f"{where}: coordinate_system is {system!r}; it must be {PIXELS} or {METRES} (let the "
-            "traffic editor write the building in one of them)"
+            f"{where}: coordinate_system is {shown(system)}; it must be {PIXELS} or {METRES} (let "
+            "the traffic editor write the building in one of them)"
         )
     up = points * [1.0, -1.0]
-    reference = str(data.get("reference_level_name", next(iter(levels))))
+    reference = _text(data.get("reference_level_name")) or next(iter(levels))
     if reference not in levels:
-        raise UnknownNameError(
-            "level", reference, map(str, levels), where=f"{where}: reference_level_name"
-        )
+        raise UnknownNameError("level", reference, levels, where=f"{where}: reference_level_name")
     if reference == name:
         return up * _scale(levels[name], f"{where}: levels.{name}")
     theirs = _fiducials(levels[reference], f"{where}: levels.{reference}")
@@ -178,7 +204,8 @@ def _scale(level: Any, where: str) -> float:
         _entries(level, "measurements", where, lambda e, w: _edge(e, w, len(points)))
     ):
         place = f"{where}: measurements[{i}]"
-        metres = _number(edge.parameters.get("distance"), f"{place}.distance")
+        given = edge.parameters.get("distance")
+        metres = _number(None if given is None else str(given), f"{place}.distance")
         pixels = math.dist(points[edge.start], points[edge.end])
         if metres <= 0.0 or pixels <= 0.0:
             raise FormatError(
@@ -200,22 +227,30 @@ def _fiducials(level: Any, where: str) -> dict[str, tuple[float, float]]:
 
 def _fiducial(entry: Any, where: str) -> tuple[float, float, str]:
     row = _row(entry, 3, where)
-    return _number(row[0], f"{where}[0]"), _number(row[1], f"{where}[1]"), str(row[2])
+    return _number(row[0], f"{where}[0]"), _number(row[1], f"{where}[1]"), _text(row[2])
 
 
 # --- entries ---------------------------------------------------------------------------------
 
 
-def _mapping(data: Any, where: str) -> dict[Any, Any]:
+def _or_empty(data: Any, empty: Any) -> Any:
+    return empty if is_empty(data) else data
+
+
+def _text(data: Any) -> str:
+    return data if isinstance(data, str) else ""
+
+
+def _mapping(data: Any, where: str) -> dict[str, Any]:
     if not isinstance(data, dict):
-        raise FormatError(f"{where} is {_short(data)}; it must have fields")
+        raise FormatError(f"{where} is {shown(data)}; it must have fields")
     return data
 
 
 def _entries(level: Any, field: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    rows = level.get(field) or []
+    rows = _or_empty(level.get(field), [])
     if not isinstance(rows, list):
-        raise FormatError(f"{where}.{field} is {_short(rows)}; it must be a list")
+        raise FormatError(f"{where}.{field} is {shown(rows)}; it must be a list")
     if len(rows) > MOST_ENTRIES:
         raise FormatError(f"{where}.{field} has {len(rows)} entries; at most {MOST_ENTRIES}")
     return tuple(read(row, f"{where}.{field}[{i}]") for i, row in enumerate(rows))
@@ -232,7 +267,7 @@ def _vertex(entry: Any, where: str) -> tuple[tuple[float, float], str, Parameter
     row = _row(entry, 4, where)
     point = _number(row[0], f"{where}[0]"), _number(row[1], f"{where}[1]")
     if not isinstance(row[3], str):
-        raise FormatError(f"{where}[3] is {_short(row[3])}; it must be the vertex's name")
+        raise FormatError(f"{where}[3] is {shown(row[3])}; it must be the vertex's name")
     return point, row[3], _parameters(row[4] if len(row) > 4 else {}, f"{where}[4]")
 
 
@@ -246,58 +281,55 @@ def _edge(entry: Any, where: str, count: int) -> Edge:
 def _outline(entry: Any, where: str, count: int) -> tuple[int, ...]:
     corners = _mapping(entry, where).get("vertices")
     if not isinstance(corners, list) or len(corners) < 3:
-        raise FormatError(f"{where}.vertices is {_short(corners)}; it must list 3 vertices or more")
+        raise FormatError(f"{where}.vertices is {shown(corners)}; it must list 3 vertices or more")
     return tuple(_index(k, f"{where}.vertices[{i}]", count) for i, k in enumerate(corners))
 
 
 def _model(entry: Any, where: str) -> str:
-    return str(_mapping(entry, where).get("model_name", ""))
+    return _text(_mapping(entry, where).get("model_name"))
 
 
 def _parameters(data: Any, where: str) -> Parameters:
     """Read parameters, each a list of the number of its type and its value."""
     found = {}
-    for name, given in _mapping(data or {}, where).items():
-        kind = given[0] if isinstance(given, list) and len(given) == 2 else None
-        kind = KINDS.get(kind) if isinstance(kind, int) else None
-        value = given[1] if kind else None
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        if kind is None or not _is(value, kind):
+    for name, given in _mapping(_or_empty(data, {}), where).items():
+        kind, written = given if isinstance(given, list) and len(given) == 2 else (None, None)
+        read = _READ.get(KINDS.get(whole_in(kind) or 0, type(None)))
+        value = read(written) if read is not None and isinstance(written, str) else None
+        if value is None or (isinstance(value, float) and not math.isfinite(value)):
             raise FormatError(
-                f"{where}.{name} is {_short(given)}; it must be [type, value] with type 1 text, "
+                f"{where}.{name} is {shown(given)}; it must be [type, value] with type 1 text, "
                 "2 integer, 3 number, 4 true or false"
             )
-        found[str(name)] = value
+        found[name] = value
     return found
 
 
-def _is(value: Any, kind: type[Any]) -> bool:
-    return type(value) is kind and not (isinstance(value, float) and not math.isfinite(value))
+_READ: dict[type[Any], Callable[[str], Any]] = {
+    str: str,
+    int: whole_in,
+    float: number_in,
+    bool: truth_in,
+}
 
 
 def _row(entry: Any, least: int, where: str) -> list[Any]:
     if not isinstance(entry, list) or len(entry) < least:
-        raise FormatError(
-            f"{where} is {_short(entry)}; it must be a list of {least} values or more"
-        )
+        raise FormatError(f"{where} is {shown(entry)}; it must be a list of {least} values or more")
     return entry
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e9:
-        raise FormatError(f"{where} is {_short(value)}; it must be a number")
-    return float(value)
+    number = number_in(value)
+    if number is None or not abs(number) < 1e9:
+        raise FormatError(f"{where} is {shown(value)}; it must be a number")
+    return number
 
 
 def _index(value: Any, where: str, count: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
+    number = whole_in(value)
+    if number is None or not 0 <= number < count:
         raise FormatError(
-            f"{where} is {_short(value)}; it must be the number of a vertex, below {count}"
+            f"{where} is {shown(value)}; it must be the number of a vertex, below {count}"
         )
-    return value
-
-
-def _short(data: Any) -> str:
-    text = repr(data)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return number

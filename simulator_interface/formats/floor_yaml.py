@@ -16,7 +16,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import ConfigError, FormatError
 from mrta_falsify.core.world import Furniture, Resource, Wall
-from simulator_interface.formats import nav2, sdf
+from simulator_interface.formats import building_file, nav2, sdf
 from simulator_interface.formats.building import floor_of_level
 from simulator_interface.formats.building_file import Level, is_building, level_of
 from simulator_interface.formats.confinement import file_beside
@@ -62,6 +62,7 @@ class Floor:
     driven_past: tuple[Array, ...] = ()
     left_out: tuple[str, ...] = ()  #: what of a building has no counterpart, in words
     no_rooms: tuple[str, ...] = ()  #: which of its vertices are no rooms, and why, in words
+    notes: tuple[str, ...] = ()  #: what of other tools' files is not used, in words
 
 
 def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = None) -> Floor:
@@ -79,7 +80,7 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
     is_sdf = path.suffix.lower() in (".sdf", ".world")
-    data = None if is_sdf else codec.read_yaml(path)
+    data = None if is_sdf else codec.read_yaml(path, as_text=(*building_file.FIELDS, *nav2.FIELDS))
     if is_building(data):
         if rooms is not None:
             raise FormatError(
@@ -113,6 +114,7 @@ def _of_building(level: Level, path: Path) -> Floor:
         driven_past=made.driven_past,
         left_out=made.left_out,
         no_rooms=made.no_rooms,
+        notes=(*floor.notes, *level.notes),
     )
 
 
@@ -170,6 +172,7 @@ class _Solids:
     furniture: list[Furniture]
     extents: list[Array] = field(default_factory=list)  #: (K, 2) each [m]
     map_facts: MapFacts | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 def _assembled(
@@ -215,6 +218,7 @@ def _assembled(
         spots=described.spots,
         source=path,
         map_facts=solids.map_facts,
+        notes=tuple(solids.notes),
         described=described,
     )
 
@@ -235,6 +239,7 @@ def _add_map(solids: _Solids, file: Path, described: FloorFile) -> None:
     solids.walls += walls_of_map(grid, unknown_is_solid=unknown_is_solid, least_patch=least)
     solids.map_facts = describe_map(grid, unknown_is_solid=unknown_is_solid, least_patch=least)
     solids.extents.append(map_corners(grid))
+    solids.notes += grid.notes
 
 
 def _named(names: list[str], kind: str) -> list[str]:

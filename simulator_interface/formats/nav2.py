@@ -3,15 +3,17 @@
 Row 0 of the picture is the northernmost; ``origin`` is its lower left corner with the angle
 by which the map is turned about that corner. Brightness and thresholds follow
 ``nav2_map_server``: with ``p = 1 - brightness`` (``brightness`` if ``negate``), a cell is
-occupied if ``p > occupied_thresh``, free if ``p < free_thresh``.
+occupied if ``p > occupied_thresh``, free if ``p < free_thresh``. Other fields are listed and not
+used, as there; tools that write maps have some of their own.
 
 Reference: https://docs.nav2.org/configuration/packages/configuring-map-server.html
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, Literal
 
 import numpy as np
@@ -24,9 +26,11 @@ from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.errors import FormatError, InputError
 from simulator_interface.formats.confinement import file_beside
 from simulator_interface.formats.map_picture import read_map_picture
+from simulator_interface.formats.written import number_in, truth_in, unused_note
 
 Mode = Literal["trinary", "scale", "raw"]
 
+FIELDS = ("image",)  # that tell a map from other files
 OCCUPIED_THRESH = 0.65  # as MRTA-Sim's map
 FREE_THRESH = 0.25
 GREY_FREE, GREY_OCCUPIED = 254, 0  # what Nav2's map saver writes
@@ -43,6 +47,7 @@ class OccupancyGrid:
     origin: Array  #: (2,) lower left corner [m], map frame
     yaw: float = 0.0  #: the grid is turned about that corner [rad], counter-clockwise
     doubtful: int = 0  #: free cells as grey as those that Nav2's saver writes for unknown ones
+    notes: tuple[str, ...] = ()  #: what of the file was not used, or not found where it says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,14 +158,15 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
     """Read an occupancy grid from a Nav2 map.
 
     Args:
-        path: the YAML file; its ``image`` lies in the same folder or below.
+        path: the YAML file; its ``image`` lies in the same folder or below. One with a path of
+            another machine is looked for there by its last part.
 
     Raises:
         FormatError: a file is missing or broken, or asks for what Nav2 does not define.
     """
-    given = codec.read_yaml(path)
+    fields, notes = _known_fields(codec.read_yaml(path, as_text=FIELDS))
     try:
-        described = codec.decode(_Description, given, where=str(path))
+        described = codec.decode(_Description, fields, where=str(path))
     except InputError as error:
         raise FormatError(str(error)) from None
     if described.negate not in (0, 1):
@@ -171,7 +177,7 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
             f"occupied_thresh, {described.occupied_thresh}"
         )
     picture = read_map_picture(
-        file_beside(path, "image", described.image),
+        _image_beside(path, described.image, notes),
         with_alpha=described.mode == "trinary",
         where=f"{path}: image",
     )
@@ -186,7 +192,52 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
         origin=frozen_array(described.origin[:2]),
         yaw=float(described.origin[2]),
         doubtful=int(((picture.sums == grey) & (occupancy == 0)).sum()) if is_doubtful else 0,
+        notes=tuple(notes),
     )
+
+
+def _known_fields(given: Any) -> tuple[Any, list[str]]:
+    """Read the fields of a description, and say which ones are not used."""
+    if not isinstance(given, dict):
+        return given, []
+    known = [field.name for field in dataclasses.fields(_Description)]
+    fields = {name: value for name, value in given.items() if name in known}
+    for name, value in fields.items():
+        if name == "mode" and isinstance(value, str):
+            fields[name] = value.lower()
+        elif name == "origin" and isinstance(value, list):
+            fields[name] = list(map(_number, value))
+        elif name not in ("mode", "image"):
+            fields[name] = _number(value)
+    return fields, unused_note("the map", given, known)
+
+
+def _number(value: Any) -> Any:
+    """Read a number, or truth as 0 or 1; else the value as it is, for a message about it."""
+    number, truth = number_in(value), truth_in(value)
+    if truth is not None:
+        return int(truth)
+    return (
+        int(number)
+        if number is not None and number.is_integer()
+        else value
+        if number is None
+        else number
+    )
+
+
+def _image_beside(path: Path, image: str, notes: list[str]) -> Path:
+    """Find the picture of a map where the map says, else its last part beside the map."""
+    last = PurePath(image.replace("\\", "/")).name
+    try:
+        found = file_beside(path, "image", image)
+        if found.exists() or not (path.parent / last).is_file():
+            return found
+    except FormatError:
+        if not (path.parent / last).is_file():
+            raise
+    notes.append(f"the map's image {image} was read as {last} beside the map")
+    return file_beside(path, "image", last)
 
 
 def _occupancy_levels(described: _Description, brightest: int) -> NDArray[np.int8]:

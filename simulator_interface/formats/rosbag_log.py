@@ -1,11 +1,14 @@
-"""Logs of ROS 2 as fleets: rosbag2 folders, and single ``.mcap`` and ``.db3`` files.
+"""Logs of ROS 2 as fleets: rosbag2 folders, several of one run, and single storage files.
 
 Read are poses (TF, PoseStamped, PoseWithCovarianceStamped, Odometry, rmf_fleet_msgs/FleetState and
 RobotState), goals (PoseStamped on a topic whose last name has ``goal``), paths and maps. A robot is
-named by its topics' namespace, its TF frames' prefix, or FleetState. Where several topics tell
+named by its topics' namespace, its TF frames' prefix (``ada/base_link``, ``ada_base_link``), or
+FleetState. Where several topics tell
 poses, the best is taken: FleetState, TF to ``map``, poses, odometry.
 
-Times are those of the recording; with ``/clock`` they are simulation time.
+Times are those of the recording; with ``/clock`` they are simulation time. They count from the
+first pose to the last message of any topic. A robot whose poses fall silent stands
+where it was last seen.
 """
 
 from __future__ import annotations
@@ -20,14 +23,26 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError
-from simulator_interface.formats.fleet_log import FleetLog, RobotLog, thinned
+from mrta_falsify.core.words import is_date
+from simulator_interface.formats.bag_files import (
+    METADATA,
+    Recording,
+    files_of,
+    is_stored,
+    messages_of,
+)
+from simulator_interface.formats.fleet_log import FleetLog, RobotLog, thinned, with_stands
 from simulator_interface.formats.nav2 import OccupancyGrid
 
-ENDINGS = (".mcap", ".db3")
-METADATA = "metadata.yaml"
+ROS_1 = (".bag", ".active")
 POSES_EVERY = 0.05  # s; more is not kept
 MOST_MESSAGES = 20_000_000
+MOST_SECONDS = 7 * 86400.0  # that a log lasts; more is a stamp that is not one
+LATEST_END = 86400.0  # s after the last pose
 BASES = ("base_link", "base_footprint")
+BETWEEN = "/_-."  # a prefix and a frame's own name
+#: last parts of namespaces that name a program of a robot, and no robot
+PROGRAMS = ("odometry", "amcl", "localization", "move_base", "move_base_simple")
 ALONE = "robot"  # name of a robot whose topics have no namespace
 #: sources of poses, the best first
 SOURCES = ("fleet states", "TF", "poses", "odometry")
@@ -52,58 +67,78 @@ RMF_TYPES = {
 
 def is_bag(path: Path) -> bool:
     """Whether a path is named as a log of ROS 2 is."""
-    return path.suffix.lower() in ENDINGS or (path.is_dir() and (path / METADATA).is_file())
+    if path.is_dir():
+        return (path / METADATA).is_file() or bool(files_of(path))
+    return is_stored(path) or path.suffix.lower() in ROS_1
 
 
 def read_bag(path: Path) -> FleetLog:
     """Read a log.
 
     Args:
-        path: a rosbag2 folder, or a ``.mcap`` or ``.db3`` file.
+        path: a rosbag2 folder, a folder of several bags of one run, or a ``.mcap`` or ``.db3``
+            file, compressed or not.
 
     Raises:
         ConfigError: the extra ``mcap`` is not installed.
-        FormatError: it cannot be read, is damaged, or tells no robot's poses.
+        FormatError: it cannot be read, is damaged from its begin on, or tells no robot's poses.
     """
     if not path.exists():
         raise FormatError(f"{path}: cannot be read: there is no such file or folder")
-    seen = _Seen()
+    if path.suffix.lower() in ROS_1:
+        raise FormatError(
+            f"{path}: is a bag of ROS 1, which is not read; convert it: `rosbags-convert --src "
+            f"{path.name} --dst {path.stem}`"
+        )
     try:
-        from rosbags.rosbag2 import Reader  # noqa: PLC0415 - an extra
+        import lz4.frame  # noqa: F401, PLC0415 - an extra
+        import zstandard  # noqa: F401, PLC0415
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
     except ImportError:
         raise ConfigError(
             "reading logs of ROS 2 needs the extra `mcap`; in the checkout: pip install '.[mcap]'"
         ) from None
+    seen, recording = _Seen(), Recording()
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    unread: dict[str, int] = {}
     try:
-        with Reader(path) as bag:
-            store = get_typestore(Stores.ROS2_HUMBLE)
-            wanted = [c for c in bag.connections if c.msgtype in _HEARD]
-            _learn(store, wanted)
-            for count, (connection, stamp, raw) in enumerate(bag.messages(wanted)):
-                if count > MOST_MESSAGES:
-                    raise FormatError(f"{path}: holds more than {MOST_MESSAGES} messages")
-                message = store.deserialize_cdr(raw, connection.msgtype)
-                _HEARD[connection.msgtype](seen, connection.topic, 1e-9 * stamp, message)
+        for count, row in enumerate(messages_of(path, _HEARD, recording)):
+            if count > MOST_MESSAGES:
+                raise FormatError(f"{path}: holds more than {MOST_MESSAGES} messages")
+            if not count:
+                _learn(store, recording.definitions)
+            try:
+                message = store.deserialize_cdr(row.raw, row.kind)
+                _HEARD[row.kind](seen, row.topic, 1e-9 * row.stamp, message)
+            except InputError:
+                raise
+            except Exception:
+                unread[row.topic] = unread.get(row.topic, 0) + 1
     except InputError:
         raise
     except Exception as error:
         said = str(error).splitlines() or [type(error).__name__]
         raise FormatError(f"{path}: is damaged, or no log of ROS 2: {said[0][:200]}") from None
-    return seen.log(path)
+    if recording.refused and not seen.tracks:
+        raise FormatError(recording.refused[0])
+    recording.notes += [f"{said} (left out)" for said in recording.refused]
+    recording.notes += [
+        f"{count} messages of {topic} could not be read" for topic, count in unread.items()
+    ]
+    recording.is_cut |= bool(unread)
+    return seen.log(path, recording)
 
 
-def _learn(store: Any, connections: list[Any]) -> None:
+def _learn(store: Any, definitions: dict[str, str]) -> None:
     """Give the store Open-RMF's types, as the log defines them if it does."""
     from rosbags.typesys import get_types_from_msg  # noqa: PLC0415 - an extra
 
     types: dict[str, Any] = {}
     for name, text in RMF_TYPES.items():
         types.update(get_types_from_msg(text, name))
-    for connection in connections:
-        definition = connection.msgdef
-        if connection.msgtype in RMF_TYPES and definition.format.name == "MSG":
-            types.update(get_types_from_msg(definition.data, connection.msgtype))
+    for name, text in definitions.items():
+        if name in RMF_TYPES:
+            types.update(get_types_from_msg(text, name))
     known = {name: fields for name, fields in types.items() if name not in store.fielddefs}
     store.register(known)
 
@@ -147,7 +182,7 @@ class _Seen:
         if points and np.isfinite(points).all():
             self.paths.setdefault(robot, []).append((time, frozen_array(points)))
 
-    def log(self, path: Path) -> FleetLog:
+    def log(self, path: Path, recording: Recording) -> FleetLog:
         """Put together what was heard."""
         chosen = {
             robot: best
@@ -159,18 +194,26 @@ class _Seen:
                 f"{path}: tells no robot's poses; it needs Odometry, PoseStamped, "
                 "PoseWithCovarianceStamped, TF to a base_link, or Open-RMF's FleetState"
             )
-        begin = min(self._time(track.times[0]) for _, track in chosen.values())
-        end = max(self._time(track.times[-1]) for _, track in chosen.values())
+        begin = min(self._time(min(track.times)) for _, track in chosen.values())
+        end = max(self._time(max(track.times)) for _, track in chosen.values())
+        ended = end if recording.end is None else self._time(1e-9 * recording.end)
+        end = max(end, ended) if ended - end <= LATEST_END else end
+        if end - begin > MOST_SECONDS:
+            raise FormatError(
+                f"{path}: lasts {(end - begin) / 86400.0:.0f} days by its stamps; a log of at most "
+                f"{MOST_SECONDS / 86400.0:.0f} is read"
+            )
         robots = []
         for robot, (source, track) in chosen.items():
             times = np.array([self._time(time) - begin for time in track.times])
             order = np.argsort(times, kind="stable")
             kept = order[thinned(times[order], POSES_EVERY)]
+            time, pose = with_stands(times[kept], np.array(track.poses)[kept])
             robots.append(
                 RobotLog(
                     name=robot,
-                    time=frozen_array(times[kept]),
-                    pose=frozen_array(np.array(track.poses)[kept]),
+                    time=frozen_array(time),
+                    pose=frozen_array(pose),
                     source=source,
                     goals=self._since(self.goals.get(robot, []), begin),
                     paths=self._since(self.paths.get(robot, []), begin),
@@ -186,7 +229,12 @@ class _Seen:
             said = ", ".join(f"{name} ({count} poses)" for name, count in self.levels.items())
             notes.append(f"the log has several levels, taken for one: {said}")
         return FleetLog(
-            robots=tuple(robots), grid=self._grid(), duration=end - begin, notes=tuple(notes)
+            robots=tuple(robots),
+            grid=self._grid(),
+            duration=end - begin,
+            notes=(*recording.notes, *notes),
+            is_cut=recording.is_cut,
+            begins_at=begin if len(self.clock) < 2 and is_date(begin) else None,
         )
 
     def _since(
@@ -221,7 +269,10 @@ class _Seen:
 
 def _owner(topic: str) -> str:
     """Name the robot that a topic belongs to, by its namespace."""
-    return topic.strip("/").rpartition("/")[0] or ALONE
+    parts = topic.strip("/").split("/")[:-1]
+    while parts and parts[-1] in PROGRAMS:
+        parts.pop()
+    return "/".join(parts) or ALONE
 
 
 def _yaw(turn: Any) -> float:
@@ -242,14 +293,9 @@ def _heard_pose(seen: _Seen, topic: str, time: float, message: Any) -> None:
     if "goal" in topic.rpartition("/")[2]:
         x, y, _ = _pose(message.pose)
         if math.isfinite(x) and math.isfinite(y):
-            seen.goals.setdefault(_goal_owner(topic), []).append((time, frozen_array([x, y])))
+            seen.goals.setdefault(_owner(topic), []).append((time, frozen_array([x, y])))
     else:
         seen.add_pose(_owner(topic), "poses", time, _pose(message.pose))
-
-
-def _goal_owner(topic: str) -> str:
-    owner = _owner(topic)
-    return owner.removesuffix("/move_base_simple").removesuffix("move_base_simple") or ALONE
 
 
 def _heard_covariance(seen: _Seen, topic: str, time: float, message: Any) -> None:
@@ -288,20 +334,32 @@ def _heard_transforms(seen: _Seen, topic: str, time: float, message: Any) -> Non
         move = row.transform
         place = float(move.translation.x), float(move.translation.y), _yaw(move.rotation)
         seen.frames[space, child] = parent, place
-        prefix, _, last = child.rpartition("/")
-        if last in BASES:
-            pose = _in_map(seen, space, child)
+        prefix = _prefix(child, BASES)
+        if prefix is not None:
+            pose = _in_map(seen, space, child, prefix)
             if pose is not None:
                 seen.add_pose(prefix or space or ALONE, "TF", time, pose)
 
 
-def _in_map(seen: _Seen, space: str, frame: str) -> tuple[float, float, float] | None:
-    """Find the pose of a frame in ``map``; None: it does not hang on it."""
+def _prefix(frame: str, names: tuple[str, ...]) -> str | None:
+    """Find what stands before one of the names in a frame, empty: nothing; None: it is none."""
+    for name in names:
+        before = frame.removesuffix(name)
+        if before != frame and (not before or before[-1] in BETWEEN):
+            return before.rstrip(BETWEEN)
+    return None
+
+
+def _in_map(seen: _Seen, space: str, frame: str, prefix: str) -> tuple[float, float, float] | None:
+    """Find the pose of a robot's base in ``map``; None: it does not hang on it.
+
+    What hangs on a base of another name (``arm_base_link`` on ``base_link``) is part of that robot.
+    """
     x, y, yaw = 0.0, 0.0, 0.0
     for _ in range(10):
-        if frame.rpartition("/")[2] == "map":
+        if _prefix(frame, ("map",)) is not None:
             return x, y, yaw
-        if (space, frame) not in seen.frames:
+        if (space, frame) not in seen.frames or _prefix(frame, BASES) not in (None, prefix):
             return None
         frame, (dx, dy, turn) = seen.frames[space, frame]
         cos, sin = math.cos(turn), math.sin(turn)

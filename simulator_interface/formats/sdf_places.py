@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.xml_files import Node
+
+NO_OBSTACLE = ("sun", "groundplane")  # letters of names, wherever they come from
+
+
+def last_part(uri: str) -> str:
+    """Name what a URI or path names: its last part, without a version or a ``model.sdf``.
+
+    ``https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground%20Plane/3`` names ``Ground Plane``.
+    """
+    parts = [part for part in re.split(r"[/\\]", unquote(uri.partition("://")[2] or uri)) if part]
+    while len(parts) > 1 and re.fullmatch(r"\d+|tip|model(-[\d_]+)?\.sdf", parts[-1]):
+        parts.pop()
+    return parts[-1] if parts else ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,12 +38,26 @@ class SdfPlace:
     matrix: Array  #: (4, 4) to the map frame
     name: str  #: models and links on the way, joined by /
     nesting: int = 0
+    skip: frozenset[str] = frozenset()  #: names of what is left out
 
     def inside(self, node: Node, name: str) -> SdfPlace:
         """Find the place of an element that has a pose."""
         matrix = self.matrix @ _pose(node, self, name)
         joined = f"{self.name}/{name}" if self.name else name
-        return SdfPlace(self.file, self.root, matrix, joined, self.nesting)
+        return dataclasses.replace(self, matrix=matrix, name=joined)
+
+    def is_left_out(self, *names: str) -> bool:
+        """Whether an element is left out by one of its names or URIs, or by its last part.
+
+        So are sun and ground plane, under all names that Gazebo and Fuel give them.
+        """
+        for name in names:
+            last = last_part(name)
+            letters = re.sub(r"[^a-z]", "", last.lower())
+            inner = f"{self.name}/{name}" if self.name else name
+            if letters in NO_OBSTACLE or not self.skip.isdisjoint((name, last, inner)):
+                return True
+        return False
 
     def fail(self, problem: str) -> FormatError:
         """Make an error that names the file and the element."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import shapely
@@ -12,6 +13,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import Furniture
 from simulator_interface.formats.meshes import mesh_slab, read_mesh
 from simulator_interface.formats.outlines import outlines
@@ -30,20 +32,31 @@ def footprints_of_model(
 ) -> Iterator[Furniture]:
     """Yield footprints of a model's links within the slab from ``low`` to ``high`` [m]."""
     for number, link in enumerate(model.findall("link")):
-        at_link = where.inside(link, link.get("name", f"link_{number}"))
+        link_name = link.get("name", f"link_{number}")
+        if where.is_left_out(link_name):
+            continue
+        at_link = where.inside(link, link_name)
         shapes = link.findall("collision") or link.findall("visual")
         for count, shape in enumerate(shapes):
-            at = at_link.inside(shape, shape.get("name", f"{shape.tag}_{count}"))
+            shape_name = shape.get("name", f"{shape.tag}_{count}")
             geometry = shape.find("geometry")
-            if geometry is None:
+            if geometry is None or at_link.is_left_out(shape_name, *_uris(geometry)):
                 continue
-            footprint = _footprint(geometry, at, low, high)
+            at = at_link.inside(shape, shape_name)
+            try:
+                footprint = _footprint(geometry, at, low, high)
+            except FormatError as error:
+                raise FormatError(f"{error} (or leave it out by `skip: [{at.name}]`)") from None
             rings = [ring for ring in outlines(footprint) if Polygon(ring).area > PIECE]
             for piece, ring in enumerate(rings):
                 name = at.name if len(rings) == 1 else f"{at.name}/{piece}"
                 yield Furniture(
                     name=name, kind="static", polygon=ring, height=max(high, LEAST_HEIGHT)
                 )
+
+
+def _uris(geometry: Node) -> list[str]:
+    return [(node.text or "").strip() for node in geometry.iter("uri")]
 
 
 def _footprint(geometry: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
@@ -79,6 +92,41 @@ def _sphere(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
     return Polygon(_circle(math.sqrt(radius * radius - off * off)) + np.array([x, y]))
 
 
+def _capsule(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
+    (radius,) = read_positive(node.find("radius"), at, "radius")
+    (length,) = read_positive(node.find("length"), at, "length")
+    ball = radius * _ball()
+    reach = np.array([0.0, 0.0, length / 2.0])
+    return _hull_slab(_placed(np.vstack([ball + reach, ball - reach]), at), low, high)
+
+
+def _ellipsoid(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
+    radii = read_positive(node.find("radii"), at, "radii", 3)
+    return _hull_slab(_placed(_ball() * radii, at), low, high)
+
+
+def _cone(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
+    (radius,) = read_positive(node.find("radius"), at, "radius")
+    (length,) = read_positive(node.find("length"), at, "length")
+    rim = np.hstack([_circle(radius), np.full((ROUND, 1), -length / 2.0)])
+    return _hull_slab(_placed(np.vstack([rim, [[0.0, 0.0, length / 2.0]]]), at), low, high)
+
+
+def _ball() -> Array:
+    """Points ``(K, 3)`` of a polyhedron around the unit ball, never inside it."""
+    rise = np.linspace(-math.pi / 2.0, math.pi / 2.0, ROUND // 2 + 1)
+    rings = [
+        np.hstack([math.cos(angle) * _circle(1.0), np.full((ROUND, 1), math.sin(angle))])
+        for angle in rise
+    ]
+    return np.vstack(rings) / math.cos(math.pi / ROUND)
+
+
+def _placed(points: Array, at: SdfPlace) -> Array:
+    placed: Array = points @ at.matrix[:3, :3].T + at.matrix[:3, 3]
+    return placed
+
+
 def _polyline(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
     points = [read_numbers(point, at, "point", (2,)) for point in node.findall("point")]
     (height,) = read_positive(node.find("height"), at, "height")
@@ -99,18 +147,22 @@ def _mesh(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
 
 
 def _mesh_file(uri: str, at: SdfPlace) -> Path:
-    if uri.startswith("model://"):
-        name = uri.removeprefix("model://")
+    scheme, _, rest = uri.rpartition("://")
+    name = Path(unquote(rest).lstrip("/") if scheme in ("model", "package") else unquote(rest))
+    if scheme in ("model", "package"):
         candidates = [at.root / name, at.root / "models" / name]
     else:
-        name = uri.removeprefix("file://")
         candidates = [at.file.parent / name]
-    for file in candidates:
-        found = file.resolve()
-        if not found.is_relative_to(at.root):
-            raise at.fail(f"<uri> is {uri[:80]!r}; it must lie in {at.root}")
-        if found.is_file():
-            return found
+    if scheme not in ("", "model") or name.is_absolute():  # a path of another machine
+        ends = [Path(*name.parts[k:]) for k in range(1, len(name.parts))]
+        candidates += [at.file.parent / end for end in ends] + [at.root / end for end in ends]
+    inside = [file.resolve() for file in candidates]
+    inside = [file for file in inside if file.is_relative_to(at.root)]
+    for file in inside:
+        if file.is_file():
+            return file
+    if not inside:
+        raise at.fail(f"<uri> is {uri[:80]!r}; it must lie in {at.root}")
     raise at.fail(f"mesh {uri[:80]!r} is not there; copy it beside the file that names it")
 
 
@@ -166,6 +218,9 @@ _READERS: dict[str, Callable[[Node, SdfPlace, float, float], BaseGeometry]] = {
     "box": _box,
     "cylinder": _cylinder,
     "sphere": _sphere,
+    "capsule": _capsule,
+    "ellipsoid": _ellipsoid,
+    "cone": _cone,
     "polyline": _polyline,
     "mesh": _mesh,
 }

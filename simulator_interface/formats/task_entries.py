@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.words import number_text
 
 
 class TaskEntry(Protocol):
@@ -40,6 +41,6 @@ def check_task_entry(entry: TaskEntry, arrival: float, rooms: int, *, where: str
             raise FormatError(f"{where}.{field} is room {room}; rooms are 0 to {rooms - 1}")
     if entry.deadline < arrival:
         raise FormatError(
-            f"{where}.deadline is {entry.deadline:.12g} s, before its arrival at {arrival:.12g} s; "
-            "deadlines are absolute times"
+            f"{where}.deadline is {number_text(entry.deadline)} s, before its arrival at "
+            f"{number_text(arrival)} s; deadlines are absolute times"
         )

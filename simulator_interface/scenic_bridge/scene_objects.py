@@ -15,6 +15,7 @@ from scenic.core.scenarios import Scene
 from mrta_falsify.core import geometry
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import LINKS, Blockage, CommsOutage, Furniture, RobotSpec
 from simulator_interface.scenic_bridge.scene_values import (
     SceneRejected,
@@ -141,5 +142,7 @@ def _during(item: Any) -> tuple[float, float]:
         raise WorldError(f"during is {item.during!r}; it must be (start, end) in seconds") from None
     first, last = read_number(start, "during[0]"), read_number(end, "during[1]")
     if last < first:
-        raise SceneRejected(f"during ends at {last:g} s, before its start at {first:g} s")
+        raise SceneRejected(
+            f"during ends at {number_text(last)} s, before its start at {number_text(first)} s"
+        )
     return first, last

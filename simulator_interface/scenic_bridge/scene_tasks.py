@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import Task
 from simulator_interface.scenic_bridge.scene_contract import ScenePlaces
 from simulator_interface.scenic_bridge.scene_values import SceneRejected, naming, read_number
@@ -48,7 +49,8 @@ def _task(where: str, entry: Any, places: ScenePlaces, names: Mapping[int, str])
         raise WorldError(f"{where} is {entry!r}; times must be >= 0 s")
     if deadline < arrival:
         raise SceneRejected(
-            f"{where}: deadline {deadline:g} s is before its arrival at {arrival:g} s"
+            f"{where}: deadline {number_text(deadline)} s is before its arrival at "
+            f"{number_text(arrival)} s"
         )
     with naming(where):
         start, end = places.room_number(entry[1]), places.room_number(entry[2])

@@ -141,7 +141,8 @@ def test_a_group_in_pieces_is_told(file):
         (lambda d, g: g["lanes"].__setitem__(2, [0, 99, {}]), "lanes[2][1] is 99"),
         (lambda d, g: g["walls"].__setitem__(1, "x"), "walls[1] is 'x'"),
         (lambda d, g: g["vertices"].__setitem__(0, [0, "a", 0, ""]), "vertices[0][1] is 'a'"),
-        (lambda d, g: g["lanes"][0][2].update(mutex=[1, 5]), "lanes[0][2].mutex is [1, 5]"),
+        (lambda d, g: g["lanes"][0][2].update(mutex=[7, 5]), "lanes[0][2].mutex is [7, 5]"),
+        (lambda d, g: g["lanes"][0][2].update(mutex=[3, "x"]), "lanes[0][2].mutex is [3, 'x']"),
         (lambda d, g: g["lanes"][0][2].update(mutex=[[], 5]), "lanes[0][2].mutex is [[], 5]"),
         (lambda d, g: g.update(floors=[{"vertices": [0]}]), "floors[0].vertices is [0]"),
     ],
@@ -154,6 +155,41 @@ def test_what_is_wrong_is_told_with_its_place(file, change, words):
         read_floor(file)
     assert words in str(caught.value)
     assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["101", "007", "1_2", "12:30", "3.10", "2024-01-31", "no"])
+def test_names_that_yaml_takes_for_something_else_stay_as_they_are_written(file, name):
+    data = drawn_buildings.building()
+    ground = data["levels"].pop("ground")
+    ground["vertices"][17][3] = "NAME"
+    ground["doors"][0][2]["name"] = [1, "NAME"]
+    ground["lanes"][1][2]["mutex"] = [1, "NAME"]
+    data["levels"]["NAME"] = ground
+    data.pop("reference_level_name", None)
+    data["lifts"] = {"NAME": {}}
+    file.write_text(yaml.safe_dump(data).replace("NAME", name))
+    for level in (None, name):
+        floor = read_floor(file, level=level)
+        assert [room.name for room in floor.rooms] == ["store", name, "desk"]
+        assert sorted(use.name for use in floor.resources) == [f"{name}_2", f"{name}_3"]
+        assert any(f"the lifts {name} " in line for line in floor.left_out)
+
+
+def test_fields_that_open_rmf_does_not_define_are_told_once(file):
+    data = drawn_buildings.building()
+    data["colour"] = 1
+    data["levels"]["ground"] |= {"wals": [], "site": {"a": 1}}
+    file.write_text(yaml.safe_dump(data))
+    first, second = read_floor(file).notes
+    assert first == "colour of the building is not used"
+    assert second == "site and wals of level ground are not used (did you mean walls?)"
+
+
+def test_numbers_may_be_written_as_yaml_does_not_know_them(file):
+    data = drawn_buildings.building()
+    data["levels"]["ground"]["measurements"][0][2]["distance"] = [3, "LENGTH"]
+    file.write_text(yaml.safe_dump(data).replace("LENGTH", "160e-1"))
+    assert _place(read_floor(file), "ward") == pytest.approx([13.0, -3.0])
 
 
 def test_levels_are_named_by_the_option(file):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 from shapely import union_all
-from shapely.geometry import Point, Polygon, box
+from shapely.affinity import scale
+from shapely.geometry import LineString, Point, Polygon, box
 
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.sdf import read_sdf
@@ -63,6 +64,17 @@ def test_models_inside_models_and_includes_add_their_poses(tmp_path):
             "</polyline>",
             "",
             Polygon([(0, 0), (2, 0), (0, 2)]),
+        ),
+        (
+            "<capsule><radius>1</radius><length>2</length></capsule>",
+            "0 0 0.3 0 1.5707963 0",
+            LineString([(-1, 0), (1, 0)]).buffer(1.0),
+        ),
+        ("<ellipsoid><radii>2 1 1</radii></ellipsoid>", "", scale(Point(0, 0).buffer(1.0), 2.0)),
+        (
+            "<cone><radius>1</radius><length>1</length></cone>",
+            "0 0 0.55 0 0 0",
+            Point(0, 0).buffer(1.0),
         ),
         # a bar along x, raised at one end: it leaves the slab 0.05..0.5 where it is too high
         (
@@ -161,7 +173,8 @@ def test_models_that_include_each_other_end_in_a_sentence(tmp_path):
         (model("<heightmap/>"), "<heightmap> is not a shape that is read"),
         (model("<mesh><uri>no.stl</uri></mesh>"), "is not there"),
         ("<include><uri>model://nowhere</uri></include>", "model://nowhere is not in"),
-        ("<include><uri>https://x.org/a</uri></include>", "only model://NAME"),
+        ("<include><uri>https://x.org/a/3</uri></include>", r"leave it out by `skip: \[a\]`"),
+        ("<include/>", "<uri> of an <include> is empty"),
         (
             '<model name="m"><static>true</static><link name="l"><pose relative_to="k">'
             "0 0 0 0 0 0</pose></link></model>",
@@ -207,6 +220,78 @@ def test_broken_meshes_are_refused(tmp_path, content, kind):
 def test_a_skipped_model_need_not_be_there(tmp_path):
     body = "<include><uri>model://nowhere</uri></include>" + model(BOX)
     assert len(read_sdf(world(tmp_path, body), skip=("nowhere",))) == 1
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "<include><uri>model://sun</uri></include>",
+        "<include><uri>https://fuel.gazebosim.org/1.0/OpenRobotics/models/Sun</uri></include>",
+        "<include><uri>https://fuel.gazebosim.org/1.0/OR/models/Ground Plane/3</uri></include>",
+        "<include><uri>https://fuel.gazebosim.org/1.0/OR/models/Ground%20Plane/tip</uri></include>",
+        "<include><uri>model://ground_plane/model.sdf</uri><name>floor</name></include>",
+        model(BOX, name="ground_plane_0"),
+    ],
+)
+def test_sun_and_ground_plane_are_no_obstacles_wherever_they_come_from(tmp_path, body):
+    assert read_sdf(world(tmp_path, body)) == ()
+
+
+HEIGHTMAP = model("<heightmap><uri>model://site/media/hills.png</uri></heightmap>")
+
+
+@pytest.mark.parametrize(
+    ("body", "names"),
+    [
+        (
+            "<include><uri>https://x.org/models/Desk%20A/2</uri><name>d</name></include>",
+            ("d", "Desk A", "https://x.org/models/Desk%20A/2"),
+        ),
+        (
+            model("<mesh><uri>package://ward/meshes/bed.step</uri></mesh>"),
+            ("bed.step", "package://ward/meshes/bed.step", "m", "l", "m/l", "c", "m/l/c"),
+        ),
+        (HEIGHTMAP, ("hills.png", "c", "m/l/c")),
+    ],
+)
+def test_what_cannot_be_read_is_left_out_by_a_name_or_its_last_part(tmp_path, body, names):
+    kept = model(BOX, name="n").replace('"c"', '"k"').replace('"l"', '"j"')
+    file = world(tmp_path, body + kept)
+    with pytest.raises(FormatError, match=r"skip: \["):
+        read_sdf(file)
+    for name in names:
+        assert [solid.name for solid in read_sdf(file, skip=(name,))] == ["n/j/k"]
+
+
+def test_a_fetched_model_is_found_by_the_last_part_of_its_uri(tmp_path):
+    for folder, name in (("Desk A", "a"), ("models/shelf", "b")):
+        (tmp_path / folder).mkdir(parents=True)
+        text = model(BOX, name=name)
+        (tmp_path / folder / "model.sdf").write_text(f'<sdf version="1.6">{text}</sdf>')
+    body = "".join(
+        f"<include><uri>{uri}</uri></include>"
+        for uri in ("https://x.org/1.0/o/models/Desk%20A/2", "file:///home/them/models/shelf")
+    )
+    names = [solid.name for solid in read_sdf(world(tmp_path, body))]
+    assert names == ["Desk A/l/c", "shelf/l/c"]
+
+
+@pytest.mark.parametrize(
+    "uri", ["package://ward/meshes/t.stl", "file:///home/them/ward/meshes/t.stl"]
+)
+def test_a_mesh_of_another_machine_is_found_by_the_end_of_its_path(tmp_path, uri):
+    (tmp_path / "meshes").mkdir()
+    mesh = trimesh.creation.box((1, 1, 1)).export(file_type="stl")
+    (tmp_path / "meshes" / "t.stl").write_bytes(mesh)
+    solids = read_sdf(world(tmp_path, model(f"<mesh><uri>{uri}</uri></mesh>")))
+    assert area_of(solids).area == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_moving_model_needs_no_pose_that_is_read(tmp_path):
+    robot = (
+        '<model name="robot"><pose relative_to="dock">0 0 0 0 0 0</pose><link name="l"/></model>'
+    )
+    assert len(read_sdf(world(tmp_path, robot + model(BOX)))) == 1
 
 
 def test_quaternions_and_degrees_turn_alike(tmp_path):

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
+from mrta_falsify.core.spelling import did_you_mean, nearest_name
 from scenic_worlds.shipped import library_names, scenario_names, scenario_path
-from scenic_worlds.spelling import did_you_mean, nearest_name
 
 
 def test_the_shipped_programs_are_listed_without_loading_scenic():

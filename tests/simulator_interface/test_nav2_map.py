@@ -126,13 +126,43 @@ def test_grey_levels_follow_the_thresholds_of_nav2(tmp_path):
         ("{image}", "none.pgm", "cannot be read: No such file"),
         ("{negate}", "2", "negate is 2; it must be 0 or 1"),
         ("free_thresh: 0.25", "free_thresh: 0.7", "free_thresh is 0.7; it must be below"),
-        ("mode: {mode}", "mod: trinary", "did you mean 'mode'"),
+        ("mode: {mode}", "mode: [trinary]", r"mode is \['trinary'\]; it must be one of"),
+        ("resolution: 0.05", "resolution: fine", "resolution is 'fine'; it must be a number"),
+        ("{image}", "../m.gif", "must lie in the folder of this file"),
     ],
 )
 def test_a_broken_description_is_refused_in_words(tmp_path, old, new, said):
     path = write_map(tmp_path, [[0]], text=TEXT.replace(old, new))
     with pytest.raises(FormatError, match=said):
         read_nav2_map(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "note"),
+    [
+        ("sensor_height: 0.7", "sensor_height of the map is not used"),
+        ("frame_id: map\nmap_frame: 1", "frame_id and map_frame of the map are not used"),
+        ("mod: raw", "mod of the map is not used (did you mean mode?)"),
+    ],
+)
+def test_what_nav2_does_not_read_is_told_in_one_note(tmp_path, line, note):
+    grid = read_nav2_map(write_map(tmp_path, [[254, 0]], text=f"{TEXT}{line}\n"))
+    assert grid.data.tolist() == [[0, 100]]
+    assert grid.notes == (note,)
+
+
+def test_numbers_are_read_as_nav2_reads_them(tmp_path):
+    text = TEXT.replace("0.05", "5e-2").replace("-1.5", '"-1.5"').replace("{mode}", "Trinary")
+    grid = read_nav2_map(write_map(tmp_path, [[254, 0]], negate="yes", text=text))
+    assert (grid.resolution, grid.origin.tolist(), grid.notes) == (0.05, [-1.5, 2.0], ())
+    assert grid.data.tolist() == [[100, 0]]
+
+
+@pytest.mark.parametrize("image", ["/home/them/maps/m.pgm", "maps/m.pgm", "../m.pgm"])
+def test_a_picture_named_as_on_another_machine_is_read_beside_the_map(tmp_path, image):
+    grid = read_nav2_map(write_map(tmp_path, [[254, 0]], image=image))
+    assert grid.data.tolist() == [[0, 100]]
+    assert grid.notes == (f"the map's image {image} was read as m.pgm beside the map",)
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,38 @@ def test_what_a_log_lacks_is_told(logs, tmp_path):
         import_log(logs["tf"], tmp_path, settings=("engine=kinematic",))
 
 
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_deadlock_of_robots_that_tell_poses_only_in_motion_is_named(storage, tmp_path):
+    done = import_log(drawn_logs.write(tmp_path / "log", "motion", storage), tmp_path / "out")
+    _check_deadlock(done)
+    assert done.duration_s == pytest.approx(drawn_logs.DURATION, abs=0.3)
+    assert done.goals == ("ada: guessed", "bob: guessed", "cyd: none")
+    assert any("ada (12.0 s) and bob (12.0 s)" in note for note in done.notes)
+    assert done.doubts == ()
+
+
+def test_what_the_end_of_a_log_does_not_tell_is_a_doubt(tmp_path):
+    def alone(time: float, topic: str) -> bool:
+        return "ada" in topic or "map" in topic
+
+    log = drawn_logs.write(tmp_path / "log", "motion", "mcap", only=alone)
+    done = import_log(log, tmp_path / "out")
+    assert done.suspected == ()
+    assert done.goals == ("ada: went there",)
+    assert len(done.doubts) == 2  # whether it moved, and where it was to go
+    always = drawn_logs.write(tmp_path / "always", "odometry", "mcap", only=alone)
+    assert import_log(always, tmp_path / "out").doubts == ()
+    short = drawn_logs.write(tmp_path / "short", "odometry", "mcap", until=20.0)
+    assert len(import_log(short, tmp_path / "out").doubts) == 1
+
+
+def test_a_robot_that_the_log_leaves_on_its_way_was_going_somewhere(tmp_path):
+    log = drawn_logs.write(tmp_path / "log", "poses", "mcap", until=8.0)
+    done = import_log(log, tmp_path / "out")
+    assert done.goals == ("ada: last seen", "bob: last seen", "cyd: none")
+    assert done.tasks == 2
+
+
 def _damage(folder: Path, rng: random.Random) -> None:
     """Flip, cut, or drop a key in one of a log's files."""
     file = rng.choice(sorted(path for path in folder.iterdir() if path.name != "picture.png"))
@@ -160,8 +192,10 @@ def test_damaged_logs_are_told_in_a_sentence(kind, logs, run, tmp_path):
             (copy / "run.mcap").unlink()
         _damage(copy, rng)
         try:
-            import_log(copy, tmp_path / "out")
+            done = import_log(copy, tmp_path / "out")
         except InputError as error:
-            assert "\n" not in str(error)  # noqa: PT017 - most are refused, not all
+            assert "\n" not in str(error)  # noqa: PT017 - a run is refused, a bag read as it goes
             refused += 1
-    assert refused >= 5
+        else:
+            assert done.robots
+    assert refused >= (5 if kind == "run" else 0)

@@ -16,6 +16,7 @@ from mrta_falsify.core.allocation_problem import (
     Stop,
 )
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.words import number_text
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.objective import Objective
 from mrta_falsify.stack.allocation.proving import Proof, Prover
@@ -146,7 +147,7 @@ def core_in_words(problem: AllocationProblem, proof: Proof) -> str:
         least = " of them" if proof.minimal else " (there may be a smaller such set)"
         return (
             f"no plan of {len(problem.robots)} robots has tasks {names} in time (last deadline "
-            f"{last:g} s); all but any one{least} can be"
+            f"{number_text(last)} s); all but any one{least} can be"
             if proof.minimal
             else f"no plan of {len(problem.robots)} robots has tasks {names} in time{least}"
         )
@@ -163,11 +164,11 @@ def core_in_words(problem: AllocationProblem, proof: Proof) -> str:
     end, robot = min(ends)
     if end <= task.deadline:  # the load on board is in the way
         return (
-            f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s, since every "
-            "robot must first make room for it"
+            f"task {task.number} cannot be in room {task.end} by {number_text(task.deadline)} s, "
+            "since every robot must first make room for it"
         )
     who = "the robot that could be first" if not carriers and task.robot < 0 else "its robot"
     return (
-        f"task {task.number} cannot be in room {task.end} by {task.deadline:g} s: "
-        f"{who}, {robot}, is there at {end:g} s"
+        f"task {task.number} cannot be in room {task.end} by {number_text(task.deadline)} s: "
+        f"{who}, {robot}, is there at {number_text(end)} s"
     )

@@ -12,6 +12,7 @@ from mrta_falsify.core.allocation_problem import (
     RobotPlan,
     Stop,
 )
+from mrta_falsify.core.words import number_text
 
 TOLERANCE = 1e-6  # s, sums of floats in another order
 
@@ -135,7 +136,8 @@ def _time_faults(
         earliest = leaves + float(problem.travel_times[room, stop.room]) + service
         if not stop.time >= earliest - TOLERANCE:  # also catches nan
             what = (
-                f"{stop.action} of task {stop.task} at {stop.time:g} s; not before {earliest:g} s"
+                f"{stop.action} of task {stop.task} at {number_text(stop.time)} s; not before "
+                f"{number_text(earliest)} s"
             )
             faults.append(Fault(what=what, robot=plan.robot, task=stop.task, promise=True))
         room, ready = stop.room, max(stop.time, earliest)

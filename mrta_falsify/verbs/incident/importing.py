@@ -6,22 +6,26 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mrta_falsify.core.claims import claim_kind
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
 from mrta_falsify.core.wait_account import wait_account
+from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.verbs.floor_import import DEFAULT_RADIUS
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.incident.judging import Suspicion, suspicion_in
-from mrta_falsify.verbs.incident.legs import Leg, legs_of
+from mrta_falsify.verbs.incident.legs import HALTS_WITHIN, Leg, legs_of
 from mrta_falsify.verbs.incident.logs import read_log
 from mrta_falsify.verbs.incident.scene import Scene, floor_of_log, scene_of, with_robots
 from mrta_falsify.verbs.stacks import Stack
 from simulator_interface.formats.fleet_log import FleetLog, RobotLog
 
 MOST_ROBOTS = 100
+STOOD_FOR = 30.0  # s, from then on the oracle suspects robots that stand
 PROGRAM_ENDING, WORLD_ENDING = ".scenic", ".world.json"
 
 
@@ -57,6 +61,8 @@ class ImportedLog:
     goals: tuple[str, ...]  #: how the goals are known, by robot
     confirmed: Confirmation | None = None  #: None: no stack was asked
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  #: why nothing suspected does not mean that nothing was, in words
+    begins_at: float | None = None  #: of the log, seconds since 1970; None: it is not known
 
 
 def import_log(
@@ -71,7 +77,8 @@ def import_log(
     """Say who waited for whom in a log, and write the worlds near by as a scenario.
 
     Args:
-        log: a rosbag2 folder, a ``.mcap`` or ``.db3`` file, or a run of this toolkit.
+        log: a rosbag2 folder, a folder of bags of one run, a ``.mcap`` or ``.db3`` file, or a run
+            of this toolkit.
         output: directory for NAME.scenic, NAME.layout.json and NAME.world.json.
         floor: layout of the log's building, instead of the log's map.
         radius: of the robots [m]; those of a run of this toolkit are known.
@@ -119,7 +126,9 @@ def import_log(
         confirmed=None
         if stack is None
         else _confirmation(scene.world, stack, settings, set(members)),
-        notes=(*record.notes, *scene.notes, *_map_note(record, known)),
+        notes=(*record.notes, *_silent_note(record), *scene.notes, *_map_note(record, known)),
+        doubts=() if members else _doubts(record, legs),
+        begins_at=record.begins_at,
     )
 
 
@@ -174,6 +183,47 @@ def _understood(
 def _origins(robot: RobotLog, legs: tuple[Leg, ...]) -> str:
     kinds = dict.fromkeys(leg.origin for leg in legs)
     return f"{robot.name}: {', '.join(kinds) or 'none'}"
+
+
+def _silent_note(record: FleetLog) -> tuple[str, ...]:
+    silent = record.silent()
+    if not silent:
+        return ()
+    ends = listed([f"{robot.name} ({robot.time[-1]:.1f} s)" for robot in silent])
+    return (
+        f"no poses are told to the end, {record.duration:.1f} s, of {ends}: from then on "
+        f"{'it is' if len(silent) == 1 else 'they are'} taken to stand there",
+    )
+
+
+def _doubts(record: FleetLog, legs: tuple[tuple[Leg, ...], ...]) -> tuple[str, ...]:
+    """Say what the log does not tell, so that a deadlock may be there that was not suspected."""
+    found = []
+    if record.duration < STOOD_FOR:
+        found.append(
+            f"it lasts {record.duration:.0f} s; robots are suspected after {STOOD_FOR:.0f}"
+        )
+    if record.is_cut:
+        found.append("not all of it could be read")
+    silent = [robot.name for robot in record.silent()]
+    if silent:
+        found.append(f"whether {listed(silent)} moved after their last poses")
+    idle = [
+        robot.name
+        for robot, rows in zip(record.robots, legs, strict=True)
+        if not any(leg.origin in ("told", "path") for leg in rows)
+        and record.duration - _stands_since(robot) >= STOOD_FOR
+    ]
+    if idle:
+        found.append(f"where {listed(idle)} {'was' if len(idle) == 1 else 'were'} to go")
+    return tuple(found)
+
+
+def _stands_since(robot: RobotLog) -> float:
+    """Find since when a robot has been where it is at the end [s]."""
+    away = np.hypot(*(robot.pose[:, :2] - robot.pose[-1, :2]).T) > HALTS_WITHIN
+    moved = np.flatnonzero(away)
+    return float(robot.time[moved[-1]]) if len(moved) else 0.0
 
 
 def _map_note(record: FleetLog, known: World | None) -> tuple[str, ...]:

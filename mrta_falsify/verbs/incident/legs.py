@@ -22,6 +22,7 @@ HALTS_WITHIN = 0.15  # m: a robot that stays within this halts
 HALTS_FOR = 5.0  # s, from then on a halt is a stop
 HELD_FOR = 15.0  # s; a halt to the end of the log, this long and beside another one, is no stop
 BESIDE = 2.5  # m between robots that may hold each other
+AWAY = 1.0  # m from its last stop; a robot that the log leaves there was going somewhere
 AHEAD = 5.0  # m straight ahead, where nothing else tells the goal
 LOOKED_EVERY = 0.25  # s
 
@@ -32,7 +33,7 @@ class Leg:
 
     begin: float  #: [s]
     goal: Array  #: (2,) [m]
-    origin: str  #: told, path, went there, guessed
+    origin: str  #: told, path, went there, last seen, guessed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,14 +47,15 @@ def legs_of(log: FleetLog, floor: World) -> tuple[tuple[Leg, ...], ...]:
     """Find the legs of every robot.
 
     Goals that the log tells count, then the ends of paths. Without either, every halt of 5 s is a
-    goal. A robot that halts beside another one until the log ends may be held. Its goal is then
-    where robots went from its last stop before, else straight ahead.
+    goal, and where a robot was last seen on its way. A robot that halts beside another one until
+    the log ends may be held. Its goal is then where robots went from its last stop before, else
+    straight ahead.
 
     Args:
         log: of the fleet.
         floor: walls, for what is ahead.
     """
-    halts = [_halts(robot) for robot in log.robots]
+    halts = [_halts(robot, log.duration) for robot in log.robots]
     solids = STRtree(polygons(floor.solid_polygons()))
     known = [(stops[k].place, stops[k + 1].place) for stops in halts for k in range(len(stops) - 1)]
     found = []
@@ -77,9 +79,12 @@ def _merged(told: list[tuple[float, Array, str]]) -> tuple[Leg, ...]:
     return tuple(legs)
 
 
-def _halts(robot: RobotLog) -> list[_Halt]:
-    """List the halts of a robot; where it is at first is one, however short."""
-    times = np.arange(0.0, float(robot.time[-1]) + LOOKED_EVERY, LOOKED_EVERY)
+def _halts(robot: RobotLog, until: float) -> list[_Halt]:
+    """List the halts of a robot; where it is at first is one, however short.
+
+    Once its poses fall silent it stands, until the log ends at ``until`` [s].
+    """
+    times = np.arange(0.0, until + LOOKED_EVERY, LOOKED_EVERY)
     places = robot.at(times)[:, :2]
     found: list[_Halt] = []
     first = 0
@@ -96,7 +101,7 @@ def _halts(robot: RobotLog) -> list[_Halt]:
 
 def _is_held(number: int, halts: list[list[_Halt]], log: FleetLog) -> bool:
     last = halts[number][-1]
-    if log.duration - last.begin < HELD_FOR or last.end < log.robots[number].time[-1] - 1.0:
+    if log.duration - last.begin < HELD_FOR or last.end < log.duration - 1.0:
         return False
     return any(
         other != number
@@ -125,6 +130,9 @@ def _derived(
         if goal is None:
             goal = _straight_ahead(robot, last, solids)
         legs.append(Leg(begin=begin, goal=goal, origin="guessed"))
+    seen = robot.pose[-1, :2]
+    if not held and math.dist(seen, halts[-1].place) > AWAY:
+        legs.append(Leg(begin=halts[-1].end, goal=frozen_array(seen), origin="last seen"))
     return tuple(legs)
 
 

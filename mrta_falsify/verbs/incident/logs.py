@@ -19,7 +19,11 @@ TRACE, WORLD = "trace.zip", "world.json"
 
 def is_log(path: Path) -> bool:
     """Whether a path is named as a log is: a bag, or a run with its trace."""
-    return is_bag(path) or path.name == TRACE or (path.is_dir() and (path / TRACE).exists())
+    return _is_run(path) or is_bag(path)
+
+
+def _is_run(path: Path) -> bool:
+    return path.name == TRACE or (path.is_dir() and (path / TRACE).exists())
 
 
 def read_log(path: Path) -> tuple[FleetLog, World | None]:
@@ -31,7 +35,7 @@ def read_log(path: Path) -> tuple[FleetLog, World | None]:
     Raises:
         InputError: it is missing, damaged, or tells no robot's poses.
     """
-    if is_bag(path):
+    if not _is_run(path):
         return read_bag(path), None
     folder = path if path.is_dir() else path.parent
     world = read_world(folder / WORLD)

@@ -13,6 +13,7 @@ from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
+from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import write_world
 from mrta_falsify.verbs.folders import make_directory
 from mrta_falsify.verbs.report.trial_table import dimension_names, told_values
@@ -73,7 +74,7 @@ def _steps(campaign: Campaign, one: Array, others: Array) -> Array:
 def _text(value: DimensionValue) -> str:
     if value is None:
         return ""
-    return str(value) if isinstance(value, (str, bool)) else f"{value:.4g}"
+    return str(value) if isinstance(value, (str, bool)) else number_text(value)
 
 
 @guarded()

@@ -11,12 +11,15 @@ CLOSE = 0.6  # similarity of difflib, 0 to 1, from which on a name may be meant
 def nearest_name(name: str, known: Iterable[str], *, cutoff: float = CLOSE) -> str:
     """Find the known name that ``name`` was probably meant to be; empty if none is near.
 
+    It never is the name that was given: where both read alike (a number and its digits), another
+    spelling is not what was wrong.
+
     Args:
         name: as given.
         known: names that exist.
         cutoff: least similarity, 0 to 1.
     """
-    candidates = sorted(known)
+    candidates = sorted(other for other in known if other != name)
     same = [other for other in candidates if other.casefold() == name.casefold()]
     found = same or difflib.get_close_matches(name, candidates, n=1, cutoff=cutoff)
     return found[0] if found else ""
