@@ -33,6 +33,7 @@ class PlaceFunctions:
         self.corridors = regions.region_named(self.places, "corridors")
         self.standing_room = regions.region_named(self.places, "standing_room")
         self.inside_rooms = regions.region_named(self.places, "inside_rooms")
+        self.bed_parking = regions.region_named(self.places, "bed_parking")
 
     def room(self, place: Place) -> Region:
         """Free floor of a room."""

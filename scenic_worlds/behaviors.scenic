@@ -49,12 +49,24 @@ behavior StandStill():
         take CarryOn(todo)
 
 
-behavior Push(thing, place, speed=0):
+behavior Push(thing, place, speed=0, keeps=False):
     """Walk behind a piece of furniture and push it until its centre is at a place.
 
-    The piece needs `with movable True` if the behaviour that pushes it is your own.
+    Without progress for 20 s the piece is left where it is. Who `keeps` it waits until the way
+    is free, and does not begin where none is as wide as the piece. The piece needs
+    `with movable True` if the behaviour that pushes it is your own.
     """
-    todo = script('Push', thing, place, speed=speed)
+    todo = script('Push', thing, place, speed=speed, keeps=keeps)
+    while not todo.done:
+        take CarryOn(todo)
+
+
+behavior PushAlong(thing, route, pause=0, speed=0):
+    """Push a piece of furniture from place to place, with a pause at each.
+
+    On the way it is never left, as `Push` with `keeps` says.
+    """
+    todo = script('PushAlong', thing, route, pause=pause, speed=speed)
     while not todo.done:
         take CarryOn(todo)
 

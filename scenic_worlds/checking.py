@@ -100,6 +100,14 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         self.counts[self.last.who] += 1
         return self.last.message
 
+    def all_outside(self, sample: Sample) -> dict[Any, Any]:
+        """Find every object of the program that is outside its region, with that region.
+
+        Args:
+            sample: a complete sample, valid or not.
+        """
+        return {r.obj: sample[r.container] for r in self._containment.all_outside(sample)}
+
     def _first_violation(self, sample: Sample) -> Rejection | None:
         outside = self._containment.first_outside(sample)
         if outside is not None:
@@ -164,7 +172,11 @@ class _Containment:
         self._known: list[tuple[Any, Any]] = [(None, None)] * len(self._requirements)
 
     def first_outside(self, sample: Sample) -> ContainmentRequirement | None:
-        """Find the first requirement that fails.
+        """Find the first requirement that fails."""
+        return next(iter(self.all_outside(sample)), None)
+
+    def all_outside(self, sample: Sample) -> list[ContainmentRequirement]:
+        """Find all requirements that fail, in Scenic's order.
 
         What passed before with the same object and the same region is not asked again.
         """
@@ -178,7 +190,7 @@ class _Containment:
         failed: list[int] = []
         for batch in batches.values():
             failed += self._outside(sample, batch)
-        return self._requirements[min(failed)] if failed else None
+        return [self._requirements[i] for i in sorted(failed)]
 
     def _outside(self, sample: Sample, batch: Sequence[int]) -> list[int]:
         """Test a batch with one container: those that fail; the others are remembered."""

@@ -13,6 +13,7 @@ from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.spelling import nearest_name
 from scenic_worlds.compile_errors import compile_error_text
 from scenic_worlds.primitives import randomness
+from scenic_worlds.pruning import undo_unfaithful_pruning
 from scenic_worlds.shipped import MODEL
 
 
@@ -37,6 +38,7 @@ def compile_scenario(path: Path, params: dict[str, Any]) -> Scenario:
     except Exception as error:
         raise FormatError(compile_error_text(error, path)) from error
     _check_parts(scenario, path)
+    undo_unfaithful_pruning(scenario)
     return scenario
 
 

@@ -23,6 +23,7 @@ free_floor = _floor.free_floor
 corridors = _floor.corridors
 standing_room = _floor.standing_room
 inside_rooms = _floor.inside_rooms
+bed_parking = _floor.bed_parking
 
 room = _floor.room
 near = _floor.near

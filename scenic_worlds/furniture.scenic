@@ -11,7 +11,10 @@ wheelchair within ISO 7176-5's 0.70 x 1.20 m; trolleys and lockers after supplie
 EUR pallet EN 13698-1 (0.8 x 1.2 x 0.144 m).
 """
 
-from scenic_worlds.floor import FloorObject, standing_room
+from scenic_worlds.floor import FloorObject, places, standing_room
+from scenic_worlds.random_places import region_to_stand_in
+
+param clear_of_doors = False
 
 
 class Furniture(FloorObject):
@@ -21,11 +24,14 @@ class Furniture(FloorObject):
         mesh: names a shape to draw it with (see simulator_interface/furniture_shapes.py);
             robots meet the extruded footprint.
         movable: may be pushed.
+        clear_of_doors: stands off doorways by what a robot needs to pass; `param clear_of_doors`
+            unless it is given.
     """
     kind: 'furniture'
     mesh: ''
     movable: False
-    regionContainedIn: standing_room
+    clear_of_doors: globalParameters.clear_of_doors
+    regionContainedIn: region_to_stand_in(places, self.clear_of_doors)
     position: new Point in standing_room
     baseOffset: (0, -self.length / 2, 0)
 

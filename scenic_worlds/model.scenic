@@ -16,13 +16,15 @@ Global parameters, all of them readable and searchable when random:
     ray_noise: standard deviation of measured obstacle distances [m], 0.
     noise_seed: of all noise inside the episode; the candidate's own by default.
     stack_params: parameters of a foreign stack, a list of (name, number); over those of its file.
+    clear_of_doors: furniture stands off doorways by what a robot needs to pass; give it before the
+        `model` line. False by default; a piece's own `clear_of_doors` goes before it.
     restrict: least and largest share of the range of search dimensions, by name; plain Scenic
         ignores it.
-Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `room(i)`, `near(i)`, `along_wall(i)`,
+Places: `free_floor`, `corridors`, `standing_room`, `inside_rooms`, `bed_parking`, `room(i)`, `near(i)`, `along_wall(i)`,
     `doorway(i)`, `queue_area(i)`, `route(i, j)`, `beside(thing)`, `room_point(i)`.
-Objects: `Robot`, `Human`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`;
+Objects: `Robot`, `Human`, `Porter`, the furniture of furniture.scenic, `Blockage`, `CommsOutage`;
     `Corridor`, `Door`, `Lift`, `Charger`, `RoomUse` for what robots use in turn.
-Streams: `burst`, `poisson`, `hot_room`, `tight_deadlines`, `delivery`, `for_robot`,
+Streams: `burst`, `poisson`, `rush_hour`, `hot_room`, `tight_deadlines`, `delivery`, `for_robot`,
     `any_room`, `another_room`; routes: `random_route`, `random_visits`.
 Lengths in metres, speeds in m/s, times in seconds. Scenic's heading 0 points to +y (north).
 The reference with pictures is docs/scenic-library.md.
@@ -35,6 +37,7 @@ from scenic_worlds.furniture import *
 from scenic_worlds.robots import *
 from scenic_worlds.people import *
 from scenic_worlds.behaviors import *
+from scenic_worlds.porters import *
 from scenic_worlds.events import *
 from scenic_worlds.resources import *
 from scenic_worlds.tasks import *

@@ -41,10 +41,13 @@ from simulator_interface.formats.floor_resources import ROOM_REACH
 
 TRAFFIC_REACH = 2.0  # m from a roadway that still counts as corridor
 KEPT_CLEAR = 0.45  # m around room points, waiting spots and parking: a robot of 0.22 m turns there
+CLEAR_OF_DOORS = 0.6  # m around doorways: a robot of 0.22 m passes there with its margins
+BED = (1.0, 2.2)  # m, width and length
 DOORWAY_DEPTH = 0.8  # m on either side of a door that counts as the doorway
 SMALL_ITEM = (0.45, 0.3)  # m, width and length of the least that stands along a wall
 SMALLEST_VISIT = 0.2  # m^2, of the floor that people go to
 SMALLEST_STEP = 0.5  # m; people who come no farther than this may go anywhere
+PARKED_OFF = 0.15  # m that a bed is left off the place that it is pushed to, at most
 QUEUE_WIDTH = 0.8  # m, of the strip that holds the waiting spots
 
 
@@ -103,15 +106,24 @@ class Places:
     @functools.cached_property
     def standing_shape(self) -> BaseGeometry:
         """Shape of :attr:`standing_room`."""
+        return self.free.difference(self._kept_clear)
+
+    @functools.cached_property
+    def _kept_clear(self) -> BaseGeometry:
+        """Doorways, and what is around room points, waiting spots and parking."""
         layout = self.layout
         points = [room.point for room in layout.rooms]
         points += [spot for resource in layout.resources for spot in resource.spots]
         points += list(layout.parking)
         clear = list(shapely.buffer(shapely.points(np.array(points)), KEPT_CLEAR, quad_segs=2))
-        clear += [
-            self._doorway_shape(i) for i, room in enumerate(layout.rooms) if len(room.door) > 1
-        ]
-        return self.free.difference(shapely.union_all(clear))
+        return shapely.union_all([*clear, self._doorways])
+
+    @functools.cached_property
+    def _doorways(self) -> BaseGeometry:
+        rooms = self.layout.rooms
+        return shapely.union_all(
+            [self._doorway_shape(i) for i, room in enumerate(rooms) if len(room.door) > 1]
+        )
 
     @property
     def standing_room(self) -> Region:
@@ -126,6 +138,33 @@ class Places:
     @functools.cached_property
     def _inside_shape(self) -> BaseGeometry:
         return self.standing_shape.intersection(self._all_rooms)
+
+    @property
+    def clear_of_doors(self) -> Region:
+        """The part of ``standing_room`` that is not within 0.6 m of a doorway."""
+
+        def build() -> Region:
+            around = shapely.buffer(self._doorways, CLEAR_OF_DOORS, quad_segs=2)
+            return region_from(self.standing_shape.difference(around), "clear_of_doors")
+
+        return self._kept(("clear_of_doors",), build)
+
+    @property
+    def bed_parking(self) -> Region:
+        """Places for the centre of a bed that is left there, whichever way it points.
+
+        It fits along some heading, and along none it reaches into a doorway or stands on a room
+        point, a waiting spot or a parking place. A bed can be pushed from each to each.
+        """
+
+        def build() -> Region:
+            width, length = BED
+            reach = float(np.hypot(width, length)) / 2.0 + PARKED_OFF
+            wide = self.free.buffer(-(width / 2.0 + PARKED_OFF))
+            fits = max(getattr(wide, "geoms", [wide]), key=lambda part: part.area)
+            return region_from(fits.difference(self._kept_clear.buffer(reach)), "bed_parking")
+
+        return self._kept(("bed_parking",), build)
 
     @property
     def inside_rooms(self) -> Region:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
+from scenic.core.pruning import matchInRegion
 from scenic.core.scenarios import Scenario, Scene
 
 from mrta_falsify.core.candidate import Candidate, SearchSpace, candidate_of
@@ -22,7 +23,10 @@ from mrta_falsify.core.world import World
 from scenic_worlds.checking import FastChecker
 from scenic_worlds.compile_errors import scenic_line
 from scenic_worlds.compiling import check_tasks, compile_scenario
+from scenic_worlds.origins import origin_of
+from scenic_worlds.primitives import randomness
 from scenic_worlds.primitives.driver import Driver
+from scenic_worlds.primitives.plan import NodeRejected
 from scenic_worlds.repair import MAX_ATTEMPTS, RejectedScene, SceneSearch
 from scenic_worlds.shipped import scenario_path
 from scenic_worlds.sources import sources_digest
@@ -40,6 +44,16 @@ __all__ = [
 
 #: ``exact``: whole-scene rejection, Scenic's distribution; ``repair``: local resampling
 Mode = Literal["repair", "exact"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """A thing that lies outside its region in one draw; names are empty where there are none."""
+
+    name: str
+    region: str  #: that should contain it
+    placed: str  #: that its position is drawn from
+    where: str  #: ``file:line`` that makes it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,6 +144,26 @@ class Program:
         sample.move(candidate.u, driver.all_units)
         return tuple(driver.value_of(sample, place) for place in range(len(self.space)))
 
+    def outside(self, candidate: Candidate) -> tuple[Outside, ...]:
+        """List what lies outside its region where a candidate asks for it, before any repair."""
+        driver = self.search.driver
+        sample = driver.begin()
+        try:
+            with randomness.seeded(candidate.seed, "scene"):
+                sample.move(candidate.u, driver.all_units)
+        except NodeRejected:
+            return ()
+        found = self.search.checker.all_outside(sample.values)
+        return tuple(
+            Outside(
+                name=driver.names[thing],
+                region=getattr(region, "name", None) or "",
+                placed=_region_of_position(thing),
+                where=_line_of(thing),
+            )
+            for thing, region in found.items()
+        )
+
     def sample(self, seed: int, mode: Mode = "repair") -> World:
         """Make the world of candidate 0 of a campaign with ``seed``.
 
@@ -154,6 +188,16 @@ class Program:
                 f"candidate.params is {candidate.params}; {self.name} was compiled with "
                 f"{self.params}"
             )
+
+
+def _region_of_position(thing: Any) -> str:
+    region, _, _ = matchInRegion(thing.position)
+    return getattr(region, "name", None) or ""
+
+
+def _line_of(thing: Any) -> str:
+    origin = origin_of(thing)
+    return "" if origin is None else f"{origin[0]}:{origin[1]}"
 
 
 def compile_program(

@@ -20,9 +20,15 @@ from scenic_worlds.shapes import heading_of, region_from
 
 @lifted
 def region_named(places: Places, name: str) -> Region:
-    """``free_floor``, ``corridors``, ``standing_room`` or ``inside_rooms`` of a floor."""
+    """A region of the whole floor, such as ``free_floor`` or ``standing_room``."""
     region: Region = getattr(places, name)
     return region
+
+
+@lifted
+def region_to_stand_in(places: Places, clear_of_doors: bool) -> Region:
+    """``clear_of_doors`` of a floor, or ``standing_room``."""
+    return places.clear_of_doors if clear_of_doors else places.standing_room
 
 
 @lifted

@@ -117,7 +117,7 @@ class SceneSearch:
 
     def __init__(self, driver: Driver, checker: FastChecker, name: str) -> None:
         self.driver = driver
-        self._checker = checker
+        self.checker = checker
         self._name = name
         self._own = _ownership(driver)
         self._placing = Placing(driver, checker, self._own.geometry)
@@ -216,7 +216,7 @@ class SceneSearch:
             # a function of the program may draw random numbers that the driver does not know
             self._watched = True
             self._draws_elsewhere = not begin.is_current()
-        message = self._checker.checkRequirements(sample.values)
+        message = self.checker.checkRequirements(sample.values)
         if message is not None:
             return None, self._blame_check(message)
         try:
@@ -238,7 +238,7 @@ class SceneSearch:
         return _Blame(rejected.reason, (private or rejected.units,), rejected.units)
 
     def _blame_check(self, message: Any) -> _Blame:
-        last = self._checker.last
+        last = self.checker.last
         if last is None:
             return self._blame_everything(str(message))
         if last.kind == "requirement":

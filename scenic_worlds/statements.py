@@ -166,6 +166,10 @@ def _pace(speed: float) -> str:
     return f", speed={number_text(speed)}" if speed else ""
 
 
+def _kept(keeps: bool) -> str:
+    return ", keeps=True" if keeps else ""
+
+
 #: how each directive is written as a behaviour of behaviors.scenic
 _WRITERS: dict[type, Callable[..., str]] = {
     directives.FollowRoute: lambda d: (
@@ -175,7 +179,9 @@ _WRITERS: dict[type, Callable[..., str]] = {
     directives.Wait: lambda d: f"WaitFor({number_text(d.duration)})",
     directives.WaitUntil: lambda d: f"WaitUntil({number_text(d.time)})",
     directives.StandStill: lambda d: "StandStill()",
-    directives.Push: lambda d: f"Push({d.furniture!r}, {point_text(d.point)}{_pace(d.speed)})",
+    directives.Push: lambda d: (
+        f"Push({d.furniture!r}, {point_text(d.point)}{_pace(d.speed)}{_kept(d.keeps)})"
+    ),
     directives.Appear: lambda d: f"Appear({point_text(d.point)})",
     directives.Leave: lambda d: "Leave()",
 }

@@ -6,6 +6,7 @@ loop over random counts, so the last entry of a tuple switches its task off.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -120,6 +121,41 @@ class Streams:
             tasks.append(self.delivery(arrival, start, end, slack, service, active))
         return tasks
 
+    def rush_hour(
+        self,
+        base: Any,
+        peak: Any,
+        peak_between: tuple[Any, Any] = (200, 400),
+        between: tuple[Any, Any] = (0, 600),
+        most: int = 12,
+        start: Any = None,
+        end: Any = None,
+        slack: Span = (150, 300),
+        service: Span = 0,
+    ) -> list[TaskEntry]:
+        """Tasks that arrive as a Poisson process whose rate is higher for a time.
+
+        At most ``most`` tasks come; those that would arrive after the window are left out.
+
+        Args:
+            base: rate outside the rush hour [1/s], >= 0.
+            peak: rate in it [1/s], >= 0.
+            peak_between: when it begins and ends [s].
+            between: of the whole stream [s].
+            most: tasks at most.
+            start: room of the pick-ups.
+            end: room of the drop-offs.
+            slack: from arrival to deadline [s].
+            service: that picking up and dropping off take [s].
+        """
+        tasks, load = [], 0.0
+        for _ in range(most):
+            load = load + exponential(1.0, Range(0, 1))
+            arrival = rush_arrival(load, base, peak, *peak_between, *between)
+            active = arrives_before(arrival, between[1])
+            tasks.append(self.delivery(arrival, start, end, slack, service, active))
+        return tasks
+
     def hot_room(
         self,
         place: Any,
@@ -184,6 +220,51 @@ def exponential(rate: float, share: float) -> float:
     if rate <= 0.0:
         raise WorldError(f"poisson: rate is {rate:g}; it must be > 0 tasks per second")
     return -math.log1p(-min(float(share), 1.0 - 1e-12)) / float(rate)
+
+
+@lifted
+def rush_arrival(
+    load: float,
+    base: float,
+    peak: float,
+    peak_begin: float,
+    peak_end: float,
+    begin: float,
+    end: float,
+) -> float:
+    """Find when so many tasks are expected to have come; ``end`` if that is later.
+
+    Args:
+        load: expected number of tasks since ``begin``.
+        base: rate outside the rush hour [1/s].
+        peak: rate in it [1/s].
+        peak_begin: of the rush hour [s].
+        peak_end: of it [s].
+        begin: of the stream [s].
+        end: of it [s].
+
+    Raises:
+        WorldError: a rate is negative, or an interval ends before it begins.
+    """
+    for name, rate in (("base", base), ("peak", peak)):
+        if rate < 0.0:
+            raise WorldError(f"rush_hour: {name} is {rate:g}; it must be >= 0 tasks per second")
+    for name, (first, last) in {
+        "peak_between": (peak_begin, peak_end),
+        "between": (begin, end),
+    }.items():
+        if last < first:
+            raise WorldError(
+                f"rush_hour: {name} is ({first:g}, {last:g}); its end must not be before its begin"
+            )
+    borders = [min(max(time, begin), end) for time in (begin, peak_begin, peak_end, end)]
+    rates = (base, peak, base)
+    for (since, until), rate in zip(itertools.pairwise(borders), rates, strict=True):
+        expected = rate * (until - since)
+        if load < expected:
+            return float(since + load / rate)
+        load -= expected
+    return float(end)
 
 
 @lifted

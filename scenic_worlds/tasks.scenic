@@ -5,6 +5,7 @@ any entry random; `active` False leaves it out, `robot` is the only one that may
 are joined with `+`::
 
     param tasks = burst(4, begin=Range(0, 60)) + poisson(1/60, between=(60, 600))
+    param tasks = rush_hour(1/180, 1/20, peak_between=(200, 320))
     param tasks = for_robot('robot1', burst(2)) + burst(2)
 
 The functions are described in streams.py.
@@ -19,6 +20,7 @@ another_room = _streams.another_room
 delivery = _streams.delivery
 burst = _streams.burst
 poisson = _streams.poisson
+rush_hour = _streams.rush_hour
 hot_room = _streams.hot_room
 tight_deadlines = _streams.tight_deadlines
 for_robot = _streams.for_robot

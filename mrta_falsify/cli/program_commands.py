@@ -172,6 +172,9 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
     if summary.rejections:
         out.print()
         _print_rejecters(summary)
+    if summary.outside:
+        out.print()
+        _print_outside(summary)
     if summary.impossible:
         out.print()
         first = summary.impossible[0]
@@ -220,6 +223,20 @@ def _print_tight_ways(summary: CheckSummary) -> None:
             f"pushes      in {len(worlds)} of {scenes} worlds furniture does not fit to where it "
             f"is pushed; {first.number:03d}: {first.text}"
         )
+
+
+def _print_outside(summary: CheckSummary) -> None:
+    """Print in how many draws each thing lies outside its region, and what to change."""
+    out = output.stdout()
+    for thing in summary.outside[:SHOWN_REJECTERS]:
+        at = f" ({thing.where})" if thing.where else ""
+        out.print(
+            f"outside     {thing.name}{at} in {thing.draws} of {thing.of} draws, not inside "
+            f"{thing.region or 'its region'}: {thing.advice}"
+        )
+    others = len(summary.outside) - SHOWN_REJECTERS
+    if others > 0:
+        out.print(f"outside     {others} others; --format json lists them")
 
 
 def _print_rejecters(summary: CheckSummary) -> None:

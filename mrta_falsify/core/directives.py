@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import later, quantity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,6 +69,9 @@ class Push:
     furniture: str  #: name of the piece, which must be ``movable``
     point: Array = quantity(shape=(2,), unit="m")
     speed: float = quantity(low=0.0, unit="m/s", default=0.0)
+    keeps: bool = later(False)
+    """The piece is never left on the way: the person waits until the way is free, and does not
+    begin where none is as wide as the piece."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.candidate import Dimension, SearchSpace
     from mrta_falsify.possibility import Possibility
     from scenic_worlds.lint import Lint
+    from scenic_worlds.program import Program
 
 SHEET_WORLDS = 24  # worlds on a contact sheet at most
 
@@ -49,6 +50,31 @@ class StuckPush:
     text: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutsideRegion:
+    """A thing that lies outside its region in some draws, before they are repaired."""
+
+    name: str
+    draws: int  #: in which it is outside
+    of: int  #: draws
+    region: str  #: that should contain it; empty: it has no name
+    placed: str  #: that its position is drawn from; empty: none that has a name
+    where: str  #: ``file:line`` that makes it
+
+    @property
+    def advice(self) -> str:
+        """What to change."""
+        if self.region in ("standing_room", "clear_of_doors"):
+            part = f"in {self.placed or 'REGION'}.intersect({self.region})"
+            return (
+                f"place it {part}, make it smaller, or let it stand in doorways and on waiting "
+                "spots, too, by `with regionContainedIn free_floor`"
+            )
+        if self.region == "free_floor":
+            return "place it farther from walls, or make it smaller"
+        return "place it in a part of its region, make it smaller, or give `regionContainedIn`"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProgramCheck:
     """What is known of a program after it was compiled and sampled."""
@@ -59,6 +85,7 @@ class ProgramCheck:
     space: SearchSpace
     compile_s: float
     drawn: tuple[Drawn, ...]
+    outside: tuple[OutsideRegion, ...]
     lint: tuple[Lint, ...]
 
     @property
@@ -156,11 +183,32 @@ def check(
         space=program.space,
         compile_s=compile_s,
         drawn=tuple(drawn),
+        outside=_outside_regions(program, count, seed),
         lint=lint.lint_program(program.scenario, program.path, program.space),
     )
     if output is not None:
         write_check(done, output)
     return done
+
+
+def _outside_regions(program: Program, count: int, seed: int) -> tuple[OutsideRegion, ...]:
+    """Count in how many of the first candidates each thing lies outside its region."""
+    found = Counter(
+        thing
+        for number in range(count)
+        for thing in program.outside(program.candidate(seed, number))
+    )
+    return tuple(
+        OutsideRegion(
+            name=thing.name,
+            draws=draws,
+            of=count,
+            region=thing.region,
+            placed=thing.placed,
+            where=thing.where,
+        )
+        for thing, draws in sorted(found.items(), key=lambda entry: (-entry[1], entry[0].name))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,6 +243,7 @@ class CheckSummary:
     scenes: int
     failed: int  #: candidates without a valid scene
     rejections: tuple[Rejecter, ...]
+    outside: tuple[OutsideRegion, ...]
     impossible: tuple[ImpossibleWorld, ...]
     shut: tuple[TightCount, ...]  #: impossible worlds in which no robot fits to a room of a task
     narrow: tuple[TightCount, ...]  #: worlds in which none fits by its planning radius
@@ -222,6 +271,7 @@ def summarise_check(done: ProgramCheck) -> CheckSummary:
         scenes=scenes,
         failed=len(done.drawn) - scenes,
         rejections=tuple(Rejecter(who=who, count=count) for who, count in done.rejections),
+        outside=done.outside,
         impossible=done.impossible,
         shut=counted(found.shut for found in possible.values()),
         narrow=counted(found.narrow for found in possible.values()),

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.journal import RunJournal, going_on
-from mrta_falsify.campaigns.rules import RULES, signed
+from mrta_falsify.campaigns.rules import JUDGED_SINCE, signed
 from mrta_falsify.campaigns.runner import REPEATS
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
@@ -294,7 +294,7 @@ class RecheckRun:
 
     def signed(self, rules: int) -> str:
         """Give the signature in the form of a campaign's rules."""
-        return self.signature_before if rules < RULES else self.signature
+        return self.signature_before if rules < JUDGED_SINCE else self.signature
 
     @property
     def failed(self) -> bool:

@@ -253,6 +253,7 @@ def scenario_text(
 What it stresses: change this line when you know.
 """
 param layout = localPath({floor_file!r})
+param clear_of_doors = True
 model scenic_worlds.model
 
 {_robots_text(robots, starts, body)}

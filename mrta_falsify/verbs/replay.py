@@ -8,7 +8,7 @@ from pathlib import Path
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
-from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.settings import FORMAT_VERSION
 from mrta_falsify.campaigns.store import Campaign, format_version
 from mrta_falsify.core import codec
@@ -171,7 +171,7 @@ def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -
 def _is_same_version(campaign: Campaign, record: TrialRecord) -> bool:
     recorded_by = record.versions.get(PACKAGE, versions()[PACKAGE])
     is_same_format = format_version(campaign.directory) == FORMAT_VERSION
-    has_same_rules = campaign.settings.rules == RULES
+    has_same_rules = campaign.settings.rules >= JUDGED_SINCE
     return is_same_format and has_same_rules and recorded_by == versions()[PACKAGE]
 
 

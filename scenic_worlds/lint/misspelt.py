@@ -28,6 +28,7 @@ WORLD_PARAMS = (
     "noise_seed",
     "late_people",
     "restrict",
+    "clear_of_doors",
     "stack_params",
 )
 #: global parameters that `scenic -S` reads, to run a scene

@@ -53,6 +53,7 @@ class Pushing:
     number: int  #: of the piece
     goal: Array  #: (2,) for its centre [m]
     speed: float  #: [m/s]
+    keeps: bool  #: the piece is not left on the way
     backwards: bool = False  #: the person stands at the end that the axis points to
     grips: bool = False  #: the person is at the handle, and the piece rolls
     pulls: bool = False  #: the person goes first
@@ -103,10 +104,13 @@ class Pushers:
             return self._approach(push, pusher)
         handle = self._handle(push, self._things.pose[push.number], pusher.radius)
         if float(np.hypot(*(handle - pusher.place))) > SHOVED:
-            if pusher.time - push.closest_at > LEAVE_AFTER:
+            if self._gives_up(push, pusher.time):
                 return PushStep(finished=True)
             return PushStep(velocity=self._towards(handle, pusher.place, push.speed))
         return self._roll(push, pusher)
+
+    def _gives_up(self, push: Pushing, time: float) -> bool:
+        return not push.keeps and time - push.closest_at > LEAVE_AFTER
 
     def _towards(self, goal: Array, place: Array, speed: float) -> Array:
         """Velocity ``(2,)`` [m/s] straight to a goal, not beyond it in one tick."""
@@ -170,12 +174,16 @@ class Pushers:
     # --- to the goal ---------------------------------------------------------------------
 
     def _plan(self, push: Pushing, time: float) -> Array:
-        """Way ``(L, 2)`` [m] of the centre, as wide as the piece if there is such a way."""
+        """Way ``(L, 2)`` [m] of the centre, as wide as the piece if there is such a way.
+
+        Who keeps the piece takes no narrower one.
+        """
         piece, start = self._things.pieces[push.number], self._things.pose[push.number, :2]
         others = tuple(
             self._things.outline(k) for k in self._things.at_rest(time) if k != push.number
         )
-        for radius in (piece.half_width + WAY_MARGIN, PEOPLES_RADIUS):
+        wide_enough = piece.half_width + WAY_MARGIN
+        for radius in (wide_enough,) if push.keeps else (wide_enough, PEOPLES_RADIUS):
             layer = registry.build("costmap", Choice("layered", {"robot_radius": radius}))
             source = layer.bind(self._world)
             source.furnish(others)
@@ -191,7 +199,7 @@ class Pushers:
         left = float(np.hypot(*(push.way[-1] - pose[:2])))
         if left < push.closest - MOVED:
             push.closest, push.closest_at = left, pusher.time
-        if left < ARRIVED or pusher.time - push.closest_at > LEAVE_AFTER:
+        if left < ARRIVED or self._gives_up(push, pusher.time):
             return PushStep(finished=True)
         push.passed = look_ahead(push.way, push.passed, pose[:2]).passed
         for velocity, rate in self._options(push, pose, left, pusher.radius):

@@ -165,7 +165,9 @@ class ScriptPlayer:
         if script.push is None:
             speed = min(directive.speed or self._speed[person], TOP_SPEED)
             number = self.furnishings.number(directive.furniture)
-            script.push = Pushing(number=number, goal=directive.point, speed=speed)
+            script.push = Pushing(
+                number=number, goal=directive.point, speed=speed, keeps=directive.keeps
+            )
         place = now.around.person[person]
         pusher = Pusher(person=person, place=place, time=now.time, around=now.around)
         step = self._pushers.step(script.push, pusher)

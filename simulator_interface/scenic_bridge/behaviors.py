@@ -43,6 +43,7 @@ class BehaviorReader:
             "WaitUntil": self._wait_until,
             "StandStill": lambda: (directives.StandStill(),),
             "Push": self._push,
+            "PushAlong": self._push_along,
             "Appear": lambda place: (directives.Appear(point=self._point(place, "place")),),
             "Leave": lambda: (directives.Leave(),),
             "InTurn": self._in_turn,
@@ -84,14 +85,9 @@ class BehaviorReader:
     def _follow_route(
         self, route: Any, repeat: Any = False, speed: Any = 0.0
     ) -> tuple[Directive, ...]:
-        if isinstance(route, str) or not hasattr(route, "__iter__"):
-            raise WorldError(f"route is {route!r}; it must be a list of places")
-        points = [self._point(stop, f"route[{i}]") for i, stop in enumerate(route)]
-        if not points:
-            raise WorldError("route is empty; it must have at least one place")
         return (
             directives.FollowRoute(
-                route=frozen_array(np.array(points)),
+                route=frozen_array(np.array(self._route(route))),
                 repeat=bool(repeat),
                 speed=read_number(speed, "speed", low=0.0),
             ),
@@ -103,12 +99,42 @@ class BehaviorReader:
     def _wait_until(self, time: Any) -> tuple[Directive, ...]:
         return (directives.WaitUntil(time=read_number(time, "time", low=0.0)),)
 
-    def _push(self, thing: Any, place: Any, speed: Any = 0.0) -> tuple[Directive, ...]:
+    def _push(
+        self, thing: Any, place: Any, speed: Any = 0.0, keeps: Any = False
+    ) -> tuple[Directive, ...]:
+        return (
+            directives.Push(
+                furniture=self._name_of(thing),
+                point=self._point(place, "place"),
+                speed=read_number(speed, "speed", low=0.0),
+                keeps=bool(keeps),
+            ),
+        )
+
+    def _push_along(
+        self, thing: Any, route: Any, pause: Any = 0.0, speed: Any = 0.0
+    ) -> tuple[Directive, ...]:
+        name, pace = self._name_of(thing), read_number(speed, "speed", low=0.0)
+        wait = directives.Wait(duration=read_number(pause, "pause", low=0.0))
+        told: list[Directive] = []
+        for point in self._route(route):
+            push = directives.Push(furniture=name, point=point, speed=pace, keeps=True)
+            told += [push, wait]
+        return tuple(told)
+
+    def _name_of(self, thing: Any) -> str:
         name = thing if isinstance(thing, str) else self._names.get(id(thing), "")
         if not name:
             raise WorldError(f"thing is {thing!r}; it must be furniture of the program")
-        point, pace = self._point(place, "place"), read_number(speed, "speed", low=0.0)
-        return (directives.Push(furniture=name, point=point, speed=pace),)
+        return name
+
+    def _route(self, route: Any) -> list[Array]:
+        if isinstance(route, str) or not hasattr(route, "__iter__"):
+            raise WorldError(f"route is {route!r}; it must be a list of places")
+        points = [self._point(stop, f"route[{i}]") for i, stop in enumerate(route)]
+        if not points:
+            raise WorldError("route is empty; it must have at least one place")
+        return points
 
     def _in_turn(self, *steps: Any) -> tuple[Directive, ...]:
         told: list[Directive] = []

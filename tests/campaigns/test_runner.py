@@ -317,7 +317,11 @@ def test_a_gap_in_the_log_is_filled(tmp_path):
 
 @pytest.mark.parametrize(
     ("rules", "complaint"),
-    [(1, r"rules 1, .* the last commit that can is 73399d2"), (RULES + 1, "a newer version")],
+    [
+        (1, r"rules 1, .* the last commit that can is 73399d2"),
+        (2, r"rules 2, .* the last commit that can is 6271a96"),
+        (RULES + 1, "a newer version"),
+    ],
 )
 def test_a_campaign_of_other_rules_does_not_go_on_and_is_left_as_it_is(tmp_path, rules, complaint):
     stored = dataclasses.replace(settings(), rules=rules)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.cli import main
@@ -130,7 +130,7 @@ def test_modes_of_a_stored_ledger_go_on_under_the_signatures_of_today(project):
                 examples=(Example(str(folder), record.id),),
                 sentence="",
                 since=2,
-                rules=RULES,
+                rules=JUDGED_SINCE,
                 before=(signature_before(record.verdicts),),
             )
             seen += [now] if record.failed else []
@@ -138,7 +138,7 @@ def test_modes_of_a_stored_ledger_go_on_under_the_signatures_of_today(project):
     found = dataclasses.replace(cell, findings=merged(cell.findings, seen, (), 2))
     changes = changes_of(cell, found)
     assert [(change.kind, change.since) for change in changes] == [("ongoing", 1)]
-    assert {finding.rules for finding in found.findings} == {RULES}
+    assert {finding.rules for finding in found.findings} == {JUDGED_SINCE}
 
 
 @pytest.mark.long

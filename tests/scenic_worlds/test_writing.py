@@ -84,6 +84,7 @@ def busy_hall(hall):
         Appear(point=frozen_array([2.0, 6.0])),
         WalkTo(point=frozen_array([3.0, 6.0]), speed=0.7),
         Push(furniture="cart", point=frozen_array([4.0, 6.5])),
+        Push(furniture="cart", point=frozen_array([4.0, 5.5]), keeps=True),
         Wait(duration=2.5),
         FollowRoute(route=frozen_array([[8.0, 6.5], [2.0, 6.5]]), repeat=False, speed=0.3),
         Leave(),

@@ -241,6 +241,35 @@ def test_a_push_waits_for_a_robot_in_the_way_and_gives_up_in_the_end():
     assert np.isnan(trace.columns["human_position"][-1]).all()  # and went on to the next errand
 
 
+def test_who_keeps_a_bed_waits_for_as_long_as_a_robot_is_in_the_way():
+    push = Push(furniture="bed", point=point(11.0, 2.0), keeps=True)
+    world = ward(
+        person(push, Leave()),
+        furniture=[BED],
+        robots=((9.0, 2.0), (9.0, 1.2), (9.0, 2.8)),
+        horizon=40.0,
+    )
+    trace = run(world)
+    person_at, bed_at = trace.columns["human_position"][-1, 0], trace.columns["furniture_pose"][-1]
+    assert np.hypot(*(person_at - bed_at[0, :2])) < 1.5  # still at its end
+    assert not trace.columns["contact"].any()
+
+
+def test_who_keeps_a_bed_does_not_begin_where_it_does_not_fit():
+    wide = dataclasses.replace(BED, polygon=rectangle(2.4, 2.2, (4.4, -6.0)))
+    layout = load_layout("aws_hospital")
+    room = next(room for room in layout.rooms if room.name == "ward_northeast")
+    world = dataclasses.replace(
+        layout,
+        robots=(RobotSpec(name="robot1", pose=frozen_array([0.0, 2.2, 0.0])),),
+        humans=(person(Push(furniture="bed", point=room.point, keeps=True), at=(4.4, -9.0)),),
+        furniture=(*layout.furniture, wide),
+        horizon=15.0,
+    )
+    poses = run(world).columns["furniture_pose"][:, 0]
+    assert poses[-1] == pytest.approx(poses[0])
+
+
 def test_the_same_directives_give_the_same_trace_from_the_world_file():
     world = ward(person(Push(furniture="bed", point=point(8.0, 2.0)), Leave()), furniture=[BED])
     again = codec.decode(World, codec.encode(world))

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
@@ -105,7 +105,7 @@ def test_most_runs_of_a_world_and_its_copies_decide(fate, failures, expected, mo
 
 def signed(now: str, *before: str, fate: str = "failing", since: int = 9) -> Finding:
     """A finding of today's rules."""
-    return dataclasses.replace(finding(now, fate, since), rules=RULES, before=before)
+    return dataclasses.replace(finding(now, fate, since), rules=JUDGED_SINCE, before=before)
 
 
 def test_a_mode_of_earlier_rules_goes_on_in_its_form():
@@ -145,7 +145,7 @@ def test_a_world_that_only_fails_in_copies_keeps_the_form_of_its_mode():
     old = [finding("1:wall")]
     seen = [finding("1:wall", "flaky"), signed("stuck:wall", "1:wall")]
     (one,) = merged(old, seen, (), number=2)
-    assert (one.signature, one.rules, one.fate) == ("stuck:wall", RULES, "failing")
+    assert (one.signature, one.rules, one.fate) == ("stuck:wall", JUDGED_SINCE, "failing")
     (alone,) = merged(old, seen[:1], (), number=2)
     assert (alone.signature, alone.rules, alone.fate) == ("1:wall", 1, "flaky")
 
@@ -171,7 +171,7 @@ def test_a_stored_corpus_of_earlier_rules_goes_on_mode_by_mode(name, tmp_path):
         seen.append(cell_run._finding_of(of, HERE, row, 2))
     now = merged(known, seen, (), number=2)
     assert set(kinds(list(known), list(now)).values()) == {"ongoing"}
-    assert {one.rules for one in now} == {RULES}
+    assert {one.rules for one in now} == {JUDGED_SINCE}
 
 
 def _as_judged_today(verdict):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.rules import RULES
+from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, owner_of, read_campaign_settings
@@ -137,7 +137,7 @@ def _found_by(project: Project, campaign: Campaign, number: int) -> Iterator[Fin
             ),
             sentence=violation_sentence(verdict),
             since=number,
-            rules=RULES,
+            rules=JUDGED_SINCE,
             before=tuple(dict.fromkeys(signature_before(record.verdicts) for record in records)),
             failure_kind=kind_of(records[0].verdicts),
         )
@@ -171,5 +171,5 @@ def _finding_of(known: Finding, example: Example, row: Recheck, number: int) -> 
         return told
     now, before = row.forms_now
     return dataclasses.replace(
-        told, signature=now, rules=RULES, before=(before,), failure_kind=row.kind_now
+        told, signature=now, rules=JUDGED_SINCE, before=(before,), failure_kind=row.kind_now
     )

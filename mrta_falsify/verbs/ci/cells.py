@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.campaigns.code_digest import code_digest
-from mrta_falsify.campaigns.rules import signed
+from mrta_falsify.campaigns.rules import JUDGED_SINCE, signed
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.campaigns.signature import signature_before
 from mrta_falsify.campaigns.store import Campaign
@@ -154,7 +154,7 @@ def _stored_findings(project: Project, campaign: Campaign) -> tuple[Finding, ...
             examples=(*examples, example_of(project, campaign, record.id)),
             sentence=violation_sentence(verdict),
             since=0,
-            rules=campaign.settings.rules,
+            rules=min(campaign.settings.rules, JUDGED_SINCE),
             before=tuple(dict.fromkeys((*before, signature_before(record.verdicts)))),
             failure_kind=kind_of(record.verdicts),
         )

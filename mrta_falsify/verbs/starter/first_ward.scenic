@@ -2,6 +2,7 @@
 
 What it stresses: change this line when you know.
 """
+param clear_of_doors = True
 model scenic_worlds.model
 
 for i in range(2):
