@@ -101,6 +101,7 @@ def test_the_options_of_a_campaign_come_from_its_settings():
         "params",
         "dry_run",
         "style",
+        "trust",
         "wall_clock",
     }
 
