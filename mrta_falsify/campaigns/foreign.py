@@ -184,6 +184,15 @@ def of_settings(settings: CampaignSettings) -> Iterator[Foreign]:
         yield Foreign("function", settings.target, None if is_ours(module) else place_of(module))
 
 
+def sealed_places(settings: CampaignSettings) -> dict[str, str]:
+    """Say where all lies that a campaign names, as :func:`places_of`, its program too."""
+    program = Path(settings.trials.scenario)
+    found = [*of_settings(settings), *of_values(settings.trials.params)]
+    if program.suffix == ".scenic" and program.is_file():
+        found.append(Foreign("Scenic program", settings.trials.scenario, program.resolve()))
+    return places_of(found)
+
+
 def of_links(directory: Path, *folders: Path) -> Iterator[Foreign]:
     """Yield the files of a campaign that lie elsewhere, reached by a link.
 
@@ -233,11 +242,11 @@ def permit(directory: Path, foreign: Iterable[Foreign], trust: Trust) -> None:
 
 
 def places_of(foreign: Iterable[Foreign]) -> dict[str, str]:
-    """Say where components and files lie, by the names that a campaign gives them."""
+    """Say where programs, components and files lie, by the names that a campaign gives them."""
     return {
         one.name: str(one.place)
         for one in foreign
-        if one.place is not None and one.kind in ("component", "function", "file")
+        if one.place is not None and one.kind in ("Scenic program", "component", "function", "file")
     }
 
 

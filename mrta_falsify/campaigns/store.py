@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrta_falsify.campaigns import made_here
-from mrta_falsify.campaigns.foreign import of_settings, places_of
+from mrta_falsify.campaigns.foreign import sealed_places
 from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
@@ -481,7 +481,7 @@ class Store:
             self._seal()
 
     def _seal(self) -> None:
-        made_here.write_seal(self.directory, places_of(of_settings(self.settings)))
+        made_here.write_seal(self.directory, sealed_places(self.settings))
 
     def _take_lock(self) -> None:
         path = self.directory / LOCK

@@ -17,6 +17,7 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import FrameType, ModuleType
 
+ROOT = Path(__file__).resolve().parents[2]  # where the toolkit lies
 #: top-level packages of the toolkit itself
 OURS = ("mrta_falsify", "reports", "samplers", "scenic_worlds", "simulator_interface")
 SAFE_PATH = "PYTHONSAFEPATH"
@@ -32,9 +33,20 @@ def is_ours(module: str) -> bool:
 def python_command(module: str, *arguments: str) -> list[str]:
     """Give the command of a child process that runs a module of ours.
 
-    The current directory is not on its path, so no file there is taken for a library's module.
+    The current directory is not on its path, so no file there is taken for a library's module;
+    but for a checkout that is run where it lies, and is not installed.
     """
-    return [sys.executable, "-P", "-m", module, *arguments]
+    options = [] if _is_run_where_it_lies() else ["-P"]
+    return [sys.executable, *options, "-m", module, *arguments]
+
+
+def _is_run_where_it_lies() -> bool:
+    here = os.getcwd()
+    if Path(here).resolve() != ROOT:
+        return False
+    places = [place for place in sys.path if place not in ("", here)]
+    found = importlib.machinery.PathFinder.find_spec(OURS[0], places)
+    return found is None or found.origin is None or Path(found.origin).resolve().parents[1] != ROOT
 
 
 @contextlib.contextmanager

@@ -50,7 +50,10 @@ def _make_key(path: Path) -> None:
     try:
         _write_private(part, secrets.token_bytes(KEY_BYTES), os.O_TRUNC)
         with contextlib.suppress(FileExistsError):
-            os.link(part, path)
+            try:
+                os.link(part, path)
+            except PermissionError:  # a file system without links
+                os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
 

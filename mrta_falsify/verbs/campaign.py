@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from mrta_falsify.campaigns.made_here import has_seal
+from mrta_falsify.campaigns.made_here import has_seal, refuse_links
 from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_progress
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
@@ -277,6 +277,7 @@ def open_store(directory: Path, settings: CampaignSettings) -> Store:
     )
     if codec.digest(there) != codec.digest(settings):
         raise StoreError(f"{directory}: holds a campaign with other settings; choose another one")
+    refuse_links(directory, directory / TRIALS)
     return Store.resume(directory)
 
 

@@ -39,9 +39,8 @@ def keep_run(
         return
     permit_runs(campaign, (record,), trust, only_sampled=not runs)
     world = stored_world(campaign, record)
-    make_directory(folder)
     if not runs:
-        write_world(world, folder / WORLD_NAME)
+        write_world(world, make_directory(folder) / WORLD_NAME)
         return
     trace = rerun(campaign.settings.trials, record, world).outcome.trace
     if trace.digest != record.trace_digest:
@@ -50,5 +49,5 @@ def keep_run(
             f"trial {record.id} runs differently now: its trace has digest {trace.digest[:12]}, "
             f"the record says {told}; another version has recorded it"
         )
-    write_world(world, folder / WORLD_NAME)
+    write_world(world, make_directory(folder) / WORLD_NAME)
     write_trace(trace, folder / TRACE_NAME)

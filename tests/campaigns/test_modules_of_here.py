@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,4 +80,11 @@ def test_a_pool_takes_no_library_from_here(here: Path) -> None:
         assert pool.submit(os.getcwd).result() == str(here)
         assert pool.submit(os.getenv, SAFE_PATH).result() == before.get(SAFE_PATH)
     assert dict(os.environ) == before
+    assert not (here / "RAN").exists()
+
+
+@pytest.mark.parametrize("module", ["mrta_falsify", "mrta_falsify.cli"])
+def test_the_command_takes_no_library_from_here(module: str, here: Path) -> None:
+    words = [sys.executable, "-m", module, "--version"]
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
     assert not (here / "RAN").exists()

@@ -229,6 +229,19 @@ def test_a_folder_of_ones_own_asks_nothing(folder: Folder) -> None:
     assert asked(folder)
 
 
+def test_a_program_of_the_same_name_elsewhere_is_not_ones_own(
+    folder: Folder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    OF_RUNS["program_relative_to_here"](folder)
+    place = folder.directory / "day.scenic"
+    write_seal(folder.directory, {"downloaded/day.scenic": str(place)})
+    (tmp_path / "elsewhere" / "downloaded").mkdir(parents=True)
+    folder.write_program(tmp_path / "elsewhere" / "downloaded" / "day.scenic")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert asked(folder)
+    assert not folder.mark.exists()
+
+
 def test_the_key_of_another_user_fits_no_folder_of_ours(
     folder: Folder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
