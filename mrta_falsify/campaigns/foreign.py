@@ -41,10 +41,12 @@ MOST_FILES = 2000  # of the folder of what would run, that a digest covers
 MOST_BYTES = 1 << 26  # of them together
 #: files that a campaign writes into its folder, which are no code
 WRITTEN = (".gif", ".html", ".json", ".jsonl", ".mcap", ".md", ".mp4", ".part", ".png", ".zip")
+CODE = (".py", ".npz")  # of policies
 CAMPAIGN_FILES = ("campaign.json", "lock")
 OPEN_TRIALS = "mrta_falsify.worker:open_trials"  # the only target of a campaign that is ours
 
-_COMPONENT = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+#: registered, or module:Class
+_NAME = re.compile(r"[A-Za-z_][\w-]*|[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _FILE = re.compile(r"[^:\s][^:]*(/[^:]*|\.[A-Za-z]\w{0,9})(:\w+)?")
 
 
@@ -114,13 +116,25 @@ def _of_text(text: str) -> Iterator[Foreign]:
     if value:
         yield from _of_text(value)
     name = text.partition("{")[0].strip()  # options of a specification follow it
-    if _COMPONENT.fullmatch(name):
-        module = name.partition(":")[0]
-        if not is_ours(module):
-            yield Foreign("component", name, place_of(module))
+    path = Path(name.partition(":")[0])
+    if _FILE.fullmatch(name) and (path.suffix in CODE or _is_there(path)):
+        yield Foreign("file", name, path.resolve() if _is_there(path) else None)
+        return
+    targets = [registry.target_of(point, name) for point in registry.EXTENSION_POINTS]
+    if any(":" in target for target in targets) and _NAME.fullmatch(name):
+        for target in dict.fromkeys(targets):
+            module = target.partition(":")[0]
+            if module and not is_ours(module):
+                yield Foreign("component", name, place_of(module))
     elif _FILE.fullmatch(name):
-        path = Path(name.partition(":")[0])
-        yield Foreign("file", name, path.resolve() if path.exists() else None)
+        yield Foreign("file", name)
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name that no file can have
+        return False
 
 
 def _command(text: str, folder: Path) -> Foreign:
@@ -133,7 +147,7 @@ def _command(text: str, folder: Path) -> Foreign:
 
 def _files_of(words: Iterable[str], folder: Path) -> tuple[Path, ...]:
     paths = (folder / word for word in words if word)
-    return tuple(sorted({path.resolve() for path in paths if path.exists()}))
+    return tuple(sorted({path.resolve() for path in paths if _is_there(path)}))
 
 
 def of_outside(stack: ExternalStack | None) -> Iterator[Foreign]:

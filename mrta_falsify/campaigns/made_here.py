@@ -22,8 +22,9 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.user_state import secret_key
 
 SETTINGS, SEAL = "campaign.json", "seal.json"
-READ = (SETTINGS, SEAL, "records.jsonl", "lock", "trials")  # what a campaign reads in its folder
-JOURNAL = ".journal.jsonl"  # end of the names of journals
+#: what a campaign reads and writes in its folder
+OWN = (SETTINGS, SEAL, "records.jsonl", "lock", "trials", "bisect.worktrees")
+OWN_ENDINGS = (".journal.jsonl", ".part")
 CHANGING = ("budget", "time_limit")  #: settings that may change when a campaign is resumed
 
 _followed: set[Path] = set()  # folders whose files may lie elsewhere
@@ -105,7 +106,7 @@ def links_out(directory: Path, *folders: Path) -> Iterator[tuple[Path, Path]]:
 
 def _entries(directory: Path, folders: tuple[Path, ...]) -> Iterator[Path]:
     for path in _links_in(directory):
-        if path.name in READ or path.name.endswith(JOURNAL):
+        if path.name in OWN or path.name.endswith(OWN_ENDINGS):
             yield path
     for folder in folders:
         yield folder  # a link above it leads out, too

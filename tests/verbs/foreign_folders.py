@@ -35,6 +35,7 @@ new Robot with name "robot1", with start_room 0
 param tasks = [(0, 0, 2, 100)]
 param horizon = 40
 """
+POLICY = "mrta_falsify.stack.policy.policy_controller:PolicyController"
 SHIPPED = "bed_in_the_doorway"
 _numbers = itertools.count()
 
@@ -230,7 +231,7 @@ def component_in_options(folder: Folder) -> None:
 def policy_file(folder: Folder) -> None:
     (folder.directory / "policy.py").write_text(folder.payload)
     options = {"file": str(folder.directory / "policy.py")}
-    folder.set("trials", "stack", "controller", value=Choice("policy", options))
+    folder.set("trials", "stack", "controller", value=Choice(POLICY, options))
 
 
 def component_in_a_package(folder: Folder) -> None:

@@ -344,11 +344,14 @@ def test_an_empty_digest_is_equal_to_nothing(folder: Folder) -> None:
         mf.resume_campaign(folder.directory)
 
 
-def test_a_report_does_not_write_through_a_link(folder: Folder) -> None:
-    page = folder.directory / "report.html"
+@pytest.mark.parametrize("name", ["report.html", "report.html.part", "corpus.journal.jsonl"])
+def test_nothing_is_written_through_a_link(name: str, folder: Folder) -> None:
+    page = folder.directory / name
     (folder.beside / "precious").write_text("precious")
     page.symlink_to(folder.beside / "precious")
     call(LOOKING["report"], folder)
+    if name.startswith("corpus"):
+        assert call(RUNNING["corpus"], folder) == BAD_INPUT
     assert (folder.beside / "precious").read_text() == "precious"
 
 
