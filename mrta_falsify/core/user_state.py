@@ -19,10 +19,14 @@ PRIVATE = 0o077  # permissions that nobody else may have
 
 
 def state_folder() -> Path:
-    """Name the folder; it need not exist."""
+    """Name the folder; it need not exist.
+
+    Of a user without a home it is nowhere, so that such a user has no key.
+    """
     given = os.environ.get("XDG_STATE_HOME", "")
-    base = Path(given) if os.path.isabs(given) else Path("~/.local/state").expanduser()
-    return base / FOLDER
+    home = os.path.expanduser("~")
+    base = given if os.path.isabs(given) else os.path.join(home, ".local", "state")
+    return Path(base if os.path.isabs(base) else os.devnull) / FOLDER
 
 
 def secret_key(*, make: bool = False) -> bytes | None:
@@ -37,7 +41,7 @@ def secret_key(*, make: bool = False) -> bytes | None:
     path = state_folder() / KEY
     data = _private_bytes(path)
     if data is None and make and not path.exists():
-        with contextlib.suppress(OSError, RuntimeError):  # a home that does not exist or is full
+        with contextlib.suppress(OSError):  # a home that does not exist or is full
             _make_key(path)
         data = _private_bytes(path)
     return data if data is not None and len(data) == KEY_BYTES else None
@@ -70,7 +74,7 @@ def remember(digest: str) -> bool:
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         _write_private(path, f"{digest}\n".encode(), os.O_APPEND)
-    except (OSError, RuntimeError):
+    except OSError:
         return False
     return digest in trusted_digests()
 
@@ -88,7 +92,7 @@ def _private_bytes(path: Path) -> bytes | None:
     """Read a file of this user's own; None if there is none, or others have a hand in it."""
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    except (OSError, RuntimeError):
+    except OSError:
         return None
     with os.fdopen(handle, "rb") as file:
         about = os.fstat(handle)

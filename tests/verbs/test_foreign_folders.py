@@ -271,6 +271,15 @@ def test_a_key_that_others_can_read_is_no_key() -> None:
     assert secret_key(make=True) is None
 
 
+@ours
+@pytest.mark.parametrize("home", ["here", "~nobody-at-all"])
+def test_a_user_without_a_home_has_no_key(home: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", home)
+    assert secret_key(make=True) is None
+    assert list(Path().iterdir()) == []
+
+
 @pytest.mark.parametrize("seal", ["", "{}", "[]", '{"mac": 1, "places": []}', '{"mac": "é"}'])
 def test_a_seal_that_is_none(seal: str, folder: Folder) -> None:
     assert secret_key(make=True) is not None
