@@ -1,9 +1,9 @@
 """Whether a campaign was made by this user on this machine, and which of its files lie elsewhere.
 
 A campaign is sealed when it is made: ``seal.json`` in its folder authenticates ``campaign.json``,
-and the places of the user's own components, by the user's secret key, which lies elsewhere
-(:mod:`mrta_falsify.core.user_state`). A folder that was sent, or that was changed since, has no
-such seal, nor has one of an older version or of another user.
+and where the user's own program and components lie and what is in them, by the user's secret key,
+which lies elsewhere (:mod:`mrta_falsify.core.user_state`). A folder that was sent, or that was
+changed since, has no such seal, nor has one of an older version or of another user.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from mrta_falsify.campaigns.code_content import content_digest
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import InputError
@@ -40,7 +41,11 @@ def write_seal(directory: Path, places: Mapping[str, str]) -> None:
     key = secret_key(make=True)
     if key is None:
         return
-    seal = {"mac": _mac(key, codec.read_json(directory / SETTINGS), places), "places": places}
+    sealed = {
+        name: {"place": place, "content": content_digest([Path(place)])}
+        for name, place in places.items()
+    }
+    seal = {"mac": _mac(key, codec.read_json(directory / SETTINGS), sealed), "places": sealed}
     write_atomically(directory / SEAL, (json.dumps(seal, indent=1) + "\n").encode())
 
 
@@ -49,12 +54,23 @@ def is_made_here(directory: Path, places: Mapping[str, str] | None = None) -> bo
 
     Args:
         directory: of the campaign.
-        places: where the components and files lie now that it names; they must lie there still.
+        places: where programs, components and files lie now that it names. Each must lie where it
+            did, or be the same still.
     """
     sealed = _sealed_places(directory)
     if sealed is None:
         return False
-    return all(sealed.get(name) == place for name, place in (places or {}).items())
+    return all(_is_same(sealed.get(name), place) for name, place in (places or {}).items())
+
+
+def _is_same(sealed: Any, place: str) -> bool:
+    """Whether what lies at a place was sealed: it lay there, or its content is the same."""
+    if not isinstance(sealed, dict):
+        return False
+    content = sealed.get("content")
+    return sealed.get("place") == place or (
+        content is not None and content == content_digest([Path(place)])
+    )
 
 
 def has_seal(directory: Path) -> bool:
@@ -67,21 +83,21 @@ def follow_links(directory: Path) -> None:
     _followed.add(directory.resolve())
 
 
-def _sealed_places(directory: Path) -> dict[str, str] | None:
+def _sealed_places(directory: Path) -> dict[str, Any] | None:
     """Read where things lay when a campaign was sealed; None: it has no seal of this user."""
     key = secret_key()
     if key is None or not (directory / SEAL).is_file():
         return None
     try:
         seal, settings = (codec.read_json(directory / name) for name in (SEAL, SETTINGS))
-        mac, places = seal["mac"], {str(k): str(v) for k, v in seal["places"].items()}
+        mac, places = seal["mac"], dict(seal["places"])
         is_ours = hmac.compare_digest(str(mac).encode(), _mac(key, settings, places).encode())
-    except (InputError, AttributeError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError, ValueError):
         return None
     return places if is_ours else None
 
 
-def _mac(key: bytes, settings: Any, places: Mapping[str, str]) -> str:
+def _mac(key: bytes, settings: Any, places: Mapping[str, Any]) -> str:
     told = {name: value for name, value in dict(settings).items() if name not in CHANGING}
     text = json.dumps([told, dict(places)], sort_keys=True)
     return hmac.new(key, text.encode(), hashlib.sha256).hexdigest()

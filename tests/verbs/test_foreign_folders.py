@@ -207,7 +207,7 @@ def test_another_stack_is_another_question(folder: Folder) -> None:
 def test_a_folder_that_is_too_large_is_not_remembered(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mrta_falsify.campaigns.foreign.MOST_FILES", 0)
+    monkeypatch.setattr("mrta_falsify.campaigns.code_content.MOST_FILES", 0)
     OF_RUNS["component_planner"](folder)
     told: list[str] = []
     assert not asked(folder, trust=told.append)
@@ -236,8 +236,12 @@ def test_a_program_of_the_same_name_elsewhere_is_not_ones_own(
     place = folder.directory / "day.scenic"
     write_seal(folder.directory, {"downloaded/day.scenic": str(place)})
     (tmp_path / "elsewhere" / "downloaded").mkdir(parents=True)
-    folder.write_program(tmp_path / "elsewhere" / "downloaded" / "day.scenic")
+    copy = folder.write_program(tmp_path / "elsewhere" / "downloaded" / "day.scenic")
     monkeypatch.chdir(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="has changed"):  # a copy of it is: it may run
+        mf.replay(folder.directory, 0)
+    folder.mark.unlink()
+    copy.write_text(copy.read_text() + "# other\n")
     assert asked(folder)
     assert not folder.mark.exists()
 
