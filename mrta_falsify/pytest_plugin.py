@@ -63,6 +63,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="Choose an implementation or set an option of the stack. Repeatable.",
     )
     group.addoption(
+        "--mrta-trust",
+        action="store_true",
+        help="Run what is not mrta-falsify's own and stands in the campaign's folder, as --trust "
+        "of mrta-falsify.",
+    )
+    group.addoption(
         "--mrta-jittered",
         type=int,
         default=2,
@@ -145,6 +151,7 @@ class StoredFailure(pytest.Item):
             jittered=option("mrta_jittered"),
             only=(self.name,),
             pictures=_picture_folder(self.config, self.parent.name),
+            trust=option("mrta_trust"),
         )
 
     def runtest(self) -> None:

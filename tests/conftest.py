@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "house"))
 # Commands that the tests start hear Ctrl-C even where a script runs the tests in its background.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Keys and trust of the tests are their own, and so are those of the commands that they start.
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="mrta-falsify-tests-")
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -24,6 +24,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
 from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.core.modules import safe_path
 
 LOOPBACK = "127.0.0.1"
 CHILD_TIMEOUT = 1.0  # s between two looks at the child process
@@ -67,8 +68,10 @@ class DaskExecutor:
         address = self._options.scheduler or dask.config.get("scheduler-address", None)
         if not address:
             start: Any = distributed.LocalCluster
-            resource_tracker.ensure_running()  # its start would let signals in again
-            with signals_held(signal.SIGINT):  # Ctrl-C is this process's business
+            with safe_path():
+                resource_tracker.ensure_running()  # its start would let signals in again
+            # Ctrl-C is this process's business
+            with signals_held(signal.SIGINT), safe_path():
                 self._cluster = start(
                     n_workers=self._options.workers,
                     threads_per_worker=1,

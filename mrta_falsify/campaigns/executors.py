@@ -14,7 +14,6 @@ import json
 import os
 import selectors
 import subprocess
-import sys
 import time
 import traceback
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.interruption import is_interruption
+from mrta_falsify.core.modules import is_ours, look_here_for, python_command
 from mrta_falsify.core.process_clock import ProcessClock
 
 Job = dict[str, Any]
@@ -55,6 +55,8 @@ def open_target(settings: CampaignSettings) -> Trial:
         InputError: the scenario does not compile or has changed.
     """
     module, _, name = settings.target.partition(":")
+    if not is_ours(module):
+        look_here_for(module)
     opened: Trial = getattr(importlib.import_module(module), name)(settings.trials)
     return opened
 
@@ -205,13 +207,9 @@ class ProcessExecutor:
             raise HarnessError("the executor is not open")
         read_end, write_end = os.pipe()
         process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "mrta_falsify.campaigns.worker_process",
-                str(write_end),
-                str(os.getpid()),
-            ],
+            python_command(
+                "mrta_falsify.campaigns.worker_process", str(write_end), str(os.getpid())
+            ),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             pass_fds=(write_end,),

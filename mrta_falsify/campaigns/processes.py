@@ -13,13 +13,15 @@ from typing import Any
 
 from mrta_falsify.core.garbage import collect_seldom
 from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.core.modules import forget_safe_path, safe_path
 
 
 class _Pool(ProcessPoolExecutor):
     """A pool whose processes never hear what stops a command, not even while they start."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        with signals_held():  # processes start here, and what is held back stays so in them
+        # processes start here, and what is held back stays so in them
+        with signals_held(), safe_path():
             return super().submit(fn, *args, **kwargs)
 
 
@@ -33,7 +35,8 @@ def spawned(workers: int) -> Iterator[ProcessPoolExecutor]:
         workers: at most; each starts when there is work for it.
     """
     others = set(multiprocessing.active_children())
-    pool = _Pool(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+    with safe_path():  # a process that keeps track of semaphores starts here
+        pool = _Pool(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         yield pool
     except BaseException:
@@ -45,6 +48,7 @@ def spawned(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin() -> None:
+    forget_safe_path()
     collect_seldom()
     parent = multiprocessing.parent_process()
 

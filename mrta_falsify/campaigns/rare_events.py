@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from mrta_falsify.campaigns.foreign import of_choice
 from mrta_falsify.campaigns.runner import build_sampler, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.campaigns.statistics import failure_probability
@@ -146,5 +147,15 @@ def _without_zeros(estimates: Array) -> Array | None:
 
 
 def is_estimating(settings: CampaignSettings) -> bool:
-    """Whether the sampler of a campaign estimates the probability of a violation."""
+    """Whether the sampler of a campaign estimates the probability of a violation.
+
+    Raises:
+        InputError: unknown name or option.
+    """
     return isinstance(build_sampler(settings), EstimatingSampler)
+
+
+def is_known_to_estimate(settings: CampaignSettings) -> bool:
+    """Whether it does, by its name alone where the sampler is not ours: nothing of it is run."""
+    is_foreign = any(of_choice("sampler", settings.sampler))
+    return not is_foreign and is_estimating(settings)

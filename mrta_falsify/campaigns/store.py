@@ -4,6 +4,7 @@
 
     campaign.json        settings, format version (written atomically; later only its budget)
     records.jsonl        one line per finished trial: checksum, tab, JSON of a TrialRecord
+    seal.json            says that this user has made it (see :mod:`.made_here`)
     lock                 held (flock) by the one owner; says who
     trials/0042/         world.json and trace.zip of trials worth keeping
     trials/0042/other/   the same of the other stack, where two are compared
@@ -28,6 +29,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrta_falsify.campaigns import made_here
+from mrta_falsify.campaigns.foreign import sealed_places
 from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
@@ -40,7 +43,8 @@ from mrta_falsify.specs.causes import kind_of
 if TYPE_CHECKING:
     import pandas as pd
 
-SETTINGS, RECORDS, LOCK, TRIALS = "campaign.json", "records.jsonl", "lock", "trials"
+SETTINGS, RECORDS = made_here.SETTINGS, "records.jsonl"
+LOCK, TRIALS = "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
 OTHER = "other"  # folder of the other stack's run, in that of its trial
 MOST_DIGITS = 18  # of a trial's id
@@ -75,8 +79,13 @@ class Campaign:
         raise StoreError(f"{self.directory}: has no trial {name!r}; it has {known}")
 
     def folder(self, record: TrialRecord) -> Path:
-        """Name the directory of the files of a trial; it need not exist."""
+        """Name the directory of the files of a trial; it need not exist.
+
+        Raises:
+            InputError: some of them lie elsewhere, in a campaign of somebody else.
+        """
         own = trial_folder(self.directory, record.number)
+        made_here.refuse_links(self.directory, own)
         return own / OTHER if Path(record.trace_file).parent.name == OTHER else own
 
     def seen_by_other(self) -> Campaign:
@@ -304,7 +313,9 @@ def read_campaign(directory: Path) -> Campaign:
 
     Raises:
         StoreError: not a campaign, of another version, or damaged.
+        InputError: a file of it lies elsewhere, in a campaign of somebody else.
     """
+    made_here.refuse_links(directory)
     settings = read_campaign_settings(directory)
     records, _ = _records(directory / RECORDS)
     records.sort(key=lambda record: record.number)
@@ -367,6 +378,7 @@ class Store:
             store._take_lock()
             store._sign_lock()
             store._write_settings()
+            store._seal()
         except OSError as error:
             raise StoreError(f"{directory}: cannot be written: {error.strerror}") from None
         store._open_log()
@@ -463,7 +475,13 @@ class Store:
 
     def _write_settings(self) -> None:
         text = json.dumps(codec.encode(self.settings), indent=1) + "\n"
+        has_seal = made_here.has_seal(self.directory)
         write_atomically(self.directory / SETTINGS, text.encode())
+        if has_seal:  # this version may write them in other words
+            self._seal()
+
+    def _seal(self) -> None:
+        made_here.write_seal(self.directory, sealed_places(self.settings))
 
     def _take_lock(self) -> None:
         path = self.directory / LOCK

@@ -5,6 +5,13 @@ the value. Options carry the names of that function's parameters, so a command h
 they are; a test compares the two.
 """
 
+import sys
+
+if sys.argv[:1] == ["-m"]:  # Python looks for `-m mrta_falsify.cli`, before anything else of ours
+    from mrta_falsify.core.start import leave_here
+
+    leave_here()
+
 from mrta_falsify.cli import stopping
 from mrta_falsify.core.garbage import collect_seldom
 

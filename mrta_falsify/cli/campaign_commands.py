@@ -26,6 +26,7 @@ from mrta_falsify.cli.options import (
     spec_option,
     stack_options,
     then_option,
+    trust_option,
     workers_option,
 )
 
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
 @then_option
 @confirm_option
 @param_option
+@trust_option
 @click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
 @format_option
 @click.pass_context
@@ -79,7 +81,9 @@ def campaign_command(
     SCENARIO is a Scenic program (.scenic) or the name of a shipped one. Everything found is
     kept in DIR and survives Ctrl-C and kill -9; --resume goes on where it stopped.
     """
-    directory = options["output"]
+    directory, trust = options["output"], options.pop("trust")
+    if trust and resume is None:
+        raise click.UsageError("--trust goes with --resume; what is named here is trusted")
     _check_usage(scenario, directory, resume, dry_run=dry_run)
     if resume is not None:
         result = _resume(resume, context)

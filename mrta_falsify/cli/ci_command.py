@@ -10,7 +10,13 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import FILE, format_option, output_option, workers_option
+from mrta_falsify.cli.options import (
+    FILE,
+    format_option,
+    output_option,
+    trust_option,
+    workers_option,
+)
 
 
 @main.command("ci")
@@ -28,6 +34,7 @@ from mrta_falsify.cli.options import FILE, format_option, output_option, workers
 @click.option("--markdown", type=FILE, metavar="FILE.md", help="Also as Markdown.")
 @click.option("--open", "opens", is_flag=True, help="Show the page in the browser.")
 @workers_option
+@trust_option
 @format_option
 def ci_command(project: Path, fail_on: str, opens: bool, style: str, **options: Any) -> int:
     """Run what has changed since the last run of PROJECT, and say what is new and what is resolved.

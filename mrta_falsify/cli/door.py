@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import errno
 import os
+import shlex
 import sys
 import tempfile
 import traceback
@@ -15,7 +16,7 @@ from typing import Any
 import click
 
 from mrta_falsify.cli import stopping
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.errors import InputError, NeedsOption
 from mrta_falsify.core.interruption import Interrupted, heard
 
 STDOUT, STDERR = 1, 2  # file descriptors
@@ -100,6 +101,10 @@ class Door(click.Group):
             return ExitCode.BAD_INPUT
         except click.ClickException as error:
             _say(error.format_message())
+            return ExitCode.BAD_INPUT
+        except NeedsOption as error:
+            given = sys.argv[1:] if args is None else args
+            _say(f"{error}: {shlex.join([prog_name, *given, error.option])}")
             return ExitCode.BAD_INPUT
         except InputError as error:
             _say(str(error))

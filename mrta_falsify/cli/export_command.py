@@ -9,7 +9,7 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import output_option, stack_options
+from mrta_falsify.cli.options import output_option, run_option, stack_options, trust_option
 
 EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4")
 
@@ -24,6 +24,8 @@ EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4")
     "nav2: NAME.yaml, or a directory; mrta-sim, open-rmf: a directory; the others: a file.",
     required=True,
 )
+@run_option("Make again what the trial did not keep, its world or trace, and keep it.")
+@trust_option
 def export_command(target: str, id: str | None, **options: Any) -> int:
     """Write a world, or a trial of a campaign, for another system.
 
@@ -31,6 +33,8 @@ def export_command(target: str, id: str | None, **options: Any) -> int:
     open-rmf a building map and a script that dispatches the tasks, mcap a run with ROS 2 messages
     for Foxglove, gif and mp4 an animation. A WORLD is run first where a run is asked for.
     """
+    if id is None and (options["run"] or options["trust"]):
+        raise click.UsageError("--run and --trust belong to a trial of a campaign")
     if id is not None and (options["stack"] or options["settings"]):
         raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
     from mrta_falsify.verbs.export import OF_RUNS, export

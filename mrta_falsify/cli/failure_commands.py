@@ -17,13 +17,16 @@ from mrta_falsify.cli.options import (
     FiniteRange,
     count_option,
     format_option,
+    run_option,
     setting_option,
     stack_options,
     trial_arguments,
+    trust_option,
     workers_option,
 )
 
 if TYPE_CHECKING:
+    from mrta_falsify.campaigns.foreign import Trust
     from mrta_falsify.core.findings import Explanation, Recheck
     from mrta_falsify.verbs.zoo import SceneCheck
 
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write a run of each exchange that removes the failure, and one of the stack as it is.",
 )
+@trust_option
 @format_option
 def explain_command(
     directory: Path,
@@ -59,6 +63,7 @@ def explain_command(
     workers: int | None,
     rewinds: int,
     keep: bool,
+    trust: Trust,
     style: str,
 ) -> int:
     """Ask which layer a failure belongs to, by runs with one layer exchanged before its onset.
@@ -68,10 +73,12 @@ def explain_command(
     The answer is kept beside the trial and shown by `report`.
     """
     from mrta_falsify.verbs.stored_failures import explain_trial
-    from mrta_falsify.verbs.stored_trials import open_campaign, what_happened
+    from mrta_falsify.verbs.stored_trials import what_happened
+    from mrta_falsify.verbs.trust import open_to_run, permit_runs
 
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     record = campaign.record(id)
+    permit_runs(campaign, (record,), trust)  # before anything is told of what it costs
     runs = max_runs + rewinds
     is_foreign = campaign.settings.trials.stack.stack is not None  # it runs whole worlds
     output.say_cost(runs, record.wall_s, copies=not is_foreign)
@@ -85,6 +92,7 @@ def explain_command(
             rewinds=rewinds,
             keep=keep,
             workers=workers,
+            trust=trust,
             on_done=on_progress,
         )
     if style == "json":
@@ -120,8 +128,10 @@ def _print_explanation(found: Explanation) -> None:
 @main.command("certify")
 @click.argument("directory", type=FILE)
 @click.argument("id", metavar="[ID]", required=False)
+@run_option("Make the worlds and traces again that were not kept.")
+@trust_option
 @format_option
-def certify_command(directory: Path, id: str | None, style: str) -> int:
+def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, style: str) -> int:
     """Prove deadlocks from World and trace, and write certificate.json beside their trials.
 
     A program of 150 lines without our stack checks it:
@@ -132,7 +142,7 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
     from mrta_falsify.verbs.certify.stored import certify_trials
     from mrta_falsify.verbs.certify.telling import claim_sentences
 
-    found = certify_trials(directory, id)
+    found = certify_trials(directory, id, run=run, trust=trust)
     certified = sum(trial.certificate is not None for trial in found)
     if style == "json":
         counts = {"deadlocks": len(found), "certified": certified}
@@ -159,9 +169,10 @@ def certify_command(directory: Path, id: str | None, style: str) -> int:
     text="Simulations at most, beside ten of the result; a second call with more goes on.",
 )
 @workers_option
+@trust_option
 @format_option
 def minimize_command(
-    directory: Path, id: str, max_runs: int, workers: int | None, style: str
+    directory: Path, id: str, max_runs: int, workers: int | None, trust: Trust, style: str
 ) -> int:
     """Find the smallest world that fails in the same way.
 
@@ -178,10 +189,12 @@ def minimize_command(
     from mrta_falsify.verbs.minimize.reruns import PERTURBED
     from mrta_falsify.verbs.minimize.telling import minimal_text
     from mrta_falsify.verbs.stored_failures import minimize_trial
-    from mrta_falsify.verbs.stored_trials import compared_sentences, open_campaign
+    from mrta_falsify.verbs.stored_trials import compared_sentences
+    from mrta_falsify.verbs.trust import open_to_run, permit_runs
 
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     record = campaign.record(id)
+    permit_runs(campaign, (record,), trust, with_other=record.other is not None)
     most = max_runs + PERTURBED
     output.say_cost(most, record.wall_s, expected=expected_runs(campaign, record))
     with output.progress(f"minimize {record.id}", most, "runs", is_most=True) as on_progress:
@@ -190,6 +203,7 @@ def minimize_command(
             id,
             max_runs,
             workers=workers,
+            trust=trust,
             on_run=lambda runs, text: on_progress(runs),
         )
     if style == "json":
@@ -245,6 +259,8 @@ def minimize_command(
 @click.option(
     "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
 )
+@run_option("Sample the worlds anew that were not kept.")
+@trust_option
 @format_option
 def corpus_command(directory: str, style: str, **options: Any) -> int:
     """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
@@ -266,13 +282,16 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     if build is not None and span is None:
         raise click.UsageError("--build goes with --bisect GOOD..BAD only")
     if is_zoo(directory):
-        if span or options.pop("only") or options.pop("pictures"):
-            raise click.UsageError("--only, --bisect and --pictures are about stored failures")
+        about_stored = [options.pop(name) for name in ("only", "pictures", "run", "trust")]
+        if span or any(about_stored):
+            raise click.UsageError(
+                "--only, --bisect, --pictures, --run and --trust are about stored failures"
+            )
         return _zoo(directory, style, options)
     if span is None:
         return _corpus(Path(directory), style, options)
-    if options.pop("pictures"):
-        raise click.UsageError("--pictures cannot go with --bisect")
+    if options.pop("pictures") or options.pop("run"):
+        raise click.UsageError("--pictures and --run cannot go with --bisect")
     return _bisect(Path(directory), span, style, {**options, "build": build})
 
 
@@ -280,15 +299,16 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.corpus import counts_by_fate
     from mrta_falsify.verbs.stored_failures import keeps_engine, recheck_corpus
-    from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
+    from mrta_falsify.verbs.trust import open_to_run
 
+    campaign = open_to_run(directory, options["trust"])
     if (options["stack"] or options["settings"]) and keeps_engine(
         options["stack"], options["settings"]
     ):
-        engine = open_campaign(directory).settings.trials.stack.engine.name
+        engine = campaign.settings.trials.stack.engine.name
         output.say(f"engine {engine}, as recorded: the changed stack names none")
     done: list[str] = []
-    total = len(options["only"]) or len(list_trials(directory, failed=True))
+    total = len(options["only"]) or sum(record.failed for record in campaign.records)
     with output.progress("corpus", total, "failures") as on_progress:
 
         def on_done(row: Recheck) -> None:

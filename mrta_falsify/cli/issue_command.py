@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mrta_falsify.cli import output as printing
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import format_option, output_option, trial_arguments
+from mrta_falsify.cli.options import (
+    format_option,
+    output_option,
+    run_option,
+    trial_arguments,
+    trust_option,
+)
+
+if TYPE_CHECKING:
+    from mrta_falsify.campaigns.foreign import Trust
 
 
 @main.command("issue")
 @trial_arguments
 @output_option("DIR", "Default: issue beside the trial.")
+@run_option("Make again what the trial did not keep, its world or trace, and keep it.")
+@trust_option
 @format_option
-def issue_command(directory: Path, id: str, output: Path | None, style: str) -> int:
+def issue_command(
+    directory: Path, id: str, output: Path | None, run: bool, trust: Trust, style: str
+) -> int:
     """Write a failure as an issue for a tracker, in Markdown, with all that belongs to it.
 
     What happened in two sentences, the world (the smallest one after `minimize`), commands,
@@ -24,7 +38,7 @@ def issue_command(directory: Path, id: str, output: Path | None, style: str) -> 
     """
     from mrta_falsify.verbs.issue import issue
 
-    found = issue(directory, id, output)
+    found = issue(directory, id, output, run=run, trust=trust)
     if style == "json":
         printing.print_json(found)
         return ExitCode.DONE

@@ -28,7 +28,7 @@ STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
 RUN_OPTIONS = frozenset(
-    {"workers", "executor", "time_limit"} | {f.name for f in dataclasses.fields(Limits)}
+    {"workers", "executor", "time_limit", "trust"} | {f.name for f in dataclasses.fields(Limits)}
 )
 
 
@@ -299,6 +299,23 @@ def trial_arguments(command: Command) -> Command:
     """Add a campaign's directory and a trial in it, as ``directory`` and ``id``."""
     command = click.argument("id", metavar="ID")(command)
     return click.argument("directory", type=FILE)(command)
+
+
+def trust_option(command: Command) -> Command:
+    """Add ``--trust``, to run what the folder of somebody else names."""
+    return click.option(
+        "--trust",
+        is_flag=True,
+        callback=lambda context, option, value: output.say if value else False,
+        help="Run what is not ours and stands in the folder: its program, its stack's command, its "
+        "components. Needed where the folder was not made by you on this machine; remembered as "
+        "long as these do not change.",
+    )(command)
+
+
+def run_option(text: str) -> Callable[[Command], Command]:
+    """Make ``--run``, which makes again what a trial did not keep."""
+    return click.option("--run", is_flag=True, help=text)
 
 
 def workers_option(command: Command) -> Command:

@@ -11,7 +11,7 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import FILE, count_option, output_option
+from mrta_falsify.cli.options import FILE, count_option, output_option, run_option, trust_option
 
 
 @main.command("report")
@@ -34,6 +34,8 @@ from mrta_falsify.cli.options import FILE, count_option, output_option
     is_flag=True,
     help="Run the nearest passing trial of each mode again, and show it beside the failure.",
 )
+@run_option("Make the worlds and traces of failures again that were not kept.")
+@trust_option
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 def report_command(directory: Path, opens: bool, **options: Any) -> int:
     """Write the failure report of a campaign: one HTML file that opens from disk.

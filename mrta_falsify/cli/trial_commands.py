@@ -13,10 +13,17 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import FILE, count_option, format_option, trial_arguments
+from mrta_falsify.cli.options import (
+    FILE,
+    count_option,
+    format_option,
+    trial_arguments,
+    trust_option,
+)
 from mrta_falsify.core import codec
 
 if TYPE_CHECKING:
+    from mrta_falsify.campaigns.foreign import Trust
     from mrta_falsify.core.verdict import Verdict
     from mrta_falsify.verbs.replay import Replay
     from mrta_falsify.verbs.stored_trials import TrialRow
@@ -175,9 +182,16 @@ def _verdict_line(verdict: Verdict) -> str:
 @click.option(
     "--against", is_flag=True, help="The run of the stack that the campaign compares with."
 )
+@trust_option
 @format_option
 def replay_command(
-    directory: Path, id: str, verify: int, live: bool, against: bool, style: str
+    directory: Path,
+    id: str,
+    verify: int,
+    live: bool,
+    against: bool,
+    trust: Trust,
+    style: str,
 ) -> int:
     """Run a stored trial again and compare digests.
 
@@ -187,7 +201,7 @@ def replay_command(
     """
     from mrta_falsify.verbs.replay import replay, summarise_replay
 
-    result = replay(directory, id, verify, live, against=against)
+    result = replay(directory, id, verify, live, against=against, trust=trust)
     if style == "json":
         output.print_json(summarise_replay(result))
     else:

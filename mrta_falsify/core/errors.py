@@ -8,6 +8,7 @@
     |   +-- WorldError           a world that cannot be run
     |   +-- FormatError          a file that is not what its name says
     |   +-- UnknownNameError     a plug-in, layer, room or specification that is not registered
+    |   +-- NeedsOption          what is done only where an option asks for it
     +-- HarnessError           the toolkit itself failed: exit code 3
 """
 
@@ -54,6 +55,19 @@ class UnknownNameError(InputError):
         prefix = f"{where}: " if where else ""
         listing = ", ".join(known) if known else "none"
         super().__init__(f"{prefix}unknown {kind} {name!r}{hint} Known: {listing}")
+
+
+class NeedsOption(InputError):  # noqa: N818 - says what is missing
+    """A command does something only where an option asks for it.
+
+    Args:
+        message: what it would do, without the option.
+        option: of the command line, as ``--trust``; a verb in Python has a parameter of that name.
+    """
+
+    def __init__(self, message: str, option: str) -> None:
+        super().__init__(f"{message}; it needs {option}")
+        self.option = option
 
 
 class HarnessError(MrtaFalsifyError):

@@ -13,13 +13,13 @@ import functools
 import importlib
 import importlib.metadata
 import os
-import sys
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
 from mrta_falsify.core.external import EXEC
+from mrta_falsify.core.modules import look_here_for
 
 #: extension points; each is an entry-point group ``mrta_falsify.<name>``
 EXTENSION_POINTS = (
@@ -54,11 +54,16 @@ def names(point: str) -> tuple[str, ...]:
     return tuple(_entry_points(point))
 
 
+def target_of(point: str, name: str) -> str:
+    """Give ``module:Class`` of a component; empty for a name that is not registered."""
+    return _entry_points(point).get(name, name if ":" in name else "")
+
+
 def load(point: str, name: str, *, where: str = "") -> Any:
     """Load the class (or function) registered as ``name``, or named as ``module:Class``.
 
     ``exec:CMD`` is a layer that runs in a process of its own. A module that is named is looked for
-    on Python's path, then in the current directory.
+    on Python's path, then in the current directory (see :mod:`mrta_falsify.core.modules`).
 
     Raises:
         UnknownNameError: the name is not registered.
@@ -73,7 +78,7 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     module_name, _, attribute = target.partition(":")
     prefix = f"{where}: " if where else ""
     if name not in known:
-        _look_in_current_directory()
+        look_here_for(module_name)
     try:
         component = getattr(importlib.import_module(module_name), attribute)
     except ModuleNotFoundError as error:
@@ -84,13 +89,6 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     if not hasattr(component, "Options"):
         raise ConfigError(f"{prefix}{name!r} cannot be used as {point}: it has no `Options`")
     return component
-
-
-def _look_in_current_directory() -> None:
-    """Let a module of the user's own lie where the command is run, as for ``python -m``."""
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        sys.path.append(here)
 
 
 def build(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from mrta_falsify.campaigns.made_here import has_seal, refuse_links
 from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_progress
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
@@ -20,6 +21,7 @@ from mrta_falsify.campaigns.settings import (
 )
 from mrta_falsify.campaigns.store import (
     SETTINGS,
+    TRIALS,
     Campaign,
     Store,
     StoreError,
@@ -35,6 +37,7 @@ from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
 from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
 from mrta_falsify.verbs.stacks import Stack
+from mrta_falsify.verbs.trust import Trust, of_campaign, of_links, permit
 from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
 from mrta_falsify.worker import open_program
 
@@ -181,6 +184,7 @@ def resume_campaign(
     time_limit: float | None = None,
     workers: int | None = None,
     executor: str | None = None,
+    trust: Trust = False,
     on_record: OnRecord = lambda record, is_new: None,
     on_told: OnTold = lambda record, progress: None,
     on_note: OnNote = lambda text: None,
@@ -196,6 +200,7 @@ def resume_campaign(
         time_limit: of one trial [s], as in :func:`campaign`; the campaign's own if None.
         workers: processes; one per core if None.
         executor: registered name; local processes if None.
+        trust: run what is not ours, though somebody else has made the campaign.
         on_record: called when a record is durable, with whether it is new.
         on_told: called when the sampler knows a record, in number order.
         on_note: called with what the user should know.
@@ -206,6 +211,7 @@ def resume_campaign(
         HarnessError: a trial was lost each time it was run.
     """
     place = chosen_executor(executor, workers)
+    permit_resuming(Path(directory), trust)
     with Store.resume(Path(directory)) as store:
         if store.settings.trials.sources_digest:
             open_program(store.settings.trials)  # before anything is written
@@ -271,7 +277,32 @@ def open_store(directory: Path, settings: CampaignSettings) -> Store:
     )
     if codec.digest(there) != codec.digest(settings):
         raise StoreError(f"{directory}: holds a campaign with other settings; choose another one")
+    refuse_links(directory, directory / TRIALS)
     return Store.resume(directory)
+
+
+def permit_resuming(directory: Path, trust: Trust) -> None:
+    """Ask whether all that a campaign names may run.
+
+    Raises:
+        StoreError: not a campaign, or nothing says which program it began with.
+        NeedsOption: it may not.
+    """
+    permit(directory, of_links(directory, directory / TRIALS), trust)
+    settings = read_campaign_settings(directory)
+    permit(directory, of_campaign(settings), trust)
+    if not settings.trials.sources_digest and not has_seal(directory):
+        raise StoreError(
+            f"{directory / SETTINGS}: has no digest of its program, so nothing tells whether "
+            f"{settings.trials.scenario} is the one that the campaign began with; begin a new one"
+        )
+
+
+def _here(store: Store) -> CampaignSettings:
+    """Let trials write into the folder where the campaign lies now, whatever its file says."""
+    trials = store.settings.trials
+    folder = str(store.directory.resolve()) if trials.directory else ""
+    return dataclasses.replace(store.settings, trials=dataclasses.replace(trials, directory=folder))
 
 
 def run_store(
@@ -290,7 +321,7 @@ def run_store(
     began = time.monotonic()
     ended: Ended | Literal["interrupted"]
     try:
-        with heard(), open_executor(store.settings, executor) as opened:
+        with heard(), open_executor(_here(store), executor) as opened:
             progress, ended = run_campaign(
                 store,
                 limits,

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.rare_events import estimated_probability, is_estimating
+from mrta_falsify.campaigns.rare_events import estimated_probability, is_known_to_estimate
 from mrta_falsify.campaigns.saturation import Unseen, unseen_of
 from mrta_falsify.campaigns.statistics import (
     failure_probability,
@@ -286,7 +286,7 @@ def probability_of(
         campaign: its trials.
         stopped_early: whether what was found decided how many trials there are.
     """
-    estimating = is_estimating(campaign.settings)
+    estimating = is_known_to_estimate(campaign.settings)
     uniform = uniform_trials(campaign)
     reason = why_no_probability(
         campaign.settings,

@@ -17,6 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
 from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.made_here import follow_links
 from mrta_falsify.campaigns.rules import JUDGED_SINCE, signed
 from mrta_falsify.campaigns.runner import REPEATS
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
@@ -312,6 +313,7 @@ def open_rechecks(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[st
         A function from ``{"number": n, "record": {...}, "copy": k, "picture": path}`` to an
         encoded :class:`RecheckRun`.
     """
+    follow_links(Path(settings.directory))  # who started this worker has asked the user
 
     def run(job: dict[str, Any]) -> RecheckRun:
         record = codec.decode(TrialRecord, job["record"], where="recheck")

@@ -199,7 +199,7 @@ def _check_determinism() -> HealthCheck:
     for hash_seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         done = subprocess.run(
-            [sys.executable, "-c", _SELF_TEST],
+            [sys.executable, "-P", "-c", _SELF_TEST],
             env=environment,
             capture_output=True,
             text=True,

@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
+from mrta_falsify.campaigns.foreign import of_choice
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import ConfigError, WorldError
-from mrta_falsify.core.trace import Trace, read_trace
+from mrta_falsify.core.costmap import Costmap
+from mrta_falsify.core.errors import ConfigError, NeedsOption, WorldError
+from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
-from mrta_falsify.verbs.run import run
+from mrta_falsify.verbs.made_again import keep_run
+from mrta_falsify.verbs.run import run as run_world
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
-from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.verbs.stored_trials import kept_trace, kept_world, open_campaign
+from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
 from mrta_falsify.verbs.worlds import find_world
-from mrta_falsify.worker import rerun, stack_of
+from mrta_falsify.worker import stack_of
 from reports.run_view import RunView
 from simulator_interface.formats import nav2
 
@@ -34,6 +38,7 @@ class ExportSubject:
     world: World
     config: StackConfig
     trace: Trace | None = None
+    only_ours: bool = False  #: a map that is not ours to build is not built
     verdicts: tuple[Verdict, ...] = ()
 
 
@@ -45,10 +50,12 @@ def export(
     output: Place,
     stack: Stack | None = None,
     settings: Sequence[str] = (),
+    run: bool = False,
+    trust: Trust = False,
 ) -> tuple[Path, ...]:
     """Write a world, or a trial of a campaign, for another system.
 
-    A world is run first where a run is asked for; a trial is run again if its trace was not kept.
+    A world is run first where a run is asked for. Of a trial nothing is run, unless ``run``.
 
     Args:
         target: a world, or a file or name of one; the directory of a campaign with ``id``.
@@ -57,6 +64,8 @@ def export(
         output: where to write.
         stack: the stack of a world, or its YAML file; a trial has its own.
         settings: ``--set`` texts applied to the stack of a world.
+        run: make again what a trial did not keep, its world or trace.
+        trust: then run what is not ours, though somebody else has made the campaign.
 
     Returns:
         The files written.
@@ -69,30 +78,45 @@ def export(
         if stack is not None or settings:
             raise ConfigError("--stack and --set belong to a WORLD; a trial has its own stack")
         assert not isinstance(target, World)
-        subject = trial_subject(target, id, with_trace=format in OF_RUNS)
+        subject = trial_subject(target, id, with_trace=format in OF_RUNS, run=run, trust=trust)
     else:
         subject = ExportSubject(world=find_world(target), config=load_stack(stack, settings))
     return write_export(subject, format, Path(output))
 
 
-def trial_subject(directory: Place, id: str | int, *, with_trace: bool) -> ExportSubject:
-    """Get a trial of a campaign, with its stored trace if there is one, else run again.
+def trial_subject(
+    directory: Place,
+    id: str | int,
+    *,
+    with_trace: bool,
+    run: bool = False,
+    trust: Trust = False,
+) -> ExportSubject:
+    """Get a trial of a campaign as it was kept.
+
+    Args:
+        directory: of the campaign.
+        id: of the trial.
+        with_trace: its run is needed.
+        run: make again what was not kept.
+        trust: then run what is not ours, though somebody else has made the campaign.
 
     Raises:
-        InputError: no such trial, or it has no world.
+        InputError: no such trial, it has no world, or what is needed was not kept.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust) if run else open_campaign(directory)
     record = campaign.record(str(id))
-    world = stored_world(campaign, record)
     config = stack_of(campaign.settings.trials, record)
-    trace = None
-    if with_trace:
-        stored = campaign.folder(record) / "trace.zip"
-        if stored.is_file():
-            trace = read_trace(stored)
-        else:
-            trace = rerun(campaign.settings.trials, record, world).outcome.trace
-    return ExportSubject(world=world, config=config, trace=trace, verdicts=record.verdicts)
+    if run:
+        keep_run(campaign, record, trust, with_trace=with_trace)
+        permit(campaign.directory, of_choice("costmap", config.costmap), trust)
+    return ExportSubject(
+        world=kept_world(campaign, record),
+        config=config,
+        trace=kept_trace(campaign, record) if with_trace else None,
+        only_ours=not run,
+        verdicts=record.verdicts,
+    )
 
 
 def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, ...]:
@@ -121,26 +145,27 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
 
     _check_format(kind)
     _check_scripted(subject, kind)
-    world, config = subject.world, subject.config
+    world = subject.world
     if kind == "nav2":
-        return export_nav2(world, path, config)
+        return _write_nav2(_map_of(subject), path)
     make_directory(path if kind in OF_FOLDERS else path.parent)
     if kind == "sdf":
         sdf_world.write_sdf(world, path)
         return (path,)
     if kind == "mrta-sim":
-        return mrta_sim_files.write_mrta_sim(world, costmap_of(world, config), path)
+        return mrta_sim_files.write_mrta_sim(world, _map_of(subject), path)
     if kind == "open-rmf":
         return open_rmf.write_open_rmf(world, path)
     trace, verdicts = _run_of(subject)
     if kind == "mcap":
-        mcap.write_mcap(world, trace, costmap_of(world, config), path)
+        mcap.write_mcap(world, trace, _map_of(subject), path)
         layout = path.with_suffix(".layout.json")
         lichtblick_layout.write_layout(world, layout)
         return (path, layout)
     from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
 
-    view = RunView(world=world, trace=trace, verdicts=verdicts, costmap=costmap_of(world, config))
+    costmap = map_of(world, subject.config) if subject.only_ours else _map_of(subject)
+    view = RunView(world=world, trace=trace, verdicts=verdicts, costmap=costmap)
     write = animation.write_gif if kind == "gif" else animation.write_mp4
     write(view, path)
     return (path,)
@@ -160,12 +185,26 @@ def export_nav2(world: World, path: Place, config: StackConfig | None = None) ->
     Raises:
         InputError: the place cannot be written.
     """
-    target = Path(path)
-    if target.suffix != ".yaml":
-        target = target / "map.yaml"
+    return _write_nav2(costmap_of(world, config), Path(path))
+
+
+def _write_nav2(costmap: Costmap, path: Path) -> tuple[Path, Path]:
+    target = path if path.suffix == ".yaml" else path / "map.yaml"
     make_directory(target.parent)
-    nav2.write_nav2_map(costmap_of(world, config), target)
+    nav2.write_nav2_map(costmap, target)
     return target, target.with_suffix(".pgm")
+
+
+def _map_of(subject: ExportSubject) -> Costmap:
+    """Build the map that the stack sees.
+
+    Raises:
+        NeedsOption: it is not ours to build, and only what is ours may run.
+    """
+    choice = subject.config.costmap
+    if subject.only_ours and any(of_choice("costmap", choice)):
+        raise NeedsOption(f"the map is built by the component {choice.name}", "--run")
+    return costmap_of(subject.world, subject.config)
 
 
 def _check_format(kind: str) -> None:
@@ -199,5 +238,5 @@ def _run_of(subject: ExportSubject) -> tuple[Trace, tuple[Verdict, ...]]:
     """Trace and verdicts of a subject; its world is run if it has none."""
     if subject.trace is not None:
         return subject.trace, subject.verdicts
-    outcome = run(subject.world, subject.config)
+    outcome = run_world(subject.world, subject.config)
     return outcome.trace, outcome.verdicts

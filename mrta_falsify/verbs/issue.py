@@ -10,6 +10,7 @@ from pathlib import Path
 import yaml
 
 from mrta_falsify.campaigns.finding_files import read_finding
+from mrta_falsify.campaigns.foreign import of_choice
 from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
@@ -22,15 +23,16 @@ from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.minimize.telling import minimal_text
 from mrta_falsify.verbs.pictures import trial_view
-from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.stored_trials import (
     failure_sentences,
     open_campaign,
     read_run,
     what_happened,
 )
+from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
 from mrta_falsify.worker import stack_of
 from reports.issue_text import IssueContents, render_issue
 from reports.run_view import RunView
@@ -55,7 +57,14 @@ class IssueFiles:
     files: tuple[Path, ...]  #: beside it
 
 
-def issue(directory: Place, id: str | int, output: Place | None = None) -> IssueFiles:
+def issue(
+    directory: Place,
+    id: str | int,
+    output: Place | None = None,
+    *,
+    run: bool = False,
+    trust: Trust = False,
+) -> IssueFiles:
     """Write a failure as an issue: what happened, the world, commands, versions, pictures.
 
     The smallest world is taken if ``minimize`` has been run. Beside the text lie the world, the
@@ -65,23 +74,29 @@ def issue(directory: Place, id: str | int, output: Place | None = None) -> Issue
         directory: of the campaign.
         id: of the trial.
         output: a directory for it; ``issue`` beside the trial if None.
+        run: make the world and the trace again that were not kept.
+        trust: then run what is not ours, though somebody else has made the campaign.
 
     Raises:
         InputError: no such trial, it did not fail, or a file is missing or damaged.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust) if run else open_campaign(directory)
     record = campaign.record(str(id))
     if not record.failed:
         raise StoreError(f"trial {record.id} violates nothing, so there is nothing to report")
-    folder = make_directory(
-        Path(output) if output is not None else campaign.folder(record) / FOLDER_NAME
-    )
+    if run:
+        keep_run(campaign, record, trust)
+        costmap = campaign.settings.trials.stack.costmap
+        permit(campaign.directory, of_choice("costmap", costmap), trust)
     config = _portable(stack_of(campaign.settings.trials, record))
     found = read_finding(campaign.folder(record), Minimisation)
     view = _view(campaign, record, found, config)
+    folder = make_directory(
+        Path(output) if output is not None else campaign.folder(record) / FOLDER_NAME
+    )
     program = _write_scene(view, config, folder)
     _write_pictures(view, folder)
-    formats, missing = _write_formats(view, config, folder)
+    formats, missing = _write_formats(view, config, folder, only_ours=not run)
     contents = IssueContents(
         signature=record.signature,
         happened=_happened(campaign, record, view),
@@ -119,9 +134,7 @@ def _view(
     if found is None:
         return trial_view(campaign, record)
     world, trace = read_run(folder / "world.min.json", folder / "trace.min.zip")
-    return RunView(
-        world=world, trace=trace, verdicts=found.verdicts, costmap=costmap_of(world, config)
-    )
+    return RunView(world=world, trace=trace, verdicts=found.verdicts, costmap=map_of(world, config))
 
 
 def _happened(campaign: Campaign, record: TrialRecord, view: RunView) -> tuple[str, ...]:
@@ -169,10 +182,10 @@ def _write_pictures(view: RunView, folder: Path) -> None:
 
 
 def _write_formats(
-    view: RunView, config: StackConfig, folder: Path
+    view: RunView, config: StackConfig, folder: Path, *, only_ours: bool
 ) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
     """Write the scene for other systems; what cannot be written is said."""
-    subject = ExportSubject(world=view.world, config=config, trace=view.trace)
+    subject = ExportSubject(world=view.world, config=config, trace=view.trace, only_ours=only_ours)
     written, missing = [], []
     for what, kind in (
         ("Nav2, map and goals", "nav2"),

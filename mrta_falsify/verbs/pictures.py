@@ -6,28 +6,25 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.trace import read_trace
-from mrta_falsify.verbs.stacks import costmap_of
-from mrta_falsify.verbs.stored_trials import stored_world
-from mrta_falsify.worker import rerun, stack_of
+from mrta_falsify.verbs.stored_trials import kept_trace, kept_world
+from mrta_falsify.verbs.trust import map_of
+from mrta_falsify.worker import stack_of
 from reports.run_view import RunView
 
 
 def trial_view(campaign: Campaign, record: TrialRecord) -> RunView:
-    """Get what pictures of a trial are made from; it is run again if its trace was not kept.
+    """Get what pictures of a trial are made from.
 
     Raises:
-        InputError: its world or trace is missing or damaged.
+        NeedsOption: its world or trace was not kept.
+        InputError: its world or trace is damaged.
     """
-    world = stored_world(campaign, record)
-    path = campaign.folder(record) / "trace.zip"
-    settings = campaign.settings.trials
-    trace = read_trace(path) if path.is_file() else rerun(settings, record, world).outcome.trace
+    world = kept_world(campaign, record)
     return RunView(
         world=world,
-        trace=trace,
+        trace=kept_trace(campaign, record),
         verdicts=record.verdicts,
-        costmap=costmap_of(world, stack_of(settings, record)),
+        costmap=map_of(world, stack_of(campaign.settings.trials, record)),
     )
 
 

@@ -10,7 +10,7 @@ from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.settings import FORMAT_VERSION
-from mrta_falsify.campaigns.store import Campaign, format_version
+from mrta_falsify.campaigns.store import OTHER, Campaign, format_version, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.difference import Difference, first_difference
 from mrta_falsify.core.findings import ReplayCheck
@@ -18,7 +18,8 @@ from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
-from mrta_falsify.verbs.stored_trials import of_other_stack, open_campaign, stored_world
+from mrta_falsify.verbs.stored_trials import of_other_stack, stored_world
+from mrta_falsify.verbs.trust import Trust, open_to_run, permit_runs
 from mrta_falsify.worker import rerun, specifications_of
 from simulator_interface.external.told import TOLD_NAME, read_told
 from simulator_interface.guard import guarded
@@ -76,6 +77,7 @@ def replay(
     live: bool = False,
     *,
     against: bool = False,
+    trust: Trust = False,
 ) -> Replay:
     """Run a stored trial again, and keep what that shows beside it, for the report.
 
@@ -87,15 +89,17 @@ def replay(
         verify: how often to run it.
         live: ask the stack again.
         against: the run of the other stack, of a campaign that compares two.
+        trust: run what is not ours, though somebody else has made the campaign.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
         Interrupted: Ctrl-C; finished runs are kept for the next call, and nothing is stored.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     record = campaign.record(str(id))
     if against:
         campaign, record = of_other_stack(campaign, record)
+    permit_runs(campaign, (record,), trust, told=not live and _has_answers(campaign, record))
     trials = campaign.settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)
@@ -149,6 +153,13 @@ def replay_trial(
         same_machine=record.versions == versions(),
         difference=differences[0] if differences else None,
     )
+
+
+def _has_answers(campaign: Campaign, record: TrialRecord) -> bool:
+    """Whether a stack's answers were kept; who made the folder has not been asked yet."""
+    own = trial_folder(campaign.directory, record.number)
+    beside = Path(record.trace_file).parent.name == OTHER
+    return ((own / OTHER if beside else own) / TOLD_NAME).is_file()
 
 
 def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -> ReplayRun:

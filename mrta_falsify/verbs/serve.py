@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 import tempfile
 import threading
 from collections import Counter
@@ -22,9 +21,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, ClassVar
 
+from mrta_falsify.campaigns.made_here import refuse_links
 from mrta_falsify.campaigns.store import owner_of, read_campaign_settings, read_records
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.modules import python_command
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
 from mrta_falsify.verbs.folders import Place
@@ -165,7 +166,7 @@ class _Reports:
 def _command(*words: str) -> None:
     """Run one of our commands in a process of its own, whose memory goes with it."""
     done = subprocess.run(
-        [sys.executable, "-m", "mrta_falsify.cli", *words],
+        python_command("mrta_falsify.cli", *words),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         check=False,
@@ -186,6 +187,7 @@ class LiveServer(ThreadingHTTPServer):
                 f"--lichtblick is {lichtblick}; it must be an address without a path, as "
                 "http://localhost:8080"
             )
+        refuse_links(Path(directory))
         self.summary = LiveSummary(Path(directory))
         self._title = Path(read_campaign_settings(Path(directory)).trials.scenario).stem
         self._lock = threading.Lock()

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign, StoreError
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import MAX_RUNS, REWINDS, explain
 from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.minimising import MAX_RUNS as MAX_MINIMIZE_RUNS
 from mrta_falsify.verbs.report import (
@@ -19,9 +22,11 @@ from mrta_falsify.verbs.report import (
     markdown_report,
     write_report,
 )
+from mrta_falsify.verbs.report.cases import in_turn
 from mrta_falsify.verbs.report.neighbours import keep_neighbours
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.trust import Trust, open_to_run, permit_rechecks, permit_runs
 from mrta_falsify.verbs.workers import count_cores
 
 
@@ -33,6 +38,7 @@ def explain_trial(
     rewinds: int = REWINDS,
     keep: bool = False,
     workers: int | None = None,
+    trust: Trust = False,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
     """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
@@ -47,13 +53,15 @@ def explain_trial(
         keep: write a run of each exchange that removes the failure into ``explain`` beside the
             trial, and one of the stack as it is.
         workers: processes; None: as many as the machine has cores.
+        trust: run what is not ours, though somebody else has made the campaign.
         on_done: called after each re-run with how many are done, and how many there will be.
 
     Raises:
         InputError: no such trial, or it did not fail.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     record = campaign.record(str(id))
+    permit_runs(campaign, (record,), trust)
     return explain(
         campaign,
         record,
@@ -71,6 +79,7 @@ def minimize_trial(
     max_runs: int = MAX_MINIMIZE_RUNS,
     *,
     workers: int | None = None,
+    trust: Trust = False,
     on_run: Callable[[int, str], None] = lambda runs, text: None,
 ) -> Minimisation:
     """Find the smallest world that fails in the same way, and write it beside the trial.
@@ -80,13 +89,15 @@ def minimize_trial(
         id: of the trial.
         max_runs: simulations at most, beside ten of the result; a second call with more goes on.
         workers: processes; one per core if None.
+        trust: run what is not ours, though somebody else has made the campaign.
         on_run: called after each simulation with their number and a line about it.
 
     Raises:
         InputError: no such trial, or it did not fail.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     record = campaign.record(str(id))
+    permit_runs(campaign, (record,), trust, with_other=record.other is not None)
     return minimize(
         campaign, record, max_runs=max_runs, workers=count_cores(workers), on_run=on_run
     )
@@ -102,6 +113,8 @@ def recheck_corpus(
     time_limit: float | None = None,
     only: Sequence[str] = (),
     pictures: Place | None = None,
+    run: bool = False,
+    trust: Trust = False,
     on_done: Callable[[Recheck], None] = lambda row: None,
 ) -> tuple[Recheck, ...]:
     """Run all stored failures of a campaign on a changed stack.
@@ -118,22 +131,28 @@ def recheck_corpus(
         time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         only: ids of the failures to run; all if empty.
         pictures: directory for a picture of each run that fails; none are drawn if None.
+        run: sample worlds anew that were not kept.
+        trust: run what is not ours, though somebody else has made the campaign.
         on_done: called with each row.
 
     Raises:
         InputError: not a campaign, an unknown layer, or a trial that did not fail.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     config = load_stack(stack, settings) if stack is not None or settings else None
-    if config is not None and keeps_engine(stack, settings):
+    named = StackConfig() if config is not None else None
+    if config is not None and named is not None and keeps_engine(stack, settings):
         config = on_recorded_engine(campaign, config)
+        named = on_recorded_engine(campaign, named)
+    chosen = failures_named(campaign, only)
+    permit_rechecks(campaign, named, trust, only=chosen, run=run)
     return recheck(
         campaign,
         config=config,
         jittered=jittered,
         workers=count_cores(workers),
         time_limit=time_limit,
-        only=failures_named(campaign, only),
+        only=chosen,
         pictures=make_directory(Path(pictures)) if pictures is not None else None,
         on_done=on_done,
     )
@@ -171,6 +190,8 @@ def write_reports(
     against: Place | None = None,
     cases: int = MOST_CASES,
     beside: bool = False,
+    run: bool = False,
+    trust: Trust = False,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -183,6 +204,9 @@ def write_reports(
         cases: failures to show in full at most.
         beside: run the passing trial nearest to the first failure of each mode again, if it was
             not kept, and show it beside the failure.
+        run: make the worlds and traces of failures again that were not kept.
+        trust: with ``beside`` or ``run``, run what is not ours, though somebody else has made the
+            campaign.
 
     Returns:
         The files written, the page first.
@@ -191,14 +215,18 @@ def write_reports(
         InputError: not a campaign, a place that cannot be written, or a trial that runs
             differently now.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust) if run or beside else open_campaign(directory)
     other = open_campaign(against) if against is not None else None
     page = Path(output) if output is not None else Path(directory) / "report.html"
     places = [Path(place) for place in (page, junit, markdown) if place is not None]
     for place in places:
         make_directory(place.parent)
+    if run:
+        for record in itertools.islice(in_turn(campaign), cases):
+            keep_run(campaign, record, trust)
     if beside:
-        keep_neighbours(campaign, [campaign.record(mode.ids[0]) for mode in modes(campaign)])
+        firsts = [campaign.record(mode.ids[0]) for mode in modes(campaign)]
+        keep_neighbours(campaign, firsts, trust)
     write_report(campaign, page, against=other, cases=cases)
     if junit is not None:
         Path(junit).write_text(junit_report(campaign), encoding="utf-8")

@@ -15,7 +15,7 @@ from mrta_falsify.campaigns.statistics import chance_in_copies
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.errors import FormatError, InputError, NeedsOption
 from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
@@ -34,6 +34,8 @@ from reports.sentences import (
     violation_sentence,
     who_text,
 )
+
+WORLD_NAME, TRACE_NAME = "world.json", "trace.zip"  # in the folder of a trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,10 +183,9 @@ def account_of(campaign: Campaign, record: TrialRecord) -> WaitAccount | None:
     verdict = leading(record.verdicts)
     if verdict is None:
         return None
-    path = campaign.directory / record.trace_file
-    if record.trace_file and path.is_file():
+    if record.trace_file:
         with contextlib.suppress(InputError):
-            return wait_account(verdict, read_trace(path))
+            return wait_account(verdict, kept_trace(campaign, record))
     return wait_account(verdict)
 
 
@@ -247,22 +248,69 @@ def other_stack_of(campaign: Campaign, record: TrialRecord) -> StackConfig | Non
 def stored_world(campaign: Campaign, record: TrialRecord) -> World:
     """Read the world of a trial: its file if it was kept, sampled anew otherwise.
 
+    Sampling runs the campaign's program; who calls this has asked whether it may.
+
     Raises:
-        StoreError: the trial has no world, or the file is not the world it was.
+        StoreError: the trial has no world, or what there is is not the world that was run.
     """
-    if record.status == "rejected":
-        raise StoreError(f"trial {record.id} has no world: {record.error}")
-    path = campaign.folder(record) / "world.json"
+    path = _world_file(campaign, record)
     if path.is_file():
         world = read_world(path)
     else:
         world = open_program(campaign.settings.trials).realise(record.candidate).world
-    if record.world_digest and world.digest() != record.world_digest:
+    _check_is_of(record, world, path)
+    return world
+
+
+def kept_world(campaign: Campaign, record: TrialRecord) -> World:
+    """Read the world of a trial that was kept; nothing is run.
+
+    Raises:
+        StoreError: the trial has no world, or the file is not the world that was run.
+        NeedsOption: it was not kept.
+    """
+    path = _world_file(campaign, record)
+    if not path.is_file():
+        raise NeedsOption(
+            f"trial {record.id}: its world is not kept ({path}); to sample it anew runs "
+            f"{campaign.settings.trials.scenario}",
+            "--run",
+        )
+    world = read_world(path)
+    _check_is_of(record, world, path)
+    return world
+
+
+def _world_file(campaign: Campaign, record: TrialRecord) -> Path:
+    if record.status == "rejected":
+        raise StoreError(f"trial {record.id} has no world: {record.error}")
+    return campaign.folder(record) / WORLD_NAME
+
+
+def _check_is_of(record: TrialRecord, world: World, path: Path) -> None:
+    if not record.world_digest:
+        raise StoreError(
+            f"{path}: the record of trial {record.id} has no digest of its world, so nothing tells "
+            "whether this is the one that was run"
+        )
+    if world.digest() != record.world_digest:
         raise StoreError(
             f"{path}: its digest is {world.digest()[:12]}, the record says "
             f"{record.world_digest[:12]}; the world is not the one that was run"
         )
-    return world
+
+
+def kept_trace(campaign: Campaign, record: TrialRecord) -> Trace:
+    """Read the trace of a trial that was kept; nothing is run.
+
+    Raises:
+        NeedsOption: it was not kept.
+        InputError: it is damaged.
+    """
+    path = campaign.folder(record) / TRACE_NAME
+    if not path.is_file():
+        raise NeedsOption(f"trial {record.id}: its trace is not kept ({path})", "--run")
+    return read_trace(path)
 
 
 def read_run(world_file: Path, trace_file: Path) -> tuple[World, Trace]:

@@ -21,7 +21,7 @@ from mrta_falsify.cli.options import RUN_OPTIONS
 
 #: what only a command line needs: how to print, and which of several functions is meant
 ONLY_OPTIONS = {
-    "campaign": {"dry_run", "resume"},  # estimate_cost, resume_campaign
+    "campaign": {"dry_run", "resume", "trust"},  # estimate_cost, resume_campaign
     "check": {"everything", "scenarios"},
     "import": {"floor", "stack", "settings"},  # import_log
     "ci": {"fail_on", "opens"},
@@ -101,6 +101,7 @@ def test_the_options_of_a_campaign_come_from_its_settings():
         "params",
         "dry_run",
         "style",
+        "trust",
         "wall_clock",
     }
 

@@ -15,6 +15,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.verbs import made_again
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.report import neighbours
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
@@ -82,11 +83,11 @@ def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(
     world, judged = stalled
     elsewhere = dataclasses.replace(campaign, directory=tmp_path)
     near = elsewhere.records[3]
-    monkeypatch.setattr(neighbours, "stored_world", lambda *_: world)
-    monkeypatch.setattr(neighbours, "rerun", lambda *_: judged)
+    monkeypatch.setattr(made_again, "stored_world", lambda *_: world)
+    monkeypatch.setattr(made_again, "rerun", lambda *_: judged)
     other = dataclasses.replace(near, trace_digest="0" * 64)
     with pytest.raises(InputError, match="runs differently now"):
-        neighbours.keep_run(elsewhere, other)
+        made_again.keep_run(elsewhere, other)
     assert not elsewhere.folder(near).exists()
     neighbours.keep_neighbours(elsewhere, [elsewhere.records[0]])
     assert read_trace(elsewhere.folder(near) / "trace.zip").digest == near.trace_digest

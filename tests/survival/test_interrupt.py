@@ -113,7 +113,7 @@ CASES = {
     ),
     "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "1")),
     "ci": Case(
-        ("ci", "--workers", "2"),
+        ("ci", "--trust", "--workers", "2"),
         ("kept/report.html",),
         prepare=_write_project,
         over="kept/last.json",

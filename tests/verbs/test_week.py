@@ -92,9 +92,9 @@ def test_a_week(team):
         *quick, *specs, code=1,
     )  # fmt: skip
     assert [mode["signature"].partition("/")[0] for mode in first["modes"]] == ["no_deadlock"]
-    monday = team.call("ci", "--workers", 1, code=1)
+    monday = team.call("ci", "--trust", "--workers", 1, code=1)
     assert (monday["new"], monday["ongoing"], monday["resolved"]) == (1, 0, 0)
-    again = team.call("ci", "--workers", 1, code=1)
+    again = team.call("ci", "--trust", "--workers", 1, code=1)
     assert (again["new"], again["ongoing"], again["cells"][0]["trials"]) == (0, 1, 0)
 
     # Day 2: the stack has changed. One is resolved, one is new.
@@ -102,7 +102,7 @@ def test_a_week(team):
     team.commit("Robots keep to the right", SIDE=0.7)
     team.commit("Robots drive more carefully", SPEED=0.08)
     team.commit("Say so")
-    tuesday = team.call("ci", "--workers", 1, "--junit", "ci.xml", code=1)
+    tuesday = team.call("ci", "--trust", "--workers", 1, "--junit", "ci.xml", code=1)
     assert (tuesday["new"], tuesday["resolved"], tuesday["ongoing"]) == (1, 1, 0)
     assert tuesday["cells"][0]["changed"] == ["code"]
     fresh = tuesday["changes"][0]
@@ -139,5 +139,5 @@ def test_a_week(team):
     team.commit("Robots drive as before", SPEED=0.5)
     code, said = team.pytest(directory)
     assert code == 0, said
-    friday = team.call("ci", "--workers", 1, code=0)
+    friday = team.call("ci", "--trust", "--workers", 1, code=0)
     assert (friday["new"], friday["resolved"], friday["at_rest"]) == (0, 1, 1)

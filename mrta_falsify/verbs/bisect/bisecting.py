@@ -20,12 +20,14 @@ from typing import Any
 import yaml
 
 from mrta_falsify.campaigns.code_digest import code_digest
+from mrta_falsify.campaigns.foreign import of_judging, of_stack
 from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.external import split_command
+from mrta_falsify.core.modules import python_command
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.verbs.bisect.moved_stack import moved, repository_of
@@ -36,7 +38,7 @@ from mrta_falsify.verbs.corpus import on_recorded_engine
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_failures import failures_named, keeps_engine
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.trust import Trust, open_to_run, permit_rechecks
 from mrta_falsify.worker import specifications_of
 
 JOURNAL_NAME = "bisect.journal.jsonl"  # in the campaign
@@ -84,6 +86,7 @@ def bisect_failures(
     only: Sequence[str] = (),
     workers: int | None = None,
     time_limit: float | None = None,
+    trust: Trust = False,
     on_commit: OnCommit = lambda commit, runs: None,
 ) -> tuple[Bisected, ...]:
     """Find the commit that brought a failure, for the first failure of each mode.
@@ -100,6 +103,7 @@ def bisect_failures(
         only: ids of the failures; the first of each mode if empty.
         workers: processes; one per core if None.
         time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
+        trust: run what is not ours, though somebody else has made the campaign.
         on_commit: called with each commit and what it gave.
 
     Raises:
@@ -109,15 +113,18 @@ def bisect_failures(
         Interrupted: Ctrl-C; finished commits are kept for the next call.
     """
     words = split_command(build, where="--build") if build is not None else ()
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust)
     is_own = stack is None and not settings
     config = campaign.settings.trials.stack if is_own else load_stack(stack, settings)
     if not is_own and keeps_engine(stack, settings):
         config = on_recorded_engine(campaign, config)
+    named = None if is_own else on_recorded_engine(campaign, StackConfig())
+    chosen = failures_named(campaign, only)
+    permit_rechecks(campaign, named, trust, only=chosen)
     specifications = specifications_of(campaign.settings.trials)
     repository = repository_of(config, specifications, is_built=bool(words))
     good, bad = _ends(repository, span)
-    names = failures_named(campaign, only) or tuple(mode.ids[0] for mode in modes(campaign))
+    names = chosen or tuple(mode.ids[0] for mode in modes(campaign))
     journal = RunJournal(
         CommitRuns,
         campaign.directory / JOURNAL_NAME,
@@ -128,7 +135,7 @@ def bisect_failures(
         repository=repository,
         config=config,
         build=words,
-        options=_options(jittered, workers, time_limit),
+        options=(*_options(jittered, workers, time_limit), *_trusted(campaign)),
         jittered=jittered,
         journal=journal,
         on_commit=on_commit,
@@ -140,6 +147,13 @@ def bisect_failures(
             shutil.rmtree(campaign.directory / WORKTREES, ignore_errors=True)
     journal.discard()
     return found
+
+
+def _trusted(campaign: Campaign) -> tuple[str, ...]:
+    """Pass on that what the campaign names may run: a worktree's files are others than ours."""
+    engine = on_recorded_engine(campaign, StackConfig())
+    foreign = [*of_judging(campaign.settings.trials), *of_stack(engine)]
+    return ("--trust",) if foreign else ()
 
 
 def _options(jittered: int, workers: int | None, time_limit: float | None) -> tuple[str, ...]:
@@ -295,7 +309,7 @@ def _command(*words: str, top: Path, worktree: Path) -> tuple[int, str, str]:
     theirs = [str(worktree / one.relative_to(top)) for one in ours if one.is_relative_to(top)]
     path = os.pathsep.join([*theirs, *filter(None, [os.environ.get("PYTHONPATH")])])
     done = run_to_end(
-        (sys.executable, "-m", "mrta_falsify.cli", *words, "--format", "json"),
+        python_command("mrta_falsify.cli", *words, "--format", "json"),
         folder=folder_as_of(top, worktree),
         env={**os.environ, "PYTHONPATH": path},
     )

@@ -12,9 +12,11 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import DEADLOCK
 from mrta_falsify.verbs.certify.certifying import certify
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.made_again import keep_run
+from mrta_falsify.verbs.stored_trials import TRACE_NAME, open_campaign
+from mrta_falsify.verbs.trust import Trust, open_to_run
 
-NO_TRACE = "its trace was not kept; `replay` writes it"
+NO_TRACE = "its trace was not kept; `--run` makes it again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,23 +28,29 @@ class CertifiedTrial:
     missing: str = ""  #: why there is none
 
 
-def certify_trials(directory: Place, id: str | int | None = None) -> tuple[CertifiedTrial, ...]:
+def certify_trials(
+    directory: Place, id: str | int | None = None, *, run: bool = False, trust: Trust = False
+) -> tuple[CertifiedTrial, ...]:
     """Look for certificates of confirmed deadlocks, and write them beside their trials.
 
     Args:
         directory: of the campaign.
         id: of a trial; all trials with a deadlock if None.
+        run: make again the worlds and traces that were not kept.
+        trust: then run what is not ours, though somebody else has made the campaign.
 
     Raises:
         InputError: not a campaign, no such trial, or no deadlock in it.
     """
-    campaign = open_campaign(directory)
+    campaign = open_to_run(directory, trust) if run else open_campaign(directory)
     if id is None:
         records = [record for record in campaign.records if _members(record)]
     else:
         records = [campaign.record(str(id))]
         if not _members(records[0]):
             raise InputError(f"trial {records[0].id}: has no confirmed deadlock to certify")
+    for record in records if run else ():
+        keep_run(campaign, record, trust)
     return tuple(_certified(campaign, record) for record in records)
 
 
@@ -53,7 +61,7 @@ def _members(record: TrialRecord) -> tuple[str, ...]:
 
 def _certified(campaign: Campaign, record: TrialRecord) -> CertifiedTrial:
     folder = campaign.folder(record)
-    if not (record.trace_file and (folder / "trace.zip").is_file()):
+    if not (folder / TRACE_NAME).is_file():
         return CertifiedTrial(id=record.id, certificate=None, missing=NO_TRACE)
     sought = certify(folder, _members(record))
     if sought.certificate is not None:

@@ -14,6 +14,7 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, owner_of, read_campaign_settings
 from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Recheck
 from mrta_falsify.core.interruption import Interrupted
@@ -24,8 +25,8 @@ from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
 from mrta_falsify.verbs.ci.ledger import MOST_EXAMPLES, CellState, Example, Fate, Finding, merged
 from mrta_falsify.verbs.ci.project import Project
-from mrta_falsify.verbs.corpus import recheck
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.verbs.corpus import on_recorded_engine, recheck
+from mrta_falsify.verbs.trust import Trust, open_to_run, permit_rechecks
 from mrta_falsify.verbs.workers import local_workers
 from reports.sentences import violation_sentence
 
@@ -43,10 +44,12 @@ class CellRun:
         number: int,
         journal: RunJournal[Recheck],
         workers: int,
+        trust: Trust = False,
     ) -> None:
         self._project, self._cell, self._number = project, cell, number
         self._known = known
         self._journal, self._workers = journal, workers
+        self._trust = trust
         self.trials = self.rechecked = 0
 
     def state(self, on_told: OnTold) -> CellState:
@@ -79,7 +82,10 @@ class CellRun:
         missing = [example for key, example in asked.items() if key not in self._journal.answers]
         for directory in sorted({example.directory for example in missing}):
             ids = [example.id for example in missing if example.directory == directory]
-            campaign = open_campaign(self._project.folder / directory)
+            campaign = open_to_run(self._project.folder / directory, self._trust)
+            engine = on_recorded_engine(campaign, StackConfig())
+            is_kept = engine.engine == self._cell.config.engine
+            permit_rechecks(campaign, engine if is_kept else StackConfig(), self._trust, only=ids)
             for row in recheck(
                 campaign,
                 config=self._cell.config,

@@ -9,7 +9,9 @@ from mrta_falsify.verbs.campaign import OnTold
 from mrta_falsify.verbs.ci.project import PROJECT_NAME, read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
 from mrta_falsify.verbs.ci.running import CellOutcome, CiResult, run_project
+from mrta_falsify.verbs.ci.what_runs import of_project
 from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.trust import Trust, permit
 from reports.markdown import render_markdown
 from reports.page import write_page
 
@@ -24,6 +26,7 @@ def ci(
     markdown: Place | None = None,
     everything: bool = False,
     workers: int | None = None,
+    trust: Trust = False,
     on_cell: Callable[[CellOutcome], None] = lambda cell: None,
     on_told: OnTold = lambda record, progress: None,
 ) -> CiResult:
@@ -39,6 +42,7 @@ def ci(
         markdown: also as Markdown.
         everything: run cells that have not changed, too.
         workers: processes; one per core if None. They change no result.
+        trust: run what is not ours and the project names: its programs, stacks and components.
         on_cell: called with each cell before it runs, or is left out.
         on_told: called with each trial of a search.
 
@@ -47,6 +51,7 @@ def ci(
         Interrupted: Ctrl-C; finished trials and re-runs are kept for the next call.
     """
     read = read_project(project)
+    permit(read.path, of_project(read), trust)
     page = Path(output) if output is not None else read.kept / PAGE_NAME
     places = [Path(place) for place in (page, junit, markdown) if place is not None]
     for place in places:
@@ -64,6 +69,7 @@ def ci(
         read,
         everything=everything,
         workers=workers,
+        trust=trust,
         on_cell=on_cell,
         on_told=on_told,
         on_result=write,

@@ -28,6 +28,7 @@ from mrta_falsify.verbs.ci.ledger import (
 )
 from mrta_falsify.verbs.ci.project import Project
 from mrta_falsify.verbs.folders import make_directory
+from mrta_falsify.verbs.trust import Trust
 from mrta_falsify.verbs.workers import count_cores
 
 JOURNAL_NAME = "rechecks.journal.jsonl"
@@ -72,6 +73,7 @@ def run_project(
     *,
     everything: bool = False,
     workers: int | None = None,
+    trust: Trust = False,
     on_cell: Callable[[CellOutcome], None] = lambda cell: None,
     on_told: OnTold = lambda record, progress: None,
     on_result: Callable[[CiResult], None] = lambda result: None,
@@ -82,6 +84,7 @@ def run_project(
         project: read.
         everything: run cells that have not changed, too.
         workers: processes; one per core if None. They change no result.
+        trust: run what is not ours and stored failures name, whoever has made their campaign.
         on_cell: called with each cell before it runs, or is left out.
         on_told: called with each trial of a search.
         on_result: called before the last run is replaced: what is stopped in it is new next time.
@@ -105,7 +108,13 @@ def run_project(
             state = known
             if changed:
                 run = CellRun(
-                    project, cell, known.findings, before.number + 1, journal, count_cores(workers)
+                    project,
+                    cell,
+                    known.findings,
+                    before.number + 1,
+                    journal,
+                    count_cores(workers),
+                    trust,
                 )
                 state = run.state(on_told)
                 outcome = CellOutcome(

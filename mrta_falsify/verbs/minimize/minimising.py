@@ -32,7 +32,7 @@ from mrta_falsify.core.durable import staged
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import Jittered, TrialRecord
-from mrta_falsify.core.trace import read_trace, write_trace
+from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.causes import leading
@@ -42,7 +42,7 @@ from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import PERTURBED, OutOfRunsError, Reruns
 from mrta_falsify.verbs.minimize.search import SmallestSearch
-from mrta_falsify.verbs.stored_trials import job_of, other_stack_of
+from mrta_falsify.verbs.stored_trials import job_of, kept_trace, kept_world, other_stack_of
 from simulator_interface.guard import guarded
 
 MAX_RUNS = 200  # simulations, unless the caller says otherwise
@@ -112,12 +112,12 @@ def expected_runs(campaign: Campaign, record: TrialRecord) -> int:
     The first guess is right as a rule. Then each thing that it keeps is tried once or twice, and so
     are all pairs.
     """
-    verdict, path = leading(record.verdicts), campaign.directory / record.trace_file
-    if verdict is None or not (record.trace_file and path.is_file()):
+    verdict = leading(record.verdicts)
+    if verdict is None or not record.trace_file:
         return 0
     with contextlib.suppress(InputError):
-        job = job_of(campaign, record)
-        guess = concerned(job.world, verdict, read_trace(path))
+        trace = kept_trace(campaign, record)
+        guess = concerned(kept_world(campaign, record), verdict, trace)
         if guess is not None:
             count = len(things_of(guess))
             runs = 1 + 2 * count + math.comb(count, 2)

@@ -31,13 +31,13 @@ from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, remov
 from mrta_falsify.verbs.minimize.telling import minimal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import neighbour_of
-from mrta_falsify.verbs.stacks import costmap_of
 from mrta_falsify.verbs.stored_trials import (
     compared_sentences,
     of_other_stack,
     other_stack_of,
     read_run,
 )
+from mrta_falsify.verbs.trust import map_of
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, Neighbour
 from reports.sentences import blocked_text
@@ -108,7 +108,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         world=world,
         trace=trace,
         verdicts=verdicts,
-        costmap=costmap_of(world, config),
+        costmap=map_of(world, config),
         facts=_facts(campaign, record),
         commands=commands_of(campaign, record),
         layer=record.layer,
@@ -172,7 +172,7 @@ def _bare_case(
         world=world,
         trace=trace,
         verdicts=tuple(verdicts),
-        costmap=costmap_of(world, config),
+        costmap=map_of(world, config),
         facts=(),
         commands=(),
     )
@@ -250,7 +250,7 @@ def _with_minimised(
         world=world,
         trace=trace,
         verdicts=by_cause(found.verdicts),
-        costmap=costmap_of(world, config),
+        costmap=map_of(world, config),
         facts=(("world digest", world.digest()[:16]), ("runs used", str(found.runs))),
         commands=minimised_commands(folder),
         compared=compared_sentences(found.jittered, found.other),

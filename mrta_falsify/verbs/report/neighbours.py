@@ -10,17 +10,12 @@ import numpy as np
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import DimensionValue
-from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.words import number_text
-from mrta_falsify.core.world import write_world
-from mrta_falsify.verbs.folders import make_directory
+from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.report.trial_table import dimension_names, told_values
-from mrta_falsify.verbs.stored_trials import stored_world
-from mrta_falsify.worker import rerun
+from mrta_falsify.verbs.trust import Trust
 from reports.contents import Neighbour
-from simulator_interface.guard import guarded
 
 MOST_DIFFERENCES = 8  # parameters named, those that differ most
 
@@ -77,35 +72,14 @@ def _text(value: DimensionValue) -> str:
     return str(value) if isinstance(value, (str, bool)) else number_text(value)
 
 
-@guarded()
-def keep_run(campaign: Campaign, record: TrialRecord) -> None:
-    """Run a trial again and keep its world and trace beside it, if they are not kept yet.
-
-    Raises:
-        InputError: it runs differently now.
-    """
-    folder = campaign.folder(record)
-    if (folder / "trace.zip").is_file():
-        return
-    world = stored_world(campaign, record)
-    judged = rerun(campaign.settings.trials, record, world)
-    trace = judged.outcome.trace
-    if trace.digest != record.trace_digest:
-        raise InputError(
-            f"trial {record.id} runs differently now: its trace has digest {trace.digest[:12]}, "
-            f"the record says {record.trace_digest[:12]}; another version has recorded it"
-        )
-    make_directory(folder)
-    write_world(world, folder / "world.json")
-    write_trace(trace, folder / "trace.zip")
-
-
-def keep_neighbours(campaign: Campaign, failures: Sequence[TrialRecord]) -> None:
+def keep_neighbours(
+    campaign: Campaign, failures: Sequence[TrialRecord], trust: Trust = False
+) -> None:
     """Run the passing trials nearest to failures again, and keep them for the report.
 
     Raises:
-        InputError: as of :func:`keep_run`.
+        InputError: as of :func:`~mrta_falsify.verbs.made_again.keep_run`.
     """
     found = (nearest_passing(campaign, record) for record in failures)
     for near in {record.number: record for record in found if record is not None}.values():
-        keep_run(campaign, near)
+        keep_run(campaign, near, trust)
