@@ -14,6 +14,8 @@ from typing import Any
 from mrta_falsify.core.garbage import collect_seldom
 from mrta_falsify.core.interruption import signals_held
 
+MOST_DEATHS = 3  # of processes of a pool, one after the other, without a result
+
 
 class _Pool(ProcessPoolExecutor):
     """A pool whose processes never hear what stops a command, not even while they start."""

@@ -13,6 +13,7 @@ from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import campaign_specifications
@@ -133,7 +134,7 @@ def sample(
         impossible=sum(bool(row.impossible) for row in rows),
     )
     _draw_sheet(shown, samples.sheet, title=program.name)
-    samples.index.write_text(json.dumps(codec.encode(index), indent=1) + "\n", encoding="utf-8")
+    write_atomically(samples.index, (json.dumps(codec.encode(index), indent=1) + "\n").encode())
     return samples
 
 

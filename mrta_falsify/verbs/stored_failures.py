@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign, StoreError
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
@@ -201,7 +202,7 @@ def write_reports(
         keep_neighbours(campaign, [campaign.record(mode.ids[0]) for mode in modes(campaign)])
     write_report(campaign, page, against=other, cases=cases)
     if junit is not None:
-        Path(junit).write_text(junit_report(campaign), encoding="utf-8")
+        write_atomically(Path(junit), junit_report(campaign).encode())
     if markdown is not None:
-        Path(markdown).write_text(markdown_report(campaign, against=other), encoding="utf-8")
+        write_atomically(Path(markdown), markdown_report(campaign, against=other).encode())
     return tuple(places)

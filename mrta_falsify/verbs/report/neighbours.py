@@ -14,7 +14,6 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
-from mrta_falsify.verbs.folders import make_directory
 from mrta_falsify.verbs.report.trial_table import dimension_names, told_values
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import rerun
@@ -94,7 +93,7 @@ def keep_run(campaign: Campaign, record: TrialRecord) -> None:
             f"trial {record.id} runs differently now: its trace has digest {trace.digest[:12]}, "
             f"the record says {record.trace_digest[:12]}; another version has recorded it"
         )
-    make_directory(folder)
+    campaign.make_folder(record)
     write_world(world, folder / "world.json")
     write_trace(trace, folder / "trace.zip")
 
