@@ -97,7 +97,8 @@ def sample(
         on_progress: called with the number of worlds done.
 
     Raises:
-        InputError: anything is wrong with the program, or the files cannot be written.
+        InputError: anything is wrong with the program.
+        PlaceError: a file cannot be written.
     """
     program = open_scenario(scenario, params)
     config = load_stack(stack, settings)

@@ -189,8 +189,8 @@ def write_reports(
         The files written, the page first.
 
     Raises:
-        InputError: not a campaign, a place that cannot be written, or a trial that runs
-            differently now.
+        InputError: not a campaign, or a trial that runs differently now.
+        PlaceError: a file cannot be written.
     """
     campaign = open_campaign(directory)
     other = open_campaign(against) if against is not None else None

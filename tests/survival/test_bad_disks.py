@@ -219,3 +219,33 @@ def test_a_finished_run_is_in_its_journal_after_any_power_cut(tmp_path):
             assert moment.acknowledged <= set(there)
             append_row(path, {"run": 9})
             assert [row["run"] for row in read_rows(path)] == [*there, 9]
+
+
+# --- workers ---------------------------------------------------------------------------------
+
+
+def test_what_a_worker_cannot_write_stops_the_campaign(tmp_path, whole):
+    root = tmp_path / "c"
+    Store.create(root, kept_settings(str(root))).close()
+    (root / "trials").write_text("in the way")
+    with pytest.raises(PlaceError, match=r"trials.*: cannot be written: .* --resume .*trial 0000"):
+        search(root, executor=Choice("processes", {"workers": 1}))
+    assert (root / RECORDS).read_bytes() == b""
+    (root / "trials").unlink()
+    search(root, executor=Choice("processes", {"workers": 1}))
+    assert kept(root) == whole
+
+
+def test_what_a_dask_worker_cannot_write_is_told(tmp_path):
+    chosen = kept_settings(str(tmp_path))
+    (tmp_path / "trials").write_text("in the way")
+    job = {"number": 0, "u": [0.5, 0.5, 0.5]}
+    pytest.importorskip("distributed")
+    from mrta_falsify.campaigns import dask_executor
+
+    try:
+        told = dask_executor.run_on_worker("digest", codec.encode(chosen), 1, job)
+    finally:
+        dask_executor.forget("digest")
+    assert told["fate"] == "unwritable"
+    assert "trials" in told["error"]

@@ -19,7 +19,7 @@ from mrta_falsify.core.world import write_world
 from mrta_falsify.verbs import replay
 from mrta_falsify.verbs.minimize import minimising
 from mrta_falsify.verbs.report import build
-from mrta_falsify.verbs.stored_failures import report
+from mrta_falsify.verbs.stored_failures import write_reports
 from tests.reports.planted import BROKEN, stalled_campaign
 from tests.survival.disks import read_tree, small_disk
 
@@ -109,9 +109,9 @@ def test_a_report_is_there_whole_or_as_before_at_any_size_of_the_disk(folder, mo
         with pytest.MonkeyPatch.context() as patch:
             small_disk(patch, folder, bytes_of(folder) + len(page) * point // POINTS)
             with pytest.raises(PlaceError, match=r"report.html: cannot be written"):
-                report(folder / "c")
+                write_reports(folder / "c")
         assert (folder / "c" / "report.html").read_text() == "before"
-    report(folder / "c")
+    write_reports(folder / "c")
     assert (folder / "c" / "report.html").read_text() == page
 
 
