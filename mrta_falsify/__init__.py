@@ -64,7 +64,7 @@ _NAMES_OF = {
     "mrta_falsify.verbs.worlds": ("find_world",),
     "mrta_falsify.verbs.zoo": ("run_zoo",),
     "mrta_falsify.core.config": ("Choice", "StackConfig", "apply_setting", "read_config"),
-    "mrta_falsify.core.errors": ("HarnessError", "InputError", "MrtaFalsifyError"),
+    "mrta_falsify.core.errors": ("HarnessError", "InputError", "MrtaFalsifyError", "PlaceError"),
     "mrta_falsify.core.trace": ("Trace", "read_trace", "write_trace"),
     "mrta_falsify.core.verdict": ("Verdict",),
     "mrta_falsify.core.world": ("World", "read_world", "write_world"),

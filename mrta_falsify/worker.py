@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 import time
+import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +22,12 @@ from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.statistics import failure_probability
-from mrta_falsify.campaigns.store import OTHER, trial_folder
+from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
 from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies, trial_score
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.durable import make_folder, naming, place_error_in
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import (
     EngineRun,
@@ -90,9 +93,14 @@ class TrialRunner:
         self._settings = settings
         self._program = program
         self._guard = Guard(on_lost=time_limit.begin_anew)
+        self._files = TrialFiles.of(settings.directory)
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
-        """Run proposal ``number`` at ``u`` ``(k,)``; its files are written before it returns."""
+        """Run proposal ``number`` at ``u`` ``(k,)``; its files are durable before it returns.
+
+        Raises:
+            PlaceError: a file cannot be written, or the campaign's directory was removed.
+        """
         with guarded(self._guard):
             return self._run(number, u)
 
@@ -111,6 +119,8 @@ class TrialRunner:
         try:
             realised = self._program.realise(asked, mode=settings.mode)
         except InputError as error:
+            if place := place_error_in(error):
+                raise place from error  # it tells of the disk, not of the scene
             spent = time.perf_counter() - began
             return dataclasses.replace(record, error=str(error), scene_s=spent)
         record = dataclasses.replace(
@@ -253,16 +263,66 @@ class TrialRunner:
         )
 
     def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
-        if not self._settings.directory:
-            return ""
-        root = Path(self._settings.directory)
-        folder = trial_folder(root, number) / beside
-        folder.mkdir(parents=True, exist_ok=True)
+        return self._files.write(world, outcome, number, beside) if self._files else ""
+
+
+class TrialFiles:
+    """Keeps worlds and traces in a campaign's directory, which is held open.
+
+    A directory that was removed is not made anew, nor is another one of its name taken for it.
+
+    Args:
+        path: of the directory.
+        handle: of the open directory; closed with this object.
+    """
+
+    def __init__(self, path: Path, handle: int) -> None:
+        self._path = path
+        self._handle = handle
+        weakref.finalize(self, os.close, handle)
+
+    @classmethod
+    def of(cls, directory: str) -> TrialFiles | None:
+        """Open a directory; None if it is not on this machine, or none is named: nothing is kept.
+
+        Raises:
+            PlaceError: it cannot be used.
+        """
+        if not directory:
+            return None
+        with naming(directory):
+            try:
+                return cls(Path(directory), os.open(directory, os.O_RDONLY | os.O_CLOEXEC))
+            except FileNotFoundError:
+                return None
+
+    def write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
+        """Write the files of trial ``number``; they are durable on return.
+
+        Args:
+            world: that was run.
+            outcome: of its run.
+            number: of the trial.
+            beside: folder in that of the trial; empty: that itself.
+
+        Returns:
+            The trace, relative to the directory.
+
+        Raises:
+            PlaceError: a file cannot be written, or the directory was removed.
+        """
+        try:
+            is_there = os.path.samestat(os.stat(self._path), os.fstat(self._handle))
+        except OSError:
+            is_there = False
+        if not is_there:
+            raise removed(self._path)
+        folder = make_folder(trial_folder(self._path, number) / beside)
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
         if outcome.told is not None:
             write_told(outcome.told, folder / TOLD_NAME)
-        return str((folder / "trace.zip").relative_to(root))
+        return str((folder / "trace.zip").relative_to(self._path))
 
 
 def engine_run(

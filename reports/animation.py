@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.durable import naming, replacing, write_atomically
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.specs.books import confirmed
@@ -70,17 +72,18 @@ def write_gif(view: RunView, path: Path) -> None:
         before = pixels
         shown.append(Image.fromarray(changed.astype(np.uint8), mode="P"))
         shown[-1].putpalette(palette.getpalette() or [])
-    shown[0].save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=shown[1:],
-        duration=round(1000 / FRAMES_PER_SECOND),
-        loop=0,
-        optimize=False,
-        disposal=1,
-        transparency=UNUSED,
-    )
+    with replacing(path) as file:
+        shown[0].save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=shown[1:],
+            duration=round(1000 / FRAMES_PER_SECOND),
+            loop=0,
+            optimize=False,
+            disposal=1,
+            transparency=UNUSED,
+        )
 
 
 def write_mp4(view: RunView, path: Path) -> None:
@@ -95,9 +98,16 @@ def write_mp4(view: RunView, path: Path) -> None:
             "pip install 'mrta-falsify[video]'"
         )
     frames = np.stack(list(_frames(view)))
-    iio.imwrite(
-        path, frames, extension=".mp4", fps=FRAMES_PER_SECOND, codec="libx264", macro_block_size=2
-    )
+    with naming(tempfile.gettempdir()):
+        video = iio.imwrite(
+            "<bytes>",
+            frames,
+            extension=".mp4",
+            fps=FRAMES_PER_SECOND,
+            codec="libx264",
+            macro_block_size=2,
+        )
+    write_atomically(path, video)
 
 
 def _palette(view: RunView) -> Image.Image:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.durable import replacing
 from reports.colours import INK, robot_colour
 
 #: times (n,) from 0 on, increasing, and the share (n,) of searches without a failure from each on
@@ -44,7 +45,8 @@ def write_searches(panels: Mapping[str, Mapping[str, Curve]], budget: int, path:
         loc="outside upper left",
         ncols=2 * columns,
     )
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:] or None)
 
 
 def draw_searches(

@@ -9,7 +9,6 @@ import jinja2
 from markupsafe import Markup
 
 from mrta_falsify.core.durable import write_atomically
-from mrta_falsify.core.errors import FormatError
 from reports import floor_drawings, time_charts
 from reports.case_drawings import DrawnCase, draw_case, moment_name
 from reports.colours import css_variables
@@ -37,12 +36,9 @@ def write_page(report: ReportContents, path: Path, *, most_bytes: int = MOST_BYT
         most_bytes: see :func:`render_page`.
 
     Raises:
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
-    try:
-        write_atomically(path, render_page(report, most_bytes=most_bytes).encode())
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, render_page(report, most_bytes=most_bytes).encode())
 
 
 def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from mrta_falsify.core.durable import replacing
 from reports.colours import INK
 
 DPI = 100
@@ -59,7 +60,12 @@ class Paper:
         )
 
     def save(self, path: Path) -> None:
-        """Write the picture; the format follows the suffix (png, svg or pdf)."""
+        """Write the picture; the format follows the suffix (png, svg or pdf).
+
+        Raises:
+            PlaceError: it cannot be written.
+        """
         # A date in the file would make two equal runs differ.
         metadata = {"Date": None} if path.suffix == ".svg" else {}
-        self.figure.savefig(path, dpi=DPI, metadata=metadata)
+        with replacing(path) as file:
+            self.figure.savefig(file, format=path.suffix[1:] or None, dpi=DPI, metadata=metadata)

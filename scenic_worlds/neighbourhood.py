@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors, write_world
 from scenic_worlds.exact_numbers import heading_text, number_text
@@ -41,7 +42,7 @@ def write_neighbourhood(world: World, path: Path, *, comment: str) -> tuple[Path
     beside = path.with_suffix(".layout.json")
     text = neighbourhood_text(world, layout_file=beside.name, comment=comment)
     write_world(without_actors(world), beside)
-    path.write_text(text, encoding="utf-8")
+    write_atomically(path, text.encode())
     return path, beside
 
 

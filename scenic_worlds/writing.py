@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import Resource, Task, World, without_actors, write_world
 from scenic_worlds.exact_numbers import box_of, number_text
@@ -57,7 +58,7 @@ def write_program(world: World, path: Path, *, comment: str = "") -> tuple[Path,
     files = (path,) if written.layout is None else (path, beside)
     if written.layout is not None:
         write_world(written.layout, beside)
-    path.write_text(written.text, encoding="utf-8")
+    write_atomically(path, written.text.encode())
     return files
 
 

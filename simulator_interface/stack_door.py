@@ -19,7 +19,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.durable import place_error_in
+from mrta_falsify.core.errors import InputError, PlaceError
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.interruption import is_interruption
 from mrta_falsify.core.protocols import FleetStack
@@ -87,13 +88,14 @@ class StackDoor:
         Raises:
             StackFailed: it raised an exception, or took too much memory.
             InputError: it refused its options or the world.
+            PlaceError: it met a full disk.
         """
         self._tick, self._time = tick, time
         here = post()
         here.enter(tick, time)
         try:
             answer = question()
-        except (InputError, KeyboardInterrupt):
+        except (InputError, PlaceError, KeyboardInterrupt):
             raise
         except LayerFailed as failed:
             raise StackFailed(
@@ -108,6 +110,8 @@ class StackDoor:
         except BaseException as error:  # SystemExit, too
             if is_interruption(error):
                 raise KeyboardInterrupt from error
+            if place := place_error_in(error):
+                raise place from error  # a full disk is no fault of the stack
             raise StackFailed(self._crash(error)) from error
         finally:
             excess = here.leave()

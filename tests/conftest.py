@@ -47,7 +47,12 @@ def reference_data() -> Path:
 
 @pytest.fixture
 def hall() -> World:
-    """A 12 m x 8 m hall with a table, two rooms, two robots, one person and two tasks."""
+    """The hall of :func:`hall_world`."""
+    return hall_world()
+
+
+def hall_world() -> World:
+    """Build a 12 m x 8 m hall with a table, two rooms, two robots, one person and two tasks."""
     walls = [
         ("south", rectangle(12.4, 0.2, (6.0, -0.1))),
         ("north", rectangle(12.4, 0.2, (6.0, 8.1))),

@@ -22,7 +22,7 @@ from mrta_falsify.campaigns.executors import Finished, Job, ProcessExecutor
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.errors import ConfigError, HarnessError, InputError
+from mrta_falsify.core.errors import ConfigError, HarnessError, InputError, PlaceError
 from mrta_falsify.core.interruption import signals_held
 from mrta_falsify.core.modules import safe_path
 
@@ -182,6 +182,9 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
     except InputError as error:
         forget_child(key)
         return {"refused": str(error)}
+    except PlaceError as error:
+        forget_child(key)
+        return {"fate": "unwritable", "error": str(error)}
     except HarnessError as error:
         forget_child(key)
         return {"broken": str(error)}

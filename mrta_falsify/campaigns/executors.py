@@ -23,7 +23,8 @@ from typing import Any, Literal
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.durable import place_error_in
+from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.interruption import is_interruption
 from mrta_falsify.core.modules import is_ours, look_here_for, python_command
 from mrta_falsify.core.process_clock import ProcessClock
@@ -32,6 +33,10 @@ Job = dict[str, Any]
 #: runs one job; raises only if the toolkit itself fails
 Trial = Callable[[Job], dict[str, Any]]
 
+MOST_DEATHS = 3  # in the same way, one after the other, of workers that are not ready
+MOST_STARTS = 12  # of one worker, in whatever way it dies before it is ready
+LAST_WORDS = 4096  # bytes of what a worker said before it died
+STDERR = 2  # file descriptor
 START_LIMIT = 300.0  # s for a worker to import and compile, of its own work and sleep
 LOOK_EVERY = 0.25  # s between two looks at the clocks of workers
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -42,8 +47,9 @@ class Finished:
     """What became of one job."""
 
     number: int
-    #: all but ``ok`` are no fault of the stack; ``refused``: the user's input is wrong
-    fate: Literal["ok", "crashed", "timeout", "refused"]
+    #: all but ``ok`` are no fault of the stack; ``refused``: the user's input is wrong;
+    #: ``unwritable``: a file could not be written, see :class:`~..core.errors.PlaceError`
+    fate: Literal["ok", "crashed", "timeout", "refused", "unwritable"]
     record: dict[str, Any] | None = None  #: for ok
     error: str = ""  #: otherwise
 
@@ -99,6 +105,8 @@ class SerialExecutor:
         except Exception as error:
             if is_interruption(error):
                 raise KeyboardInterrupt from error
+            if place := place_error_in(error):
+                return (Finished(number=job["number"], fate="unwritable", error=str(place)),)
             text = traceback.format_exc()
             return (Finished(number=job["number"], fate="crashed", error=text),)
 
@@ -121,6 +129,8 @@ class _Worker:
     ready: bool = False
     job: Job | None = None
     served: int = 0  #: jobs done
+    said: int = -1  #: file descriptor of what it says on stderr until it is ready
+    deaths: tuple[str, ...] = ()  #: how those ended that it replaces, before they were ready
 
     def begin_limit(self) -> None:
         """Begin the time limit of its job, which may have begun before."""
@@ -143,6 +153,12 @@ class _Worker:
             with contextlib.suppress(BrokenPipeError):
                 self.process.stdin.close()
         os.close(self.results)
+        os.close(self.said)
+
+    def words(self) -> bytes:
+        """Give the end of what it has said before it was ready."""
+        size = os.fstat(self.said).st_size
+        return os.pread(self.said, LAST_WORDS, max(0, size - LAST_WORDS))
 
 
 class ProcessExecutor:
@@ -183,6 +199,7 @@ class ProcessExecutor:
 
         Raises:
             InputError: a worker cannot open the scenario.
+            PlaceError: a worker cannot open the campaign's directory.
             HarnessError: workers cannot be started.
         """
         self._hand_out()
@@ -202,24 +219,30 @@ class ProcessExecutor:
 
     # --- workers -------------------------------------------------------------------------
 
-    def _start(self) -> None:
+    def _start(self, deaths: tuple[str, ...] = ()) -> None:
         if self._settings is None:
             raise HarnessError("the executor is not open")
         read_end, write_end = os.pipe()
+        said, ours = os.memfd_create("said"), os.dup(STDERR)
         process = subprocess.Popen(
             python_command(
-                "mrta_falsify.campaigns.worker_process", str(write_end), str(os.getpid())
+                "mrta_falsify.campaigns.worker_process",
+                str(write_end),
+                str(os.getpid()),
+                str(ours),
             ),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            pass_fds=(write_end,),
+            stderr=said,
+            pass_fds=(write_end, ours),
             env={**os.environ, **ONE_THREAD},
             start_new_session=True,  # Ctrl-C is the parent's business
         )
         os.close(write_end)
+        os.close(ours)
         clock = ProcessClock(process.pid)
         clock.look()
-        worker = _Worker(process=process, clock=clock, results=read_end)
+        worker = _Worker(process=process, clock=clock, results=read_end, said=said, deaths=deaths)
         worker.send(codec.encode(self._settings))
         self._workers.append(worker)
         self._selector.register(read_end, selectors.EVENT_READ, worker)
@@ -257,10 +280,11 @@ class ProcessExecutor:
     def _message(self, worker: _Worker, message: dict[str, Any]) -> list[Finished]:
         if "refused" in message and not worker.ready:
             raise InputError(message["refused"])
-        if "broken" in message:
-            raise HarnessError(f"a worker cannot start: {message['broken']}")
+        if "unwritable" in message and not worker.ready:
+            raise PlaceError(message["unwritable"])
         if "ready" in message:
-            worker.ready = True
+            worker.ready, worker.deaths = True, ()
+            sys.stderr.write(worker.words().decode(errors="replace"))
             return []
         if "limit" in message:
             worker.begin_limit()
@@ -277,16 +301,21 @@ class ProcessExecutor:
             return [Finished(number=job["number"], fate="crashed", error=message["crashed"])]
         if "refused" in message:
             return [Finished(number=job["number"], fate="refused", error=message["refused"])]
+        if "unwritable" in message:
+            text = message["unwritable"]
+            return [Finished(number=job["number"], fate="unwritable", error=text)]
         return [Finished(number=job["number"], fate="ok", record=message["record"])]
 
     def _died(self, worker: _Worker) -> list[Finished]:
         code = worker.process.wait()
-        job, was_ready = worker.job, worker.ready
-        self._drop(worker)
+        job = worker.job
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        if not was_ready:
-            raise HarnessError(f"a worker ended by {how} before it was ready")
-        self._start()
+        deaths = () if worker.ready else (*worker.deaths, how)
+        words = worker.words().decode(errors="replace")
+        self._drop(worker)
+        if deaths[-MOST_DEATHS:] == (how,) * MOST_DEATHS or len(deaths) == MOST_STARTS:
+            raise _never_ready(deaths, words)
+        self._start(deaths)
         if job is None:
             return []
         return [Finished(number=job["number"], fate="crashed", error=f"worker ended by {how}")]
@@ -311,3 +340,19 @@ class ProcessExecutor:
                 text = f"killed after {self._settings.time_limit:g} s of work and sleep"
                 done.append(Finished(number=job["number"], fate="timeout", error=text))
         return done
+
+
+def _never_ready(deaths: tuple[str, ...], words: str) -> HarnessError:
+    """Say how a worker died each time before it was ready.
+
+    Args:
+        deaths: how, the last one last.
+        words: what the last one said.
+    """
+    said = [line.strip() for line in words.splitlines() if line.strip()]
+    error = HarnessError(
+        f"a worker ended by {deaths[-1]} before it was ready, for the "
+        f"{len(deaths)}. time in a row; its last words: {said[-1] if said else 'none'}"
+    )
+    error.add_note(words)
+    return error

@@ -31,8 +31,11 @@ F = TypeVar("F", Explanation, Minimisation, ReplayCheck, Certificate)
 
 
 def write_finding(folder: Path, finding: Finding) -> None:
-    """Write a finding beside a trial, in place of an earlier one of its kind."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a finding beside a trial, in place of an earlier one of its kind.
+
+    Raises:
+        PlaceError: it cannot be written, or the folder was removed.
+    """
     data = {"version": FINDING_VERSION, **finding_data(finding)}
     text = json.dumps(data, indent=1) + "\n"
     write_atomically(folder / FILE_NAMES[type(finding)], text.encode())

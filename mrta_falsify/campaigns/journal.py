@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from mrta_falsify.core import codec
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.durable import CLOSED, append, place_error, sync_directory
+from mrta_falsify.core.errors import InputError, PlaceError
 from mrta_falsify.core.interruption import telling
 
 A = TypeVar("A")
@@ -52,15 +53,19 @@ class RunJournal(Generic[A]):
     def keep(self, key: str, answer: A) -> A:
         """Keep the answer of a run, and return it.
 
-        Where the file cannot be written, it is kept for this process only.
+        Where the folder is not ours to write to, it is kept for this process only.
+
+        Raises:
+            PlaceError: the disk is full, or the folder was removed.
         """
+        self.answers[key] = answer
         if self._path is not None:
             try:
-                self._path.parent.mkdir(parents=True, exist_ok=True)
                 append_row(self._path, {**self._head, "run": key, "answer": codec.encode(answer)})
-            except OSError:
+            except OSError as error:
+                if error.errno not in CLOSED:
+                    raise place_error(self._path, error) from error
                 self._path = None
-        self.answers[key] = answer
         return answer
 
     def known_first(self, wanted: dict[str, Any]) -> Iterator[A]:
@@ -88,7 +93,7 @@ class RunJournal(Generic[A]):
 
 @contextlib.contextmanager
 def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
-    """Let an interruption inside say which finished runs are kept.
+    """Let an interruption, or a full disk, inside say which finished runs are kept.
 
     Args:
         what: has no result yet.
@@ -96,6 +101,7 @@ def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
 
     Raises:
         Interrupted: in place of KeyboardInterrupt.
+        PlaceError: with how to go on.
     """
 
     def state() -> tuple[str, str]:
@@ -103,8 +109,13 @@ def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
         kept = f"{count} finished run{'' if count == 1 else 's'}" if count else "nothing"
         return kept, f"{what} has no result; the same command goes on"
 
-    with telling(state):
-        yield
+    try:
+        with telling(state):
+            yield
+    except PlaceError as error:
+        kept, _ = state()
+        error.then = error.then or f"call again ({what} has no result; kept: {kept})"
+        raise
 
 
 def read_rows(path: Path) -> Iterator[dict[str, Any]]:
@@ -124,14 +135,20 @@ def append_row(path: Path, row: dict[str, Any]) -> None:
     """Add a row; it is on disc when this returns.
 
     Raises:
-        OSError: the file cannot be written.
+        OSError: the file cannot be written; its rows are as before.
     """
-    with path.open("ab+") as file:
-        size = file.seek(0, os.SEEK_END)
-        if size:
-            file.seek(size - 1)
-            if file.read(1) != b"\n":
-                file.write(b"\n")
-        file.write(json.dumps(row).encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
+    line = json.dumps(row).encode() + b"\n"
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+    try:
+        size = os.fstat(handle).st_size
+        is_torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
+        append(handle, b"\n" + line if is_torn else line)
+        if not size:
+            sync_directory(path.parent)
+    except OSError:
+        if not size:
+            with contextlib.suppress(OSError):
+                path.unlink()
+        raise
+    finally:
+        os.close(handle)

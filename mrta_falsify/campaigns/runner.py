@@ -26,7 +26,7 @@ from mrta_falsify.core import codec, registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
@@ -223,7 +223,8 @@ def run_campaign(
         Counts over all told records and why it ended.
 
     Raises:
-        StoreError: what is stored does not belong to these settings; the disc is full.
+        StoreError: what is stored does not belong to these settings, or was changed meanwhile.
+        PlaceError: a file of a trial, or its record, cannot be written; nothing of it is stored.
         InputError: no proposal is accepted any more, or a trial cannot be run as the user asks.
         HarnessError: a trial was lost each time; nothing of it is stored.
         KeyboardInterrupt: Ctrl-C; all finished trials are in the store.
@@ -277,6 +278,7 @@ class _Loop:
     def run(self) -> Ended:
         ended = self._run()
         self._store.begin()
+        self._store.check()
         return ended
 
     def _run(self) -> Ended:
@@ -288,8 +290,9 @@ class _Loop:
                 return "clock" if self._is_late else "budget"
             record = self._store.finished.get(progress.told)
             if record is None:
-                for finished in self._executor.collect(COLLECT_TIMEOUT):
-                    self._take(finished)
+                ended = self._executor.collect(COLLECT_TIMEOUT)
+                for finished in sorted(ended, key=lambda one: one.record is None):
+                    self._take(finished)  # what has a record first: the others may end all
                 continue
             self._tell(record)
             if progress.has_enough:
@@ -356,6 +359,8 @@ class _Loop:
 
     def _take(self, finished: Finished) -> None:
         number = finished.number
+        if finished.fate == "unwritable":
+            raise self._store.without(number, PlaceError(finished.error))
         if finished.record is None:
             self._lose(finished)
             self._executor.submit({"number": number, "u": self._proposals[number].tolist()})

@@ -9,10 +9,11 @@
     trials/0042/         world.json and trace.zip of trials worth keeping
     trials/0042/other/   the same of the other stack, where two are compared
 
-A record counts once its line is on disc (fsync). A record of an older version whose run was
-interrupted does not count: its trial is run again. The next owner cuts off a torn last line, which
-only a crash during the write leaves behind. Any other damage is an error that names the line, and
-nothing is changed.
+A record counts once its line is on disc (fsync), and what it names is there before. A record of an
+older version whose run was interrupted does not count: its trial is run again. The next owner cuts
+off a torn last line, which only a crash during the write leaves behind. Any other damage is an
+error that names the line, and nothing is changed. The owner looks at the log before each record: it
+adds nothing to a log that somebody else has changed or removed.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import fcntl
 import hashlib
 import json
 import os
+import shlex
 import socket
 import time
 from collections.abc import Iterator
@@ -35,8 +37,15 @@ from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import DimensionValue
-from mrta_falsify.core.durable import sync_directory, write_atomically
-from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.durable import (
+    append,
+    make_folder,
+    naming,
+    place_error,
+    sync_directory,
+    write_atomically,
+)
+from mrta_falsify.core.errors import FormatError, InputError, PlaceError
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.specs.causes import kind_of
 
@@ -87,6 +96,16 @@ class Campaign:
         own = trial_folder(self.directory, record.number)
         made_here.refuse_links(self.directory, own)
         return own / OTHER if Path(record.trace_file).parent.name == OTHER else own
+
+    def make_folder(self, record: TrialRecord) -> Path:
+        """Make the directory of the files of a trial, and return it.
+
+        Raises:
+            PlaceError: it cannot be made, or the campaign was removed.
+        """
+        if not (self.directory / SETTINGS).is_file():
+            raise removed(self.directory)
+        return make_folder(self.folder(record))
 
     def seen_by_other(self) -> Campaign:
         """Give the trials that the other stack has run, as those of a campaign on that stack.
@@ -177,6 +196,14 @@ def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
     )
 
 
+def removed(directory: Path) -> PlaceError:
+    """Say that the directory of a campaign is not there any more."""
+    return PlaceError(
+        f"{directory}: was removed, or another one was put in its place, while this ran; "
+        "nothing more is written to it; put it back"
+    )
+
+
 def trial_folder(directory: Path, number: int) -> Path:
     """Name the directory of the files of trial ``number``."""
     return directory / TRIALS / f"{number:04d}"
@@ -227,6 +254,8 @@ def _records(path: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
         if torn:
             break
         if checksum != _checksum(text):
+            if b"\0" in raw and start + sound + len(raw) >= path.stat().st_size:
+                break  # a power cut: blocks that were never written are zeros
             raise StoreError(
                 f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
                 f"{_checksum(text)!r}); restore the file, or cut the line out to run its trial anew"
@@ -356,6 +385,7 @@ class Store:
     finished: dict[int, TrialRecord] = field(default_factory=dict)  #: by number
     _lock: int = -1
     _log: int = -1
+    _seen: tuple[int, int] = (0, 0)  # of the log, after the last record
     _has_new_settings: bool = False
 
     @classmethod
@@ -363,25 +393,27 @@ class Store:
         """Create a campaign in an empty or missing directory.
 
         Raises:
-            StoreError: the directory holds something already, or cannot be written.
+            StoreError: the directory holds something already.
+            PlaceError: it cannot be written.
         """
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            if (directory / SETTINGS).exists():
-                raise StoreError(
-                    f"{directory}: holds a campaign already; resume it by --resume {directory}"
-                )
+        make_folder(directory)
+        if (directory / SETTINGS).exists():
+            raise StoreError(
+                f"{directory}: holds a campaign already; resume it by --resume {directory}"
+            )
+        with naming(directory):
             others = sorted(p.name for p in directory.iterdir() if p.name != LOCK)
-            if others and not all(name.endswith(".part") for name in others):
-                raise StoreError(f"{directory}: is not empty (it holds {others[0]})")
-            store = cls(directory, settings)
-            store._take_lock()
-            store._sign_lock()
+        if others and not all(name.endswith(".part") for name in others):
+            raise StoreError(f"{directory}: is not empty (it holds {others[0]})")
+        store = cls(directory, settings)
+        store._take_lock()
+        try:
             store._write_settings()
             store._seal()
-        except OSError as error:
-            raise StoreError(f"{directory}: cannot be written: {error.strerror}") from None
-        store._open_log()
+            store.begin()
+        except BaseException:
+            store.close()
+            raise
         return store
 
     @classmethod
@@ -413,41 +445,85 @@ class Store:
         twice.
 
         Raises:
-            StoreError: it cannot be written.
+            StoreError: the log is damaged, or another process writes to it.
+            PlaceError: it cannot be written.
         """
         if self._log >= 0:
             return
+        self._open_log()
         self._sign_lock()
         if self._has_new_settings:
             self._write_settings()
-        self._open_log()
 
     def add(self, record: TrialRecord) -> None:
         """Append a record; it is durable on return.
 
         Raises:
-            StoreError: the disc is full or broken; the log is as before.
+            StoreError: somebody else has damaged the log.
+            PlaceError: the disc is full or broken, or the directory was removed. The log is as
+                before.
         """
         if record.number in self.finished:
             raise AssertionError(f"trial {record.id} is stored already")
         self.begin()
-        line = _line(record)
-        before = os.lseek(self._log, 0, os.SEEK_END)
+        self.check()
         try:
-            done = 0
-            while done < len(line):
-                done += os.write(self._log, line[done:])
-            os.fsync(self._log)
+            append(self._log, _line(record))
         except OSError as error:
-            os.ftruncate(self._log, before)
-            raise StoreError(
-                f"{self.directory / RECORDS}: cannot be written: {error.strerror}; trial "
-                f"{record.id} is not stored, all earlier ones are. Make room, then --resume"
-            ) from None
-        except BaseException:
-            os.ftruncate(self._log, before)  # an interruption leaves no half line
-            raise
+            raise self.without(
+                record.number, place_error(self.directory / RECORDS, error)
+            ) from error
+        self._seen = self._look()
         self.finished[record.number] = record
+
+    def check(self) -> None:
+        """Make sure that the log is still the one that was written here.
+
+        Raises:
+            StoreError: somebody else has changed it.
+            PlaceError: the directory was removed, or another one is in its place.
+        """
+        if self._log < 0:
+            return
+        path = self.directory / RECORDS
+        try:
+            is_ours = os.path.samestat(os.stat(path), os.fstat(self._log))
+        except OSError:
+            is_ours = False
+        if not (is_ours and (self.directory / SETTINGS).is_file()):
+            raise removed(self.directory)
+        now = self._look()
+        if now == self._seen:
+            return
+        if now[0] == self._seen[0]:
+            _records(path)  # damaged in its place, or not at all
+            self._seen = now
+            return
+        raise StoreError(
+            f"{path}: has {now[0]} bytes where this campaign has written {self._seen[0]}: somebody "
+            "else has changed it meanwhile. Nothing was added to it. Put it back as it was, or run "
+            f"what is missing: {self._resume()}"
+        )
+
+    def without(self, number: int, error: PlaceError) -> PlaceError:
+        """Complete an error of a place that has cost trial ``number``: how to go on.
+
+        Raises:
+            PlaceError: the directory was removed, which nothing completes.
+            StoreError: see :meth:`check`.
+        """
+        self.check()
+        kept = f"trial {number:04d} is not stored, all that ended before are"
+        error.then = f"go on with: {self._resume()} ({kept})"
+        return error
+
+    def _resume(self) -> str:
+        return f"mrta-falsify campaign --resume {shlex.quote(str(self.directory))}"
+
+    def _look(self) -> tuple[int, int]:
+        """Give length [bytes] and time of the last change [ns] of the log."""
+        found = os.fstat(self._log)
+        return found.st_size, found.st_mtime_ns
 
     def keep(self, *, budget: int, time_limit: float) -> None:
         """Note what may change when a campaign is resumed; :meth:`begin` writes it."""
@@ -498,22 +574,32 @@ class Store:
     def _sign_lock(self) -> None:
         """Write into the lock who has it."""
         now = time.strftime("%Y-%m-%d %H:%M:%S")
-        os.ftruncate(self._lock, 0)
-        os.pwrite(
-            self._lock, f"process {os.getpid()} on {socket.gethostname()}, {now}\n".encode(), 0
-        )
+        text = f"process {os.getpid()} on {socket.gethostname()}, {now}\n"
+        with naming(self.directory / LOCK):
+            os.ftruncate(self._lock, 0)
+            os.pwrite(self._lock, text.encode(), 0)
 
     def _open_log(self) -> None:
+        """Open the log, and hold it too: the lock is a file that somebody may have deleted."""
         path = self.directory / RECORDS
-        _, sound = _records(path)
-        try:
-            self._log = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-            if os.fstat(self._log).st_size > sound:
-                os.ftruncate(self._log, sound)
-                os.fsync(self._log)
-            sync_directory(self.directory)
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror}") from None
+        with naming(path):
+            log = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            try:
+                fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                _, sound = _records(path)
+                if os.fstat(log).st_size > sound:
+                    os.ftruncate(log, sound)
+                    os.fsync(log)
+                sync_directory(self.directory)
+            except BlockingIOError:
+                os.close(log)
+                owner = _owner_text(self.directory / LOCK)
+                raise StoreError(f"{self.directory}: is in use by {owner}") from None
+            except BaseException:
+                os.close(log)
+                raise
+        self._log = log
+        self._seen = self._look()
 
 
 def decode_record(data: Any, *, where: str) -> TrialRecord:

@@ -16,24 +16,20 @@ from typing import Any
 import click
 
 from mrta_falsify.cli import stopping
-from mrta_falsify.core.errors import InputError, NeedsOption
+from mrta_falsify.core.durable import CLOSED, DISK, FULL, place_error, place_error_in
+from mrta_falsify.core.errors import InputError, NeedsOption, PlaceError
 from mrta_falsify.core.interruption import Interrupted, heard
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
 #: errors of a place that the user gave, not of the toolkit
-PLACE_ERRORS = frozenset(
-    (
-        errno.EACCES,
-        errno.EPERM,
-        errno.EISDIR,
-        errno.ENOTDIR,
-        errno.ENOSPC,
-        errno.EDQUOT,
-        errno.EROFS,
-        errno.ENAMETOOLONG,
-    )
+PLACE_ERRORS = (
+    FULL
+    | CLOSED
+    | DISK
+    | {errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ENOTEMPTY, errno.ELOOP, errno.ENAMETOOLONG}
 )
+ROOT = Path(__file__).parents[1]  # what is missing in it is the toolkit's fault
 
 
 class ExitCode(enum.IntEnum):
@@ -106,7 +102,7 @@ class Door(click.Group):
             given = sys.argv[1:] if args is None else args
             _say(f"{error}: {shlex.join([prog_name, *given, error.option])}")
             return ExitCode.BAD_INPUT
-        except InputError as error:
+        except (InputError, PlaceError) as error:
             _say(str(error))
             return ExitCode.BAD_INPUT
         except (click.Abort, KeyboardInterrupt) as error:
@@ -118,9 +114,9 @@ class Door(click.Group):
             _abandon_stdout()  # the reader of our output has gone
             return ExitCode.DONE
         except Exception as error:
-            _abandon_stdout()
-            if isinstance(error, OSError) and error.filename and error.errno in PLACE_ERRORS:
-                _say(f"{os.fsdecode(error.filename)}: cannot be used: {error.strerror}")
+            fault = _abandon_stdout() or _fault_of_place(error)
+            if fault:
+                _say(fault)
                 return ExitCode.BAD_INPUT
             _say(
                 f"the toolkit itself failed: {type(error).__name__}: {error}; "
@@ -149,20 +145,39 @@ def _keep_stdout_ours() -> None:
     sys.stdout = ours
 
 
-def _abandon_stdout() -> None:
-    """Flush what can be flushed; Python must not try again at exit, with a code of its own."""
+def _abandon_stdout() -> str:
+    """Flush what can be flushed; Python must not try again at exit, with a code of its own.
+
+    Returns:
+        Why stdout cannot be written; empty: it can.
+    """
     try:
         sys.stdout.flush()
-    except OSError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return str(place_error("stdout", error))
+    return ""
 
 
-def save_traceback(error: BaseException) -> Path:
-    """Write the full traceback of ``error`` to a file, and return its path."""
-    handle, name = tempfile.mkstemp(prefix="mrta-falsify-", suffix="-traceback.txt")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(f"command: {sys.argv}\n\n")
-        traceback.print_exception(error, file=file)
+def _fault_of_place(error: Exception) -> str:
+    """Say which place is at fault; empty: none is, or one of ours."""
+    if isinstance(error, OSError) and error.filename and error.errno in PLACE_ERRORS:
+        path = os.fsdecode(error.filename)
+        is_ours = Path(path).is_relative_to(ROOT) and error.errno == errno.ENOENT
+        return "" if is_ours else f"{path}: cannot be used: {error.strerror}"
+    place = place_error_in(error)
+    return str(place) if place else ""
+
+
+def save_traceback(error: BaseException) -> Path | str:
+    """Write the full traceback of ``error`` to a file; return its path, or why there is none."""
+    try:
+        handle, name = tempfile.mkstemp(prefix="mrta-falsify-", suffix="-traceback.txt")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(f"command: {sys.argv}\n\n")
+            traceback.print_exception(error, file=file)
+    except OSError as full:
+        return f"could not be written to {tempfile.gettempdir()}: {full.strerror}"
     return Path(name)
 
 

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mrta_falsify.core.durable import naming
+
 BLOCK = 32 * 2**20  # bytes of rows that are kept in memory
 #: what is kept with fewer digits than it is computed with
 KEPT_AS = {"obstacle_points": np.dtype(np.float32)}
@@ -37,16 +39,28 @@ class ScratchFile:
 
     @classmethod
     def new(cls) -> ScratchFile:
-        """Make an empty one in the folder for temporary files."""
-        with tempfile.TemporaryFile(prefix="mrta-falsify-trace-") as file:
+        """Make an empty one in the folder for temporary files.
+
+        Raises:
+            PlaceError: that folder cannot be written.
+        """
+        with (
+            naming(tempfile.gettempdir()),
+            tempfile.TemporaryFile(prefix="mrta-falsify-trace-") as file,
+        ):
             return cls(os.dup(file.fileno()))
 
     def write(self, values: bytes, start: int) -> None:
-        """Write ``values`` from byte ``start`` on."""
+        """Write ``values`` from byte ``start`` on.
+
+        Raises:
+            PlaceError: the disk is full.
+        """
         rest = memoryview(values)
-        while rest:
-            written = os.pwrite(self.descriptor, rest, start)
-            rest, start = rest[written:], start + written
+        with naming(tempfile.gettempdir()):
+            while rest:
+                written = os.pwrite(self.descriptor, rest, start)
+                rest, start = rest[written:], start + written
 
 
 class ColumnFile(NamedTuple):

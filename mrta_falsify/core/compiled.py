@@ -8,6 +8,7 @@ modules of ours that it imports.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -20,10 +21,13 @@ import numba
 from numba import njit
 from numba.core import event
 from numba.core.caching import (
+    Cache,
     InTreeCacheLocator,
     UserProvidedCacheLocator,
     UserWideCacheLocator,
 )
+
+from mrta_falsify.core.interruption import is_interruption
 
 __all__ = ["digest_of_module", "njit", "on_compiling"]
 
@@ -111,6 +115,35 @@ if not _config.CACHE_LOCATOR_CLASSES:  # else the user has chosen
     _ours = (CacheInFolder, CacheBesideSource, CacheOfUser)
     _names = [f"{__name__}.{locator.__name__}" for locator in _ours]
     _config.CACHE_LOCATOR_CLASSES = ",".join((*_names, *NUMBA_S_OWN))
+
+
+# --- caches that cannot be used ----------------------------------------------------------------
+
+_load, _save = Cache.load_overload, Cache.save_overload
+
+
+def _load_if_sound(cache: Cache, signature: Any, context: Any) -> Any:
+    """Load compiled code; a cache that a power cut has damaged is emptied."""
+    try:
+        return _load(cache, signature, context)  # type: ignore[no-untyped-call]
+    except OSError:
+        return None
+    except Exception as error:
+        if is_interruption(error):
+            raise
+        with contextlib.suppress(OSError):
+            cache.flush()  # type: ignore[no-untyped-call]
+        return None
+
+
+def _save_if_possible(cache: Cache, signature: Any, compiled: Any) -> None:
+    """Save compiled code; on a full disk it is used and not saved."""
+    with contextlib.suppress(OSError):
+        _save(cache, signature, compiled)  # type: ignore[no-untyped-call]
+
+
+_caching: Any = Cache
+_caching.load_overload, _caching.save_overload = _load_if_sound, _save_if_possible
 
 
 # --- when it compiles ----------------------------------------------------------------------

@@ -9,6 +9,7 @@
     |   +-- FormatError          a file that is not what its name says
     |   +-- UnknownNameError     a plug-in, layer, room or specification that is not registered
     |   +-- NeedsOption          what is done only where an option asks for it
+    +-- PlaceError             a file cannot be written: full, removed, not allowed: exit code 2
     +-- HarnessError           the toolkit itself failed: exit code 3
 """
 
@@ -68,6 +69,26 @@ class NeedsOption(InputError):  # noqa: N818 - says what is missing
     def __init__(self, message: str, option: str) -> None:
         super().__init__(f"{message}; it needs {option}")
         self.option = option
+
+
+class PlaceError(MrtaFalsifyError):
+    """A file cannot be written where it should be: the disk is full, its folder was removed.
+
+    It is no :class:`InputError`: those are answers that a record or a report may hold, such as "no
+    scene". What ran when a file could not be written has no result.
+
+    Args:
+        text: the file, why it cannot be written, and what to do about that.
+        then: how to go on when that is done; empty: it goes without saying.
+    """
+
+    def __init__(self, text: str, *, then: str = "") -> None:
+        super().__init__(text)
+        self.then = then
+
+    def __str__(self) -> str:
+        """Write it in one sentence."""
+        return f"{self.args[0]}, then {self.then}" if self.then else str(self.args[0])
 
 
 class HarnessError(MrtaFalsifyError):

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import operator
-import os
 import shutil
 import tempfile
 import zipfile
@@ -21,6 +20,7 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.columns import ColumnStore
+from mrta_falsify.core.durable import naming, replacing
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 
@@ -218,7 +218,11 @@ def _layout_of(frame: Frame) -> np.dtype[np.void]:
 
 
 def write_trace(trace: Trace, path: str | Path) -> None:
-    """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle)."""
+    """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle).
+
+    Raises:
+        PlaceError: the file cannot be written.
+    """
     path = Path(path)
     table = {
         "version": TRACE_VERSION,
@@ -234,13 +238,16 @@ def write_trace(trace: Trace, path: str | Path) -> None:
         "digest": trace.digest,
         "columns": sorted(trace.columns),
     }
-    temporary = path.with_name(path.name + ".part")
-    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr("table.json", json.dumps(codec.encode(table)))
+    with (
+        replacing(path) as file,
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        # without the time: equal traces are equal files
+        info = zipfile.ZipInfo("table.json")
+        archive.writestr(info, json.dumps(codec.encode(table)), zipfile.ZIP_DEFLATED, 1)
         for name, column in sorted(trace.columns.items()):
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, column, allow_pickle=False)
-    os.replace(temporary, path)
 
 
 def _read_column(archive: zipfile.ZipFile, name: str) -> np.ndarray:
@@ -248,9 +255,9 @@ def _read_column(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     if member.file_size < LARGE:
         return np.lib.format.read_array(io.BytesIO(archive.read(member)), allow_pickle=False)
     with tempfile.NamedTemporaryFile(prefix="mrta-falsify-trace-") as file:
-        with archive.open(member) as source:
+        with archive.open(member) as source, naming(tempfile.gettempdir()):
             shutil.copyfileobj(source, file)
-        file.flush()
+            file.flush()
         column: np.ndarray = np.load(file.name, mmap_mode="r", allow_pickle=False)
     return column
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.processes import spawned
+from mrta_falsify.campaigns.processes import MOST_DEATHS, spawned
 from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
@@ -92,7 +92,8 @@ class Lab(AbstractContextManager["Lab"]):
         """Run experiments; their results come in the order of the experiments.
 
         Raises:
-            HarnessError: a process died, or the toolkit failed.
+            HarnessError: processes died three times in a row, or the toolkit failed.
+            PlaceError: the journal cannot be written.
             KeyboardInterrupt: Ctrl-C; finished runs are in the journal.
         """
         wanted = list(experiments)
@@ -136,16 +137,23 @@ class Lab(AbstractContextManager["Lab"]):
             for group in groups:
                 yield from zip(group, run_group(tuple(group.values())), strict=True)
             return
-        if self._pool is None:
-            self._pool = self._opened.enter_context(spawned(self.workers))
-        try:
-            futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in groups]
-            for group, future in zip(groups, futures, strict=True):
-                yield from zip(group, future.result(), strict=True)
-        except BrokenProcessPool:
-            self._pool = None
-            self._opened.close()
-            raise HarnessError("a process of the lab has died; call again") from None
+        left, deaths = list(groups), 0
+        while left:
+            if self._pool is None:
+                self._pool = self._opened.enter_context(spawned(self.workers))
+            try:
+                futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in left]
+                for future in futures:
+                    rows = future.result()
+                    deaths = 0
+                    yield from zip(left.pop(0), rows, strict=True)
+            except BrokenProcessPool:
+                deaths += 1
+                self._pool = None
+                self._opened.close()
+                if deaths == MOST_DEATHS:
+                    text = f"processes of the lab have died {deaths} times in a row; call again"
+                    raise HarnessError(text) from None
 
     def _keep(self, key: str, result: RunResult) -> None:
         """Keep a result; on disc only if it may not come out otherwise when it is run again."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.tight_ways import TightCount, counted
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place, make_directory
@@ -299,7 +300,7 @@ def write_check(done: ProgramCheck, directory: Place) -> tuple[Path, ...]:
     folder = make_directory(Path(directory))
     report = folder / "check.json"
     data = codec.finite(codec.encode(summarise_check(done)))
-    report.write_text(json.dumps(data, indent=1) + "\n", "utf-8")
+    write_atomically(report, (json.dumps(data, indent=1) + "\n").encode())
     if not done.worlds:
         return (report,)
     sheet = folder / "contact_sheet.png"

@@ -27,7 +27,7 @@ from mrta_falsify.campaigns.time_limit import begin_anew
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import HarnessError, InputError, WorldError
+from mrta_falsify.core.errors import HarnessError, InputError, PlaceError, WorldError
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
@@ -230,8 +230,11 @@ def run_of(finished: Finished, what: str) -> RecheckRun:
 
     Raises:
         InputError: the world cannot be run.
+        PlaceError: a file of it cannot be written.
         HarnessError: the run crashed.
     """
+    if finished.fate == "unwritable":
+        raise PlaceError(finished.error)
     if finished.fate == "timeout":
         return RecheckRun(fate="timeout")
     if finished.record is None:

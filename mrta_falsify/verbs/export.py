@@ -71,7 +71,8 @@ def export(
         The files written.
 
     Raises:
-        InputError: unknown format, world or trial, or a place that cannot be written.
+        InputError: unknown format, world or trial.
+        PlaceError: a file cannot be written.
     """
     _check_format(format)
     if id is not None:
@@ -132,8 +133,9 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
         The files written.
 
     Raises:
-        InputError: unknown kind, a missing extra, a place that cannot be written, or a world
-            that cannot do without its Scenic program.
+        InputError: unknown kind, a missing extra, or a world that cannot do without its Scenic
+            program.
+        PlaceError: a file cannot be written.
     """
     from simulator_interface.formats import (  # noqa: PLC0415
         lichtblick_layout,
@@ -183,7 +185,8 @@ def export_nav2(world: World, path: Place, config: StackConfig | None = None) ->
         The YAML file and the PGM file beside it.
 
     Raises:
-        InputError: the place cannot be written.
+        InputError: the place cannot be a directory.
+        PlaceError: a file cannot be written.
     """
     return _write_nav2(costmap_of(world, config), Path(path))
 

@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, WorldError
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.verbs.folders import Place, make_directory
@@ -125,10 +126,10 @@ def import_floor(
     is_kept = scenario.exists()
     write_world(world, paths[0])
     if derived is not None:
-        _write_text(derived, _derived_text(floor, world))
+        write_atomically(derived, _derived_text(floor, world).encode())
     if not is_kept:
         text = scenario_text(world, paths[0].name, radius=radius, starts=floor.starts)
-        _write_text(scenario, text)
+        write_atomically(scenario, text.encode())
     _draw(world, paths[1])
     return _summary(
         floor,
@@ -155,13 +156,6 @@ def _too_few_rooms(floor: Floor) -> str:
         f"{floor.source}: names one room, {room.name!r}; deliveries need two (add "
         "{name: ..., point: [x, y]} to rooms)"
     )
-
-
-def _write_text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _draw(world: World, path: Path) -> None:

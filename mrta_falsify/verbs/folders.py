@@ -6,7 +6,8 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.durable import DISK, make_folder
+from mrta_falsify.core.errors import FormatError, InputError, PlaceError
 
 Place = str | Path  #: a file or directory, as users name it
 
@@ -16,13 +17,16 @@ def make_directory(directory: Path) -> Path:
 
     Raises:
         FormatError: it cannot be made, or is a file.
+        PlaceError: the disk is full or broken.
     """
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = error.strerror or str(error)
+        return make_folder(directory)
+    except PlaceError as error:
+        cause = error.__cause__
+        if not isinstance(cause, OSError) or cause.errno in DISK:
+            raise
+        reason = cause.strerror or str(cause)
         raise FormatError(f"{directory}: cannot be used as a directory: {reason}") from None
-    return directory
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Literal
 
+from mrta_falsify.core.durable import make_folder, write_atomically
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.verbs.folders import Place
 
@@ -43,7 +44,8 @@ def init(directory: Place = ".", stack: Language | None = None) -> tuple[Path, .
         The files.
 
     Raises:
-        FormatError: a file is there already, or cannot be written.
+        FormatError: a file is there already.
+        PlaceError: a file cannot be written.
     """
     folder = Path(directory)
     paths = tuple(folder / name for name in STARTERS[stack])
@@ -53,11 +55,8 @@ def init(directory: Place = ".", stack: Language | None = None) -> tuple[Path, .
                 f"{path}: is there already; nothing was written (another place: "
                 "mrta-falsify init DIRECTORY)"
             )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in paths:
-            package, file = STARTERS[stack][path.name]
-            path.write_bytes(resources.files(package).joinpath(file).read_bytes())
-    except OSError as error:
-        raise FormatError(f"{folder}: cannot be written: {error.strerror}") from None
+    make_folder(folder)
+    for path in paths:
+        package, file = STARTERS[stack][path.name]
+        write_atomically(path, resources.files(package).joinpath(file).read_bytes())
     return paths

@@ -15,6 +15,7 @@ from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
@@ -110,7 +111,7 @@ def issue(
         facts=_facts(record, view),
     )
     text = folder / TEXT_NAME
-    text.write_text(render_issue(contents), encoding="utf-8")
+    write_atomically(text, render_issue(contents).encode())
     files = sorted(path for path in folder.rglob("*") if path.is_file() and path != text)
     return IssueFiles(text=text, files=tuple(files))
 
@@ -165,7 +166,7 @@ def _about(found: Minimisation | None) -> str:
 def _write_scene(view: RunView, config: StackConfig, folder: Path) -> str:
     """Write the world, also as a program, and the stack; return the program, empty if none."""
     write_world(view.world, folder / WORLD)
-    (folder / STACK).write_text(yaml.safe_dump(codec.encode(config), sort_keys=False))
+    write_atomically(folder / STACK, yaml.safe_dump(codec.encode(config), sort_keys=False).encode())
     try:
         write_program(view.world, folder / PROGRAM)
     except InputError:  # it needs its own program

@@ -36,7 +36,6 @@ def draw_trial(campaign: Campaign, record: TrialRecord) -> Path:
     """
     from reports.run_picture import write_picture  # noqa: PLC0415 - matplotlib loads slowly
 
-    path = campaign.folder(record) / "picture.png"
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path = campaign.make_folder(record) / "picture.png"
     write_picture(trial_view(campaign, record), path)
     return path

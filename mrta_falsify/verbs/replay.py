@@ -17,7 +17,7 @@ from mrta_falsify.core.findings import ReplayCheck
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.folders import Place, make_directory
+from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.stored_trials import of_other_stack, stored_world
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_runs
 from mrta_falsify.worker import rerun, specifications_of
@@ -102,7 +102,7 @@ def replay(
     permit_runs(campaign, (record,), trust, told=not live and _has_answers(campaign, record))
     trials = campaign.settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
-    journal = RunJournal(ReplayRun, campaign.folder(record) / JOURNAL_NAME, code=code)
+    journal = RunJournal(ReplayRun, campaign.make_folder(record) / JOURNAL_NAME, code=code)
     with going_on(f"replay {record.id}", journal):
         result = replay_trial(campaign, record, times=verify, live=live, journal=journal)
         store_replay(campaign, result)
@@ -195,7 +195,7 @@ def store_replay(campaign: Campaign, result: Replay) -> ReplayCheck:
         same_machine=result.same_machine,
         first_difference=result.difference,
     )
-    write_finding(make_directory(campaign.folder(result.record)), check)
+    write_finding(campaign.make_folder(result.record), check)
     return check
 
 

@@ -17,7 +17,7 @@ from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.durable import staged
+from mrta_falsify.core.durable import staged, write_atomically
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.interruption import telling
@@ -291,6 +291,7 @@ def write_run(
 
     Raises:
         InputError: the directory cannot be made.
+        PlaceError: a file cannot be written; those of an earlier run are as before.
     """
     config = config or StackConfig()
     folder = make_directory(Path(directory))
@@ -330,12 +331,11 @@ def _write_files(
     from reports.run_report import report_of_run  # noqa: PLC0415
 
     write_world(world, written.world)
-    written.stack.write_text(
-        yaml.safe_dump(codec.encode(config), sort_keys=False), encoding="utf-8"
-    )
+    stack = yaml.safe_dump(codec.encode(config), sort_keys=False)
+    write_atomically(written.stack, stack.encode())
     write_trace(outcome.trace, written.trace)
     text = json.dumps(finite(codec.encode(outcome.verdicts)), indent=1, allow_nan=False)
-    written.verdicts.write_text(text + "\n", encoding="utf-8")
+    write_atomically(written.verdicts, (text + "\n").encode())
     view = view_of(outcome, world, config)
     run_picture.write_picture(view, written.picture)
     if written.gif is not None:
@@ -348,7 +348,7 @@ def _write_files(
     report = report_of_run(
         dataclasses.replace(view, facts=(*view.facts, computed)),
         command=again or shlex.join(command),
-        stack=yaml.safe_dump(codec.encode(config), sort_keys=False),
+        stack=stack,
         versions=versions(),
         picture=written.picture,
         animation=written.gif,

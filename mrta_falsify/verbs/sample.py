@@ -13,6 +13,7 @@ from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import campaign_specifications
@@ -96,7 +97,8 @@ def sample(
         on_progress: called with the number of worlds done.
 
     Raises:
-        InputError: anything is wrong with the program, or the files cannot be written.
+        InputError: anything is wrong with the program.
+        PlaceError: a file cannot be written.
     """
     program = open_scenario(scenario, params)
     config = load_stack(stack, settings)
@@ -133,7 +135,7 @@ def sample(
         impossible=sum(bool(row.impossible) for row in rows),
     )
     _draw_sheet(shown, samples.sheet, title=program.name)
-    samples.index.write_text(json.dumps(codec.encode(index), indent=1) + "\n", encoding="utf-8")
+    write_atomically(samples.index, (json.dumps(codec.encode(index), indent=1) + "\n").encode())
     return samples
 
 

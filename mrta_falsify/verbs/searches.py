@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.processes import spawned
+from mrta_falsify.campaigns.processes import MOST_DEATHS, spawned
 from mrta_falsify.campaigns.runner import Progress
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import SETTINGS, StoreError
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.durable import write_atomically
-from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.errors import HarnessError, PlaceError
 from mrta_falsify.core.interruption import telling
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
@@ -87,7 +87,8 @@ def run_searches(
 
     Raises:
         StoreError: ``directory``, or a search in it, belongs to another plan.
-        HarnessError: a process died; what it had finished is kept.
+        PlaceError: a file cannot be written.
+        HarnessError: processes died three times in a row; what they had finished is kept.
         Interrupted: Ctrl-C; finished trials are kept, also those of unfinished searches.
     """
     _mark(plan, directory)
@@ -99,21 +100,30 @@ def run_searches(
         kept = f"{done} of {len(searches)} searches, and the finished trials of the others"
         return kept, f"{directory} is not complete; go on with --resume"
 
-    try:
-        with telling(state), spawned(workers) as pool:
-            asked = {
-                pool.submit(_search, _settings(plan, name, seed, folder), plan.limits): (name, seed)
-                for name, seed, folder in missing
-            }
-            for future in as_completed(asked):
-                name, seed = asked[future]
-                text = future.result()
-                done += 1
-                on_search(done, len(searches), f"{name}, seed {seed}: {text}")
-    except BrokenProcessPool:
-        raise HarnessError(
-            f"{directory}: a process that ran searches has died; go on with --resume"
-        ) from None
+    deaths = 0
+    while missing:
+        try:
+            with telling(state), spawned(workers) as pool:
+                asked = {
+                    pool.submit(_search, _settings(plan, *search), plan.limits): search
+                    for search in missing
+                }
+                for future in as_completed(asked):
+                    search = asked[future]
+                    text = future.result()
+                    done, deaths = done + 1, 0
+                    missing.remove(search)
+                    on_search(done, len(searches), f"{search[0]}, seed {search[1]}: {text}")
+        except BrokenProcessPool:
+            deaths += 1
+            if deaths == MOST_DEATHS:
+                raise HarnessError(
+                    f"{directory}: processes that ran searches have died {deaths} times in a row; "
+                    "go on with --resume"
+                ) from None
+        except PlaceError as error:
+            error.then = f"call again with --resume (kept: {state()[0]})"
+            raise
 
 
 def outcomes(
@@ -184,10 +194,7 @@ def _mark(plan: ComparisonPlan, directory: Path) -> None:
     )
     path = directory / MARK
     if not path.is_file():
-        try:
-            write_atomically(path, (json.dumps(compared, indent=1) + "\n").encode())
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror}") from None
+        write_atomically(path, (json.dumps(compared, indent=1) + "\n").encode())
         return
     known = codec.read_json(path)
     for name, value in compared.items():

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 from mrta_falsify.campaigns.made_here import refuse_links
 from mrta_falsify.campaigns.store import owner_of, read_campaign_settings, read_records
 from mrta_falsify.core.claims import KINDS
-from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.errors import InputError, PlaceError
 from mrta_falsify.core.modules import python_command
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
@@ -279,7 +279,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer(HTTPStatus.OK, kind, page(self.server))
             else:
                 self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"no such page\n")
-        except InputError as error:
+        except (InputError, PlaceError) as error:
             self._answer(HTTPStatus.INTERNAL_SERVER_ERROR, "text/plain", f"{error}\n".encode())
 
     def _answer_run(self, body: bytes) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign, StoreError
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
@@ -212,8 +213,8 @@ def write_reports(
         The files written, the page first.
 
     Raises:
-        InputError: not a campaign, a place that cannot be written, or a trial that runs
-            differently now.
+        InputError: not a campaign, or a trial that runs differently now.
+        PlaceError: a file cannot be written.
     """
     campaign = open_to_run(directory, trust) if run or beside else open_campaign(directory)
     other = open_campaign(against) if against is not None else None
@@ -229,7 +230,7 @@ def write_reports(
         keep_neighbours(campaign, firsts, trust)
     write_report(campaign, page, against=other, cases=cases)
     if junit is not None:
-        Path(junit).write_text(junit_report(campaign), encoding="utf-8")
+        write_atomically(Path(junit), junit_report(campaign).encode())
     if markdown is not None:
-        Path(markdown).write_text(markdown_report(campaign, against=other), encoding="utf-8")
+        write_atomically(Path(markdown), markdown_report(campaign, against=other).encode())
     return tuple(places)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.durable import append, naming, write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import telling
@@ -274,7 +273,6 @@ def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, 
 
 
 def _append_samples(path: Path, start: int, end: int, samples: tuple[float, ...]) -> None:
-    with path.open("a", encoding="utf-8") as file:
-        file.write(",".join(map(str, (start, end, *samples))) + "\n")
-        file.flush()
-        os.fsync(file.fileno())
+    line = ",".join(map(str, (start, end, *samples))) + "\n"
+    with naming(path), path.open("ab", buffering=0) as file:
+        append(file.fileno(), line.encode())

@@ -10,6 +10,7 @@ import struct
 import tempfile
 from collections.abc import Iterator
 
+from mrta_falsify.core.durable import naming
 from simulator_interface.external.answers import shown
 from simulator_interface.external.wire import Unreadable, Wire
 
@@ -34,7 +35,8 @@ class Exchanges:
 
     def __init__(self, *, are_kept: bool) -> None:
         # Not buffered: a copy of this process must not write what the original has not yet.
-        self._file = tempfile.TemporaryFile(buffering=0) if are_kept else None  # noqa: SIM115
+        with naming(tempfile.gettempdir()):
+            self._file = tempfile.TemporaryFile(buffering=0) if are_kept else None  # noqa: SIM115
         self._size = 0  # of what is in the file
         self._rows: list[tuple[bytes, bytes]] = []  # not in the file
         self._waiting = 0  # bytes of them
@@ -55,9 +57,10 @@ class Exchanges:
         assert self._file is not None
         parts = [_SIZES.pack(len(said), len(heard)) + said + heard for said, heard in self._rows]
         block = b"".join(parts)
-        while block:
-            written = self._file.write(block)
-            self._size, block = self._size + written, block[written:]
+        with naming(tempfile.gettempdir()):
+            while block:
+                written = self._file.write(block)
+                self._size, block = self._size + written, block[written:]
         self._rows, self._waiting = [], 0
 
     def all(self) -> Iterator[tuple[bytes, bytes]]:
@@ -118,7 +121,8 @@ def connect_branch(wire: Wire, limit: float, *, is_kept: bool) -> tuple[Wire, in
         Late: the copy does not come.
         Unreadable: the stack does not say that it has branched.
     """
-    folder = tempfile.mkdtemp(prefix="mrta-stack-")  # for this user alone
+    with naming(tempfile.gettempdir()):
+        folder = tempfile.mkdtemp(prefix="mrta-stack-")  # for this user alone
     address = os.path.join(folder, "branch")
     try:
         with socket.socket(socket.AF_UNIX) as door:

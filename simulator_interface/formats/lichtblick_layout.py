@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from mrta_falsify.core.durable import write_atomically
-from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import World
 
 FIELD_OF_VIEW = 45  # deg
@@ -26,12 +25,9 @@ def write_layout(world: World, path: Path) -> None:
         path: the ``.json`` file.
 
     Raises:
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
-    try:
-        write_atomically(path, (json.dumps(layout_of(world), indent=1) + "\n").encode())
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, (json.dumps(layout_of(world), indent=1) + "\n").encode())
 
 
 def layout_of(world: World) -> dict[str, Any]:

@@ -18,7 +18,8 @@ import numpy as np
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.durable import replacing
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
@@ -53,7 +54,7 @@ def write_mcap(world: World, trace: Trace, costmap: Costmap, path: Path) -> None
 
     Raises:
         ConfigError: the extra ``mcap`` is not installed.
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
     try:
         from mcap_ros2.writer import Writer  # noqa: PLC0415 - an extra
@@ -63,21 +64,18 @@ def write_mcap(world: World, trace: Trace, costmap: Costmap, path: Path) -> None
             "--format mcap needs the extra `mcap`; in the checkout: pip install '.[mcap]'"
         ) from None
     known = get_typestore(Stores.ROS2_HUMBLE)
-    try:
-        with path.open("wb") as file:
-            writer = Writer(file)
-            schemas: dict[str, Schema] = {}
-            for name, kind in TYPES.items():
-                text, _ = known.generate_msgdef(kind, ros_version=2)
-                schemas[name] = writer.register_msgdef(kind, text)
-            for time, topic, kind, message in sorted(
-                _messages(world, trace, costmap), key=lambda row: (row[0], row[1])
-            ):
-                stamp = round(time * 1e9)
-                writer.write_message(topic, schemas[kind], message, stamp, stamp)
-            writer.finish()  # type: ignore[no-untyped-call]
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    with replacing(path) as file:
+        writer = Writer(file)
+        schemas: dict[str, Schema] = {}
+        for name, kind in TYPES.items():
+            text, _ = known.generate_msgdef(kind, ros_version=2)
+            schemas[name] = writer.register_msgdef(kind, text)
+        for time, topic, kind, message in sorted(
+            _messages(world, trace, costmap), key=lambda row: (row[0], row[1])
+        ):
+            stamp = round(time * 1e9)
+            writer.write_message(topic, schemas[kind], message, stamp, stamp)
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _messages(

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.world import World
 from simulator_interface.formats.nav2 import write_nav2_map
 from simulator_interface.formats.sdf_world import write_sdf
@@ -40,7 +40,7 @@ def write_mrta_sim(world: World, costmap: Costmap, directory: Path) -> tuple[Pat
         The files.
 
     Raises:
-        FormatError: a file cannot be written.
+        PlaceError: a file cannot be written.
     """
     paths = {kind: directory / name for kind, name in NAMES.items()}
     write_sdf(world, paths["world"])
@@ -53,11 +53,8 @@ def write_mrta_sim(world: World, costmap: Costmap, directory: Path) -> tuple[Pat
             sort_keys=False,
         ),
     }
-    try:
-        for kind, text in texts.items():
-            paths[kind].write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FormatError(f"{directory}: cannot be written: {error.strerror}") from None
+    for kind, text in texts.items():
+        write_atomically(paths[kind], text.encode())
     write_nav2_map(costmap, paths["map"])
     return (*paths.values(), paths["map"].with_suffix(".pgm"))
 

@@ -23,6 +23,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
 from simulator_interface.formats.confinement import file_beside
 from simulator_interface.formats.map_picture import read_map_picture
@@ -87,7 +88,8 @@ def write_nav2_map(costmap: Costmap, path: Path, *, mode: Mode = "trinary") -> N
             ``scale`` keeps it too, but has no grey level for unknown cells.
 
     Raises:
-        FormatError: unknown cells in mode ``scale``; the file cannot be written.
+        FormatError: unknown cells in mode ``scale``.
+        PlaceError: a file cannot be written.
     """
     grid = occupancy_of(costmap)
     if mode == "trinary":
@@ -108,7 +110,8 @@ def write_occupancy(grid: OccupancyGrid, path: Path, *, mode: Mode = "trinary") 
     In mode ``trinary`` values between the thresholds become unknown, as in Nav2.
 
     Raises:
-        FormatError: unknown cells in mode ``scale``; the file cannot be written.
+        FormatError: unknown cells in mode ``scale``.
+        PlaceError: a file cannot be written.
     """
     image = path.with_suffix(".pgm")
     grey = _grey_levels(mode)[grid.data.astype(np.int64) + 1]
@@ -129,10 +132,7 @@ def write_occupancy(grid: OccupancyGrid, path: Path, *, mode: Mode = "trinary") 
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
         f"free_thresh: {FREE_THRESH}\n"
     )
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, text.encode())
 
 
 def _grey_levels(mode: Mode) -> ByteArray:
@@ -255,10 +255,7 @@ def _occupancy_levels(described: _Description, brightest: int) -> NDArray[np.int
 
 def _write_pgm(path: Path, grey: ByteArray) -> None:
     rows, cols = grey.shape
-    try:
-        path.write_bytes(f"P5\n{cols} {rows}\n255\n".encode() + grey.tobytes())
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, f"P5\n{cols} {rows}\n255\n".encode() + grey.tobytes())
 
 
 __all__ = [

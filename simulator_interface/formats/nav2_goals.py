@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.world import World
 
 
@@ -22,12 +22,9 @@ def write_goals(world: World, path: Path) -> None:
         path: of the YAML file.
 
     Raises:
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
-    try:
-        path.write_text(yaml.safe_dump(goals_of(world), sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, yaml.safe_dump(goals_of(world), sort_keys=False).encode())
 
 
 def goals_of(world: World) -> dict[str, Any]:

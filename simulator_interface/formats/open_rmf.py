@@ -21,7 +21,7 @@ import yaml
 from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.durable import naming, write_atomically
 from mrta_falsify.core.world import Resource, World
 from simulator_interface.formats.building_file import METRES, typed
 
@@ -91,17 +91,15 @@ def write_open_rmf(world: World, directory: Path) -> tuple[Path, ...]:
         The map and the script.
 
     Raises:
-        FormatError: a file cannot be written.
+        PlaceError: a file cannot be written.
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", world.name) or "world"
     map_file, script = directory / f"{name}.building.yaml", directory / "dispatch.sh"
-    try:
-        text = yaml.safe_dump(building_map(world), default_flow_style=None, sort_keys=False)
-        map_file.write_text(text, encoding="utf-8")
-        script.write_text(dispatch_script(world), encoding="utf-8")
+    text = yaml.safe_dump(building_map(world), default_flow_style=None, sort_keys=False)
+    write_atomically(map_file, text.encode())
+    write_atomically(script, dispatch_script(world).encode())
+    with naming(script):
         script.chmod(0o755)
-    except OSError as error:
-        raise FormatError(f"{directory}: cannot be written: {error.strerror}") from None
     return map_file, script
 
 

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.world import Blockage, World
 
 SDF_VERSION = "1.6"
@@ -21,12 +21,9 @@ def write_sdf(world: World, path: Path) -> None:
         path: the ``.sdf`` or ``.world`` file.
 
     Raises:
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
-    try:
-        path.write_text(sdf_text(world), encoding="utf-8")
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be written: {error.strerror}") from None
+    write_atomically(path, sdf_text(world).encode())
 
 
 def sdf_text(world: World) -> str:

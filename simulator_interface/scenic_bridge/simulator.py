@@ -26,6 +26,7 @@ from scenic.core.simulators import SimulationCreationError, Simulator
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import make_folder, write_atomically
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Specification
@@ -232,14 +233,14 @@ def _in_words(outcome: Outcome) -> str:
 
 def _write(simulation: PyBulletSimulation, config: StackConfig, folder: Path) -> None:
     """Write the files that show the run and, unless it is scripted, repeat it."""
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     outcome = simulation.outcome
     write_world(simulation.world, folder / "world.json")
     text = yaml.safe_dump(codec.encode(config), sort_keys=False)
-    (folder / "stack.yaml").write_text(text, encoding="utf-8")
+    write_atomically(folder / "stack.yaml", text.encode())
     write_trace(outcome.trace, folder / "trace.zip")
     verdicts = json.dumps(codec.encode(outcome.verdicts), indent=1)
-    (folder / "verdicts.json").write_text(verdicts + "\n", encoding="utf-8")
+    write_atomically(folder / "verdicts.json", (verdicts + "\n").encode())
 
 
 def _realise_with(seed: int) -> Callable[[Scene], World]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -31,11 +33,17 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
 
     With ``trials.jittered`` copies lie up to 0.3 higher, evenly.
     ``params``: ``sleep`` [s] per trial; ``crash``, ``raise``, ``hang`` and ``unfit`` numbers of
-    trials that do so, where there is a file ``tries`` only ``times`` times.
+    trials that do so, where there is a file ``tries`` only ``times`` times; ``starts``: how each
+    start ends that is counted in the file ``begun``, ``k`` by a kill, ``e`` by an exception.
     """
     params = settings.params
     if params.get("refuse"):
         raise InputError("standin.scenic:3: refused")
+    for ending in params.get("starts", "")[_count(params.get("begun", "")) :][:1]:
+        print(f"it ends by {ending}", file=sys.stderr, flush=True)
+        if ending == "k":
+            os.kill(os.getpid(), signal.SIGKILL)
+        raise RuntimeError(f"on demand: {ending}")
 
     def trial(job: dict[str, Any]) -> dict[str, Any]:
         number, u = job["number"], np.asarray(job["u"])
@@ -89,6 +97,15 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
         return codec.encode(done)
 
     return trial
+
+
+def _count(begun: str) -> int:
+    """Count a start of a worker in a file; return how many there were before."""
+    if not begun:
+        return 0
+    with open(begun, "a+", encoding="ascii") as file:
+        file.write("x")
+        return file.tell() - 1
 
 
 def settings(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
 
 import pytest
@@ -88,9 +89,12 @@ def test_answers_of_an_older_version_or_of_other_code_are_not_believed(tmp_path)
     assert RunJournal(_Other, path, code="new").answers == {}
 
 
-def test_where_nothing_can_be_written_answers_last_as_long_as_the_process(tmp_path):
-    (tmp_path / "file").touch()
-    journal = RunJournal(_Answer, tmp_path / "file" / "answers.jsonl")
+def test_where_nothing_can_be_written_answers_last_as_long_as_the_process(tmp_path, monkeypatch):
+    def is_read_only(path, row):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("mrta_falsify.campaigns.journal.append_row", is_read_only)
+    journal = RunJournal(_Answer, tmp_path / "answers.jsonl")
     journal.keep("a", _Answer(True, None))
     assert journal.answers == {"a": _Answer(True, None)}
     assert not journal.is_kept

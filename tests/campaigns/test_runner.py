@@ -101,6 +101,65 @@ def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
     assert sampler_options(own)["robust"] is False
 
 
+# --- workers that die at their start --------------------------------------------------------
+
+
+@pytest.mark.parametrize("starts", ["k", "kkekk"])
+def test_a_worker_that_dies_before_it_is_ready_is_started_again(tmp_path, starts):
+    begun = tmp_path / "begun"
+    with Store.create(tmp_path / "c", settings(starts=starts, begun=str(begun))) as store:
+        _run(store, workers=1, budget=3)
+    assert len(begun.read_text()) == len(starts) + 1
+    with Store.create(tmp_path / "undisturbed", settings()) as store:
+        _run(store, budget=3)
+    found, undisturbed = (
+        [{**record, "candidate": None} for record in _records(tmp_path / name)]
+        for name in ("c", "undisturbed")
+    )
+    assert found == undisturbed
+
+
+@pytest.mark.parametrize(
+    ("starts", "until", "words"),
+    [("kkk", 3, "it ends by k"), ("keee", 4, "RuntimeError: on demand: e"), ("keke", 4, ": e")],
+)
+def test_the_same_end_three_times_in_a_row_ends_the_campaign_with_its_last_words(
+    tmp_path, monkeypatch, starts, until, words
+):
+    monkeypatch.setattr("mrta_falsify.campaigns.executors.MOST_STARTS", 4)  # of any end
+    begun = tmp_path / "begun"
+    with (
+        Store.create(tmp_path / "c", settings(starts=starts, begun=str(begun))) as store,
+        pytest.raises(HarnessError, match="before it was ready") as ended,
+    ):
+        _run(store, workers=1, budget=3)
+    assert len(begun.read_text()) == until
+    assert str(ended.value).endswith(words)
+
+
+def test_workers_that_are_all_killed_at_their_start_are_started_again(tmp_path):
+    with Store.create(tmp_path, settings()) as store:
+        executor = ProcessExecutor(ProcessExecutor.Options(workers=4))
+        try:
+            executor.open(store.settings)
+            for worker in executor._workers:
+                os.kill(worker.process.pid, signal.SIGKILL)
+            progress, ended = run_campaign(store, Limits(budget=8), executor)
+        finally:
+            executor.close()
+    assert (progress.ran, ended) == (8, "budget")
+
+
+def test_what_a_worker_says_at_its_start_is_heard_once_it_is_ready(tmp_path, capfd):
+    words = "import sys; print('a warning', file=sys.stderr)"
+    (tmp_path / "sitecustomize.py").write_text(words)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+        with Store.create(tmp_path / "c", settings()) as store:
+            _run(store, workers=1, budget=1)
+    assert capfd.readouterr().err.count("a warning") == 1
+
+
 # --- lost trials --------------------------------------------------------------------------
 
 

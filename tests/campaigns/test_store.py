@@ -8,6 +8,7 @@ import pytest
 
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, StoreError, read_campaign
 from mrta_falsify.core.candidate import Candidate, Dimension, SearchSpace
+from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from tests.campaigns.standin import settings
@@ -95,8 +96,8 @@ def test_a_full_disc_leaves_the_log_as_it_was(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
 
         with monkeypatch.context() as patch:
-            patch.setattr("mrta_falsify.campaigns.store.os.write", full)
-            with pytest.raises(StoreError, match="No space left on device; trial 0001"):
+            patch.setattr("mrta_falsify.core.durable.os.write", full)
+            with pytest.raises(PlaceError, match=r"No space left on device; .* --resume .*0001"):
                 store.add(_record(1))
         assert (tmp_path / RECORDS).read_bytes() == before
         store.add(_record(1))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -62,3 +63,35 @@ def test_compiling_is_told_and_a_compiled_call_is_not():
     assert told == ["begins", "ends"]
     assert outer(2.0) == 6.0
     assert told == ["begins", "ends"]
+
+
+def _kernel(folder: Path):
+    """Import a module with a compiled function anew."""
+    path = folder / "kernel_of_a_test.py"
+    path.write_text(
+        "from numba import njit\n\n\n@njit(cache=True)\ndef double(x):\n    return 2.0 * x\n"
+    )
+    spec = importlib.util.spec_from_file_location("kernel_of_a_test", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.double
+
+
+def test_a_cache_that_a_power_cut_has_damaged_is_compiled_anew(tmp_path):
+    assert _kernel(tmp_path)(1.5) == 3.0
+    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
+    whole = index.read_bytes()
+    for kept in (0, len(whole) // 2):
+        index.write_bytes(whole[:kept])
+        assert _kernel(tmp_path)(1.5) == 3.0
+        assert len(index.read_bytes()) == len(whole)
+
+
+def test_a_cache_on_a_full_disk_costs_the_cache_and_no_more(tmp_path, monkeypatch):
+    def full(self, key, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", full)
+    assert _kernel(tmp_path)(1.5) == 3.0

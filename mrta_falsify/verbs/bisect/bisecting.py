@@ -25,7 +25,8 @@ from mrta_falsify.campaigns.journal import RunJournal, going_on
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.core.durable import tells_of_full_disk, write_atomically
+from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.external import split_command
 from mrta_falsify.core.modules import python_command
 from mrta_falsify.core.record import TrialRecord
@@ -261,6 +262,8 @@ class _Trial:
         with self.repository.worktree(commit, folder / commit[:12]) as worktree:
             within = folder_as_of(self.repository.top, worktree)
             why = failed_build(self.build, within) if self.build else ""
+            if tells_of_full_disk(why):
+                raise PlaceError(f"{worktree}: {why}; make room")
             if why:
                 return CommitRuns(why=why)
             try:
@@ -270,13 +273,15 @@ class _Trial:
             except InputError as error:
                 return CommitRuns(why=str(error))
             file = folder / "stack.yaml"
-            file.write_text(yaml.safe_dump(codec.encode(config)), encoding="utf-8")
+            write_atomically(file, yaml.safe_dump(codec.encode(config)).encode())
             words = ("--stack", str(file), "--only", record.id, *self.options)
             code, said, complaint = _command(
                 *("corpus", str(self.campaign.directory.resolve()), *words),
                 top=self.repository.top,
                 worktree=worktree,
             )
+        if code == BAD_INPUT and tells_of_full_disk(complaint):
+            raise PlaceError(complaint)  # it tells of the disk, not of the commit
         if code == BAD_INPUT:
             return CommitRuns(why=complaint)
         try:

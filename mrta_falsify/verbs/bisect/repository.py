@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from mrta_falsify.core.durable import make_folder
 from mrta_falsify.core.errors import InputError
 
 
@@ -68,7 +69,7 @@ class Repository:
             place: a directory that does not exist, or that an earlier call was killed in.
         """
         self._remove(place)
-        place.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(place.parent)
         try:
             self._said("worktree", "add", "--quiet", "--detach", str(place), commit)
             yield place

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.verbs.campaign import OnTold
 from mrta_falsify.verbs.ci.project import PROJECT_NAME, read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
@@ -47,7 +49,8 @@ def ci(
         on_told: called with each trial of a search.
 
     Raises:
-        InputError: something that the project names is wrong, or a place cannot be written.
+        InputError: something that the project names is wrong.
+        PlaceError: a file cannot be written; finished trials and re-runs are kept.
         Interrupted: Ctrl-C; finished trials and re-runs are kept for the next call.
     """
     read = read_project(project)
@@ -61,16 +64,20 @@ def ci(
         contents = contents_of(read, result)
         write_page(contents, page)
         if junit is not None:
-            Path(junit).write_text(junit_of(read, result), encoding="utf-8")
+            write_atomically(Path(junit), junit_of(read, result).encode())
         if markdown is not None:
-            Path(markdown).write_text(render_markdown(contents), encoding="utf-8")
+            write_atomically(Path(markdown), render_markdown(contents).encode())
 
-    return run_project(
-        read,
-        everything=everything,
-        workers=workers,
-        trust=trust,
-        on_cell=on_cell,
-        on_told=on_told,
-        on_result=write,
-    )
+    try:
+        return run_project(
+            read,
+            everything=everything,
+            workers=workers,
+            trust=trust,
+            on_cell=on_cell,
+            on_told=on_told,
+            on_result=write,
+        )
+    except PlaceError as error:
+        error.then = "call ci again (finished trials and re-runs are kept)"
+        raise

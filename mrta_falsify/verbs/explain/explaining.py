@@ -87,11 +87,12 @@ def explain(
 
     Raises:
         InputError: the trial did not fail, or its world is missing.
+        PlaceError: a file cannot be written; finished runs are kept for the next call.
         Interrupted: Ctrl-C; finished runs are kept for the next call, and nothing else is written.
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
-    job, folder = job_of(campaign, record), campaign.folder(record)
+    job, folder = job_of(campaign, record), campaign.make_folder(record)
     code, path = code_digest(job.config, job.specifications), folder / JOURNAL_NAME
     lab = Lab(path, code=code, workers=workers)
     removals = RunJournal(Removal, path, code=code)

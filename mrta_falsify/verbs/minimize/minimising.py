@@ -28,7 +28,7 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.copies import Comparison, judged_by_copies
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.durable import staged
+from mrta_falsify.core.durable import staged, write_atomically
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import Jittered, TrialRecord
@@ -89,13 +89,13 @@ def minimize(
 
     Raises:
         InputError: the trial did not fail, or its world is missing.
+        PlaceError: a file cannot be written; finished runs are kept, and an earlier result.
         Interrupted: Ctrl-C; finished runs are kept, and nothing else is written.
     """
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to minimise")
     job = job_of(campaign, record)
-    folder = campaign.folder(record)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = campaign.make_folder(record)
     other = other_stack_of(campaign, record)
     code = code_digest(job.config, job.specifications)
     if other is not None:
@@ -142,7 +142,7 @@ def _write(found: Smallest, job: Job, other: StackConfig | None, folder: Path) -
 
 
 def _write_stack(config: StackConfig, path: Path) -> None:
-    path.write_text(yaml.safe_dump(codec.encode(config), sort_keys=False), encoding="utf-8")
+    write_atomically(path, yaml.safe_dump(codec.encode(config), sort_keys=False).encode())
 
 
 def write_as_program(found: Smallest, job: Job, folder: Path) -> str:

@@ -60,7 +60,7 @@ def write_report(
         ``path``.
 
     Raises:
-        FormatError: the file cannot be written.
+        PlaceError: the file cannot be written.
     """
     report = build_report(campaign, against=against, cases=cases)
     write_page(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
