@@ -56,5 +56,12 @@ class UnknownNameError(InputError):
         super().__init__(f"{prefix}unknown {kind} {name!r}{hint} Known: {listing}")
 
 
+class InputNote(UserWarning):
+    """Something the user gave is read otherwise than it may be meant; the message says how.
+
+    It is a warning, so that readers need not hand it on. The command line prints it as a note.
+    """
+
+
 class HarnessError(MrtaFalsifyError):
     """The toolkit itself failed; this is never a verdict about the stack under test."""

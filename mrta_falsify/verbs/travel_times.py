@@ -19,6 +19,7 @@ from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.parsing import read_text
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
@@ -256,7 +257,7 @@ def _title(world: World, config: StackConfig, seed: int, iterations: int) -> str
 def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, ...]]:
     if not path.exists():
         return {}
-    lines = codec.read_text(path).splitlines(keepends=True)
+    lines = read_text(path).splitlines(keepends=True)
     if not lines or lines[0].strip() != title:
         raise FormatError(
             f"{path}: holds another measurement (other world, stack, seed or iterations); "
