@@ -42,9 +42,9 @@ def read_member(archive: zipfile.ZipFile, name: str, most: int = MAX_FILE_BYTES)
     return archive.read(member)
 
 
-def read_json_member(archive: zipfile.ZipFile, name: str) -> Any:
+def read_json_member(archive: zipfile.ZipFile, name: str, most: int = MAX_FILE_BYTES) -> Any:
     """Read a JSON member; errors as of :func:`read_member`, and FormatError if it is none."""
-    return parse_json(read_member(archive, name), f"{archive.filename}: {name}")
+    return parse_json(read_member(archive, name, most), f"{archive.filename}: {name}")
 
 
 def read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:

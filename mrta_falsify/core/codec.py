@@ -52,6 +52,7 @@ class Rule:
     farthest: float = LARGEST
     unit: str = ""  #: written after the value in messages
     allow_infinite: bool = False
+    allow_missing: bool = False  #: nan, and null in its place
 
     def fits(self, shape: tuple[int, ...]) -> bool:
         """Whether an array may have this shape; an empty one need not have all dimensions."""
@@ -75,7 +76,9 @@ class Rule:
             if isinstance(value, int):
                 farthest = MAX_WHOLE
         is_finite = -math.inf < least and most < math.inf
-        if not least <= most or not (is_finite or self.allow_infinite):
+        if not least <= most:  # nan
+            return "" if self.allow_missing else "it must be finite"
+        if not (is_finite or self.allow_infinite):
             return "it must be finite"
         if self.low is not None and least < self.low:
             return f"it must be >= {self.low:g}"
@@ -104,6 +107,8 @@ def quantity(
 ) -> Any:
     """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen.
 
+    ``dict`` as default stands for an empty one. Numbers in a field of any shape must be finite.
+
     A field with ``text`` is an option of the command line, and ``text`` its help. One that
     ``came_later`` is written as :func:`later` says.
     """
@@ -113,6 +118,8 @@ def quantity(
         metadata["later"] = True
     if default is dataclasses.MISSING:
         return dataclasses.field(metadata=metadata)
+    if default is dict:
+        return dataclasses.field(default_factory=dict, metadata=metadata)
     if isinstance(default, (list, np.ndarray)):
         return dataclasses.field(
             default_factory=functools.partial(frozen_array, default), metadata=metadata
@@ -234,8 +241,22 @@ def decode(
     return typing.cast(T, _decode(hint, data, where, path, rule))
 
 
+class FieldError(InputError):
+    """A field has a value that it must not have.
+
+    Args:
+        where: file name.
+        path: of the field, empty: the whole file.
+        problem: what is wrong with it, and what is allowed.
+    """
+
+    def __init__(self, where: str, path: str, problem: str) -> None:
+        super().__init__(f"{where}: {path or 'top level'} {problem}")
+        self.path, self.problem = path, problem
+
+
 def _fail(where: str, path: str, problem: str) -> typing.NoReturn:
-    raise InputError(f"{where}: {path or 'top level'} {problem}")
+    raise FieldError(where, path, problem)
 
 
 class _Repr(reprlib.Repr):
@@ -268,7 +289,7 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
     if rule is None and type(data) is hint and _is_plain(data):
         return data  # most of what is stored, at a fifth of the time
     if hint is Any:
-        return _decode_anything(data, where, path)
+        return _decode_anything(data, where, path, rule)
     if hint in _SCALARS:
         return _decode_scalar(hint, data, where, path, rule)
     if dataclasses.is_dataclass(hint):
@@ -289,18 +310,20 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
     raise TypeError(f"{hint!r} is no type that can be read from a file")
 
 
-def _decode_anything(data: Any, where: str, path: str) -> Any:
-    """Refuse whole numbers that cannot be computed with, wherever they stand."""
+def _decode_anything(data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    """Refuse numbers that cannot be computed with, wherever they stand."""
     if isinstance(data, int) and abs(data) > MAX_WHOLE:
         _fail(where, path, f"is {shown(data)}; it must be from -{MAX_WHOLE} to {MAX_WHOLE}")
+    if rule is not None and isinstance(data, float) and not math.isfinite(data):
+        _fail(where, path, f"is {data}; it must be finite")
     if isinstance(data, dict):
         for key, item in data.items():
             if type(item) is not str:
-                _decode_anything(item, where, _join(path, str(key)))
+                _decode_anything(item, where, _join(path, named(key)), rule)
     elif isinstance(data, (list, tuple)):
         for i, item in enumerate(data):
             if type(item) is not str:
-                _decode_anything(item, where, f"{path}[{i}]")
+                _decode_anything(item, where, f"{path}[{i}]", rule)
     return data
 
 
@@ -411,7 +434,7 @@ def _decode_dict(hint: Any, data: Any, where: str, path: str, rule: Rule | None)
 
 
 def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
-    if not _is_of_numbers(data):
+    if not _is_of_numbers(data, null=rule.allow_missing):
         _fail(where, path, f"is {shown(data)}; it must be numbers")
     try:
         array = frozen_array(data)
@@ -434,13 +457,15 @@ def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
     return array
 
 
-def _is_of_numbers(data: Any) -> bool:
-    """Whether data are numbers in nested lists; text, true and false are none."""
+def _is_of_numbers(data: Any, *, null: bool) -> bool:
+    """Whether data are numbers in nested lists; text, true and false are none, null may be."""
     if isinstance(data, (list, tuple)):
         kinds = set(map(type, data))
         if kinds <= {float, int}:
             return True
-        return all(map(_is_of_numbers, data))
+        return all(_is_of_numbers(item, null=null) for item in data)
+    if data is None:
+        return null
     if isinstance(data, np.ndarray):
         return data.dtype.kind in "fiu"
     return isinstance(data, (float, int, np.number)) and not isinstance(data, bool)

@@ -148,7 +148,7 @@ def _check_plain(data: Any, where: str, language: str) -> None:
         )
 
 
-def _size(data: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
+def _size(data: Any, known: dict[int, tuple[int, int]], depth: int = 0) -> tuple[int, int]:
     """Count the values of nested lists and objects, and their levels; look at all text.
 
     A list or object that is there twice counts twice and is looked at once.
@@ -156,8 +156,10 @@ def _size(data: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
     Args:
         data: plain.
         known: by identity, the counts of lists and objects of an earlier look.
+        depth: of ``data`` in the whole.
 
     Raises:
+        RecursionError: it is nested too deep.
         UnicodeEncodeError: a text is no Unicode.
     """
     if not isinstance(data, (list, dict)):
@@ -165,6 +167,8 @@ def _size(data: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
             data.encode()
         return 1, 0
     if id(data) not in known:
+        if depth > MAX_DEPTH:
+            raise RecursionError
         known[id(data)] = (MAX_VALUES + 1, 1)  # it holds itself, if this is ever read
         count, height = 1, 0
         if isinstance(data, dict):
@@ -175,7 +179,7 @@ def _size(data: Any, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
             if isinstance(part, (float, int)):
                 count += 1
                 continue
-            inside, levels = _size(part, known)
+            inside, levels = _size(part, known, depth + 1)
             count, height = count + inside, max(height, levels)
         known[id(data)] = (count, height + 1)
     return known[id(data)]

@@ -7,7 +7,7 @@ import json
 import operator
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 
 TRACE_VERSION = 1
+MAX_TABLE = 2**30  # bytes of what stands beside the columns
 
 #: columns of a trace: name -> where the value is in a frame
 SENSED_COLUMNS = (
@@ -156,7 +157,7 @@ class TraceRecorder:
             if points is known:
                 continue
             self._hash.update(np.ascontiguousarray(points).tobytes())
-            if self.keep:
+            if self.keep and (known is None or not np.array_equal(points, known)):
                 self._paths.append(PathChange(tick=tick, robot=robot, points=np.array(points)))
         self._last_paths = paths
 
@@ -212,6 +213,20 @@ def _layout_of(frame: Frame) -> np.dtype[np.void]:
 # --- files -----------------------------------------------------------------------------
 
 
+def _json_parts(table: Mapping[str, Any]) -> Iterator[str]:
+    """Write a table as JSON row by row: the rows of a long run need not be in memory as text."""
+    for i, (name, value) in enumerate(table.items()):
+        yield f"{', ' if i else '{'}{json.dumps(name)}: "
+        if not isinstance(value, (tuple, list)):
+            yield json.dumps(codec.encode(value))
+            continue
+        yield "["
+        for k, row in enumerate(value):
+            yield f"{', ' if k else ''}{json.dumps(codec.encode(row))}"
+        yield "]"
+    yield "}"
+
+
 def write_trace(trace: Trace, path: str | Path) -> None:
     """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle)."""
     path = Path(path)
@@ -231,7 +246,9 @@ def write_trace(trace: Trace, path: str | Path) -> None:
     }
     temporary = path.with_name(path.name + ".part")
     with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        archive.writestr("table.json", json.dumps(codec.encode(table)))
+        with archive.open("table.json", "w", force_zip64=True) as member:
+            for part in _json_parts(table):
+                member.write(part.encode())
         for name, column in sorted(trace.columns.items()):
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, column, allow_pickle=False)
@@ -334,7 +351,7 @@ def read_trace(path: str | Path) -> Trace:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            data = read_json_member(archive, "table.json")
+            data = read_json_member(archive, "table.json", MAX_TABLE)
             version = data.get("version") if isinstance(data, dict) else None
             if version != TRACE_VERSION:
                 raise FormatError(

@@ -46,6 +46,15 @@ class TravelTimes:
     rooms: tuple[str, ...]  #: names, by room number
     samples: dict[tuple[int, int], tuple[float, ...]]  #: (start, end) room -> seconds, may be empty
 
+    def __post_init__(self) -> None:
+        for start, end in self.samples:
+            for room in (start, end):
+                if not 0 <= room < len(self.rooms):
+                    raise FormatError(
+                        f"a trip is from room {start} to {end}; rooms are 0 to "
+                        f"{len(self.rooms) - 1}"
+                    )
+
     def matrix(self, statistic: str) -> Array:
         """Take "max", "mean" or "p95" of each pair: ``(R, R)`` [s], nan where there is no way."""
         times = np.zeros((len(self.rooms), len(self.rooms)))
@@ -142,6 +151,11 @@ def measure_travel_times(
     config = config or StackConfig()
     title = _title(world, config, seed, iterations)
     samples = _read_samples(samples_file, title) if samples_file is not None else {}
+    names = tuple(room.name for room in world.rooms)
+    try:
+        TravelTimes(rooms=names, samples=samples)
+    except FormatError as error:
+        raise FormatError(f"{samples_file}: {error}; move it away") from None
     if samples_file is not None and not samples:
         write_atomically(samples_file, (title + "\n").encode())
     pairs = [(start, end) for start in range(rooms) for end in range(rooms) if start != end]
@@ -161,7 +175,7 @@ def measure_travel_times(
                     _append_samples(samples_file, start, end, samples[start, end])
             if on_progress is not None:
                 on_progress(number + 1)
-    return TravelTimes(rooms=tuple(room.name for room in world.rooms), samples=samples)
+    return TravelTimes(rooms=names, samples=samples)
 
 
 class _TripClock:
@@ -268,10 +282,13 @@ def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, 
     if len(whole) < len(lines) - 1:
         write_atomically(path, "".join([lines[0], *whole]).encode())
     try:
-        rows = [[float(cell) for cell in row] for row in csv.reader(whole)]
-        return {(int(row[0]), int(row[1])): tuple(row[2:]) for row in rows}
-    except (ValueError, IndexError):
+        rows = [(int(row[0]), int(row[1]), tuple(map(float, row[2:]))) for row in csv.reader(whole)]
+    except (ValueError, IndexError, csv.Error):
         raise FormatError(f"{path}: is not a table of travel times; move it away") from None
+    for line, (_, _, times) in enumerate(rows, start=2):
+        if not all(0.0 <= time <= LONGEST_TRIP for time in times):
+            raise FormatError(f"{path}:{line}: has a time that is not from 0 to {LONGEST_TRIP:g} s")
+    return {(start, end): times for start, end, times in rows}
 
 
 def _append_samples(path: Path, start: int, end: int, samples: tuple[float, ...]) -> None:

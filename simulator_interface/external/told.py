@@ -87,6 +87,12 @@ class ToldRecorder:
     _parts: list[bytes] = field(default_factory=list)
     _fresh: list[bytes] = field(default_factory=list)  # not deflated yet: one by one is slow
     _size: int = 0  # of them
+    _packed: int = 0  # bytes of the others
+
+    @property
+    def size(self) -> int:
+        """Bytes that it keeps."""
+        return self._packed + self._size
 
     def add(self, body: bytes) -> None:
         """Take in the answer to a tick."""
@@ -97,6 +103,7 @@ class ToldRecorder:
 
     def _deflate(self) -> None:
         self._parts.append(self._packer.compress(b"".join(self._fresh)))
+        self._packed += len(self._parts[-1])
         self._fresh, self._size = [], 0
 
     def finish(self) -> Told:
