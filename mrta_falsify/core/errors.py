@@ -7,6 +7,7 @@
     |   +-- ConfigError        a stack or campaign option
     |   +-- WorldError           a world that cannot be run
     |   +-- FormatError          a file that is not what its name says
+    |   |   +-- DoubledKeyError    a key stands twice in an object
     |   +-- UnknownNameError     a plug-in, layer, room or specification that is not registered
     +-- HarnessError           the toolkit itself failed: exit code 3
 """
@@ -35,6 +36,10 @@ class WorldError(InputError):
 
 class FormatError(InputError):
     """A file does not follow its format."""
+
+
+class DoubledKeyError(FormatError):
+    """A key stands twice in an object."""
 
 
 class UnknownNameError(InputError):

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import yaml
 
-from mrta_falsify.core.errors import FormatError, InputNote
+from mrta_falsify.core.errors import DoubledKeyError, FormatError, InputNote
 
 MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
 MAX_VALUES = 10_000_000  # aliases of YAML make many of few; a floor has some 10,000
@@ -114,7 +114,7 @@ def _tell_doubled(keys: Iterable[Any], where: str, doubled: Doubled) -> None:
     for key in [key for key, count in counts.items() if count > 1]:
         text = f"{where}: {_short(key)} is there twice in one object"
         if doubled == "refused":
-            raise FormatError(f"{text}; leave one of them out")
+            raise DoubledKeyError(f"{text}; leave one of them out")
         warnings.warn(InputNote(f"{text}; the {doubled} one counts"), stacklevel=4)
 
 

@@ -150,7 +150,7 @@ def _draw(world: World, path: Path) -> None:
 def _derived_text(floor: Floor, world: World) -> str:
     """Write the user's floor file again, with doors, queues and parking where it has none."""
     assert floor.source is not None
-    data: dict[str, Any] = codec.read_yaml(floor.source)
+    data: dict[str, Any] = codec.read_yaml(floor.source, doubled="last")
     heading = (
         "# The rooms with all that was derived. Change what does not please, and import again\n"
         "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"

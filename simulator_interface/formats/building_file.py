@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import LARGEST, shown
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 
 T = TypeVar("T")
@@ -263,7 +264,7 @@ def _parameters(data: Any, where: str) -> Parameters:
         kind = KINDS.get(kind) if isinstance(kind, int) else None
         value = given[1] if kind else None
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+            value = float(value) if abs(value) < LARGEST else math.inf
         if kind is None or not _is(value, kind):
             raise FormatError(
                 f"{where}.{name} is {_short(given)}; it must be [type, value] with type 1 text, "
@@ -300,5 +301,4 @@ def _index(value: Any, where: str, count: int) -> int:
 
 
 def _short(data: Any) -> str:
-    text = repr(data)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shown(data)

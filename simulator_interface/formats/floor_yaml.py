@@ -8,13 +8,14 @@ from several of them together. A level of an Open-RMF building becomes such a fi
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.errors import ConfigError, DoubledKeyError, FormatError, InputNote
 from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import nav2, sdf
 from simulator_interface.formats.building import floor_of_level
@@ -76,7 +77,7 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
     is_sdf = path.suffix.lower() in (".sdf", ".world")
-    data = None if is_sdf else codec.read_yaml(path)
+    data = None if is_sdf else _read(path)
     if is_building(data):
         if rooms is not None:
             raise FormatError(f"{path}: names its own places; --rooms belong to a map or SDF world")
@@ -95,6 +96,24 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
             "(a floor file names its own)"
         )
     return floor_of_data(data, path)
+
+
+def _read(path: Path) -> Any:
+    """Read a file of ours, in which no key may stand twice, or of others, in which one may.
+
+    Of a building the last value counts, as in Open-RMF's building map tools.
+    """
+    try:
+        return codec.read_yaml(path)
+    except DoubledKeyError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", InputNote)
+            data = codec.read_yaml(path, doubled="last")
+        if is_building(data):
+            return codec.read_yaml(path, doubled="last")
+        if isinstance(data, dict) and "image" in data:  # a Nav2 map, which is read again
+            return data
+        raise
 
 
 def _of_building(level: Level, path: Path) -> Floor:

@@ -158,7 +158,7 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
     Raises:
         FormatError: a file is missing or broken, or asks for what Nav2 does not define.
     """
-    given = codec.read_yaml(path)
+    given = codec.read_yaml(path, doubled="first")  # as yaml-cpp reads it for Nav2
     try:
         described = codec.decode(_Description, given, where=str(path))
     except InputError as error:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError
 from simulator_interface.formats.fleet_log import FleetLog, RobotLog, thinned
@@ -67,6 +68,8 @@ def read_bag(path: Path) -> FleetLog:
     """
     if not path.exists():
         raise FormatError(f"{path}: cannot be read: there is no such file or folder")
+    if (path / METADATA).is_file():
+        codec.read_yaml(path / METADATA, doubled="last")  # refuses what would hang the library
     seen = _Seen()
     try:
         from rosbags.rosbag2 import Reader  # noqa: PLC0415 - an extra

@@ -78,7 +78,7 @@ def read_case(path: Path, *, rooms: int) -> SmrtaCase:
         InputError: not such a file, no robot, a room outside 0..R-1, a negative or fractional
             time, a deadline before its arrival, an id given twice, or too many tasks.
     """
-    data = codec.read_json(path)
+    data = codec.read_json(path, doubled="last")
     if not isinstance(data, dict):
         raise FormatError(f"{path}: is {type(data).__name__}; a task file is an object")
     for field in ("tasks_stream", "agents"):
@@ -190,7 +190,7 @@ def read_travel_times(path: Path) -> TravelTable:
     Raises:
         InputError: not such a file, a matrix that is not square or has gaps, a negative time.
     """
-    data = codec.read_json(path)
+    data = codec.read_json(path, doubled="last")
     matrix = data.get("travel_time") if isinstance(data, dict) else data
     if not isinstance(matrix, list) or not matrix:
         raise FormatError(
