@@ -40,9 +40,7 @@ def read_collada(path: Path) -> tuple[Array, IntArray]:
             count += len(vertices)
         made = unit * np.vstack(points)
         if not (np.abs(made) <= FARTHEST).all():
-            raise ValueError(
-                f"it has coordinates that are not from -{FARTHEST:g} to {FARTHEST:g} m"
-            )
+            raise ValueError(f"it has coordinates beyond {FARTHEST:g} m")
     except (KeyError, ValueError, IndexError, ArithmeticError, RecursionError) as error:
         text = " ".join(str(error).split())[:80]
         raise FormatError(

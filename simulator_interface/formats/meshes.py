@@ -43,9 +43,7 @@ def read_mesh(path: Path) -> tuple[Array, IntArray]:
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FormatError(f"{path}: its triangles name vertices that it does not have")
     if not (np.abs(vertices) <= FARTHEST).all():
-        raise FormatError(
-            f"{path}: has coordinates that are not from -{FARTHEST:g} to {FARTHEST:g} m"
-        )
+        raise FormatError(f"{path}: has coordinates beyond {FARTHEST:g} m")
     return vertices, faces
 
 

@@ -112,7 +112,10 @@ def _mesh_file(uri: str, at: SdfPlace) -> Path:
         name = uri.removeprefix("file://")
         candidates = [at.file.parent / name]
     for file in candidates:
-        found = file.resolve()
+        try:
+            found = file.resolve()
+        except (OSError, ValueError, RuntimeError) as error:
+            raise at.fail(f"<uri> is {uri[:80]!r}; it is no path: {error}") from None
         if not found.is_relative_to(at.root):
             raise at.fail(f"<uri> is {uri[:80]!r}; it must lie in {at.root}")
         if found.is_file():
