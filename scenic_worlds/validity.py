@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import is_sound
 from mrta_falsify.core.errors import InputError, WorldError
-from mrta_falsify.core.soundness import is_sound
 from mrta_falsify.core.world import World
 from simulator_interface import starts
 

@@ -14,6 +14,7 @@ import json
 import os
 import selectors
 import subprocess
+import sys
 import time
 import traceback
 from collections.abc import Callable

@@ -15,8 +15,9 @@ from typing import Any, Generic, TypeVar
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import CLOSED, append, place_error, sync_directory
-from mrta_falsify.core.errors import InputError, PlaceError
+from mrta_falsify.core.errors import FormatError, InputError, PlaceError
 from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.parsing import parse_json
 
 A = TypeVar("A")
 
@@ -47,8 +48,9 @@ class RunJournal(Generic[A]):
         for row in read_rows(path) if path is not None else ():
             if any(row.get(name) != value for name, value in self._head.items()):
                 continue
-            with contextlib.suppress(InputError, KeyError):
-                self.answers[row["run"]] = codec.decode(kind, row["answer"], where=str(path))
+            with contextlib.suppress(InputError):
+                run = codec.decode(str, row.get("run"), where=str(path), path="run")
+                self.answers[run] = codec.decode(kind, row.get("answer"), where=str(path))
 
     def keep(self, key: str, answer: A) -> A:
         """Keep the answer of a run, and return it.
@@ -124,8 +126,8 @@ def read_rows(path: Path) -> Iterator[dict[str, Any]]:
         return
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:
-            row = json.loads(line)
-        except ValueError:
+            row = parse_json(line, str(path))
+        except FormatError:
             continue
         if isinstance(row, dict):
             yield row

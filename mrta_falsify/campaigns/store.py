@@ -26,6 +26,7 @@ import os
 import shlex
 import socket
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +46,8 @@ from mrta_falsify.core.durable import (
     sync_directory,
     write_atomically,
 )
-from mrta_falsify.core.errors import FormatError, InputError, PlaceError
+from mrta_falsify.core.errors import FormatError, InputError, InputNote, PlaceError
+from mrta_falsify.core.parsing import parse_json
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.specs.causes import kind_of
 
@@ -234,15 +236,23 @@ def read_records(directory: Path, start: int = 0) -> tuple[list[TrialRecord], in
     Raises:
         StoreError: damage anywhere but in a torn last line.
     """
-    records, sound = _records(directory / RECORDS, start)
+    records, sound = _records(directory / RECORDS, start, leaves_out=True)
     return records, start + sound
 
 
-def _records(path: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
+def _records(
+    path: Path, start: int = 0, *, leaves_out: bool = False
+) -> tuple[list[TrialRecord], int]:
     """Read the records of a log from ``start`` on, and the length [bytes] of its sound part.
 
+    Args:
+        path: of the log.
+        start: where to begin [bytes].
+        leaves_out: a record that is whole, but has content that no record has, is left out, and
+            an :class:`~mrta_falsify.core.errors.InputNote` names it.
+
     Raises:
-        StoreError: damage anywhere but in a torn last line.
+        StoreError: damage anywhere but in a torn last line, or such content.
     """
     records: list[TrialRecord] = []
     seen: set[int] = set()
@@ -260,8 +270,16 @@ def _records(path: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
                 f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
                 f"{_checksum(text)!r}); restore the file, or cut the line out to run its trial anew"
             )
-        record = codec.decode(TrialRecord, json.loads(text), where=where)
         sound += len(raw)
+        try:
+            record = codec.decode(TrialRecord, parse_json(text, where), where=where)
+        except InputError as error:
+            if leaves_out:
+                warnings.warn(InputNote(f"{error}; this record is left out"), stacklevel=3)
+                continue
+            raise StoreError(
+                f"{error}; restore the file, or cut the line out to run its trial anew"
+            ) from None
         if record.ended == INTERRUPTED:
             continue
         if record.number in seen:
@@ -326,7 +344,9 @@ def _stored_settings(directory: Path) -> dict[str, Any]:
     data = codec.read_json(path)
     version = data.get("version") if isinstance(data, dict) else None
     if version not in (1, FORMAT_VERSION):
-        raise StoreError(f"{path}: has format version {version}; this reads 1 to {FORMAT_VERSION}")
+        raise StoreError(
+            f"{path}: has format version {codec.shown(version)}; this reads 1 to {FORMAT_VERSION}"
+        )
     return dict(data)
 
 
@@ -343,10 +363,13 @@ def read_campaign(directory: Path) -> Campaign:
     Raises:
         StoreError: not a campaign, of another version, or damaged.
         InputError: a file of it lies elsewhere, in a campaign of somebody else.
+
+    Warns:
+        InputNote: a record was left out, because its content is none of a record.
     """
     made_here.refuse_links(directory)
     settings = read_campaign_settings(directory)
-    records, _ = _records(directory / RECORDS)
+    records, _ = _records(directory / RECORDS, leaves_out=True)
     records.sort(key=lambda record: record.number)
     return Campaign(directory=directory, settings=settings, records=tuple(records))
 

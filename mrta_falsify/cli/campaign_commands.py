@@ -158,12 +158,15 @@ def _is_given(context: click.Context, name: str) -> bool:
 
 def _dry_run(scenario: str, options: dict[str, Any], style: str) -> int:
     from mrta_falsify.verbs.campaign_settings import new_settings
-    from mrta_falsify.verbs.estimate import estimate_cost
+    from mrta_falsify.verbs.estimate import crowd_of, estimate_cost
 
     output.say(f"compiling {scenario}")
     settled = {name: value for name, value in options.items() if name not in RUN_OPTIONS}
     settings = new_settings(scenario, **{**settled, "output": Path()})
     budget = options["budget"]
+    crowd = crowd_of(settings)
+    if crowd:
+        output.say(f"{crowd}; two such trials are run now")
     found = estimate_cost(settings, budget, workers=options["workers"])
     if style == "json":
         output.print_json(found)

@@ -9,15 +9,16 @@ import shlex
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
 from mrta_falsify.cli import stopping
 from mrta_falsify.core.durable import CLOSED, DISK, FULL, place_error, place_error_in
-from mrta_falsify.core.errors import InputError, NeedsOption, PlaceError
+from mrta_falsify.core.errors import InputError, InputNote, NeedsOption, PlaceError
 from mrta_falsify.core.interruption import Interrupted, heard
 
 STDOUT, STDERR = 1, 2  # file descriptors
@@ -85,7 +86,9 @@ class Door(click.Group):
         extra: dict[str, Any],
     ) -> int:
         try:
-            with heard():
+            with heard(), warnings.catch_warnings():
+                warnings.showwarning = _show_warning
+                warnings.simplefilter("default", InputNote)
                 result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except click.exceptions.NoArgsIsHelpError as error:
@@ -179,6 +182,22 @@ def save_traceback(error: BaseException) -> Path | str:
     except OSError as full:
         return f"could not be written to {tempfile.gettempdir()}: {full.strerror}"
     return Path(name)
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print what readers note as a note, and other warnings as Python does."""
+    if issubclass(category, InputNote):
+        click.echo(f"note: {' '.join(str(message).split())}", err=True)
+    else:
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+        (file or sys.stderr).write(text)
 
 
 def _say(text: str) -> None:

@@ -169,6 +169,8 @@ def _print_check(done: ProgramCheck, summary: CheckSummary) -> None:
         f"accepted    {100 * summary.acceptance:.3g} % of uniform samples as they are; "
         f"{summary.attempts / len(done.drawn):.3g} attempts per candidate"
     )
+    if summary.crowd:
+        out.print(f"cost        {summary.crowd}")
     if summary.rejections:
         out.print()
         _print_rejecters(summary)

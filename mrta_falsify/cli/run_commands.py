@@ -73,12 +73,16 @@ def run_command(
         raise click.UsageError("--gif and --mp4 need -o DIR")
     from mrta_falsify.trial import refuse_unjudgeable
     from mrta_falsify.verbs import run as running
+    from mrta_falsify.verbs.crowd_cost import cost_of
     from mrta_falsify.verbs.stacks import load_stack
     from mrta_falsify.verbs.worlds import find_world_and_scene
 
     chosen = (*settings, running.SHOW_WINDOW) if options["gui"] else settings
     config = load_stack(stack, chosen)
     found = find_world_and_scene(world, seed=seed, tasks=tasks, robots=robots, humans=humans)
+    cost = cost_of(found.world, config)
+    if cost.is_crowd:
+        output.say(str(cost))
     with output.progress(found.world.name, found.world.horizon, "s simulated") as on_progress:
         outcome = running.run(found, config, on_progress=on_progress, **options)
     summary = running.summarise_run(

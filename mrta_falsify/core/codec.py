@@ -15,24 +15,28 @@ import hashlib
 import json
 import math
 import re
+import reprlib
+import sys
 import types
 import typing
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
 
 from mrta_falsify.core.arrays import Array, frozen_array
-from mrta_falsify.core.errors import FormatError, InputError
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.parsing import Doubled, parse_json, parse_yaml, read_text
 from mrta_falsify.core.spelling import did_you_mean
 
 T = TypeVar("T")
+Check = Callable[[Any], bool]
 
 NEGATIVE_ZERO = re.compile(r"-0\.0(?![0-9e])")  # in JSON
-MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
-MAX_YAML_VALUES = 10_000_000  # aliases make many of few; a floor has some 10,000
+FARTHEST = 1e9  # of a quantity in its unit, unless it says more: 30 years, a million km
+LARGEST = 1e100  # of a plain number; products of two are finite
+MAX_WHOLE = (1 << 63) - 1  # of a whole number
 _SCALARS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
 
 
@@ -44,8 +48,11 @@ class Rule:
     low: float | None = None  #: smallest value allowed
     above: float | None = None  #: values must be strictly greater
     high: float | None = None  #: largest value allowed
+    #: largest magnitude of numbers that are not whole, where nothing nearer is said
+    farthest: float = LARGEST
     unit: str = ""  #: written after the value in messages
     allow_infinite: bool = False
+    allow_missing: bool = False  #: nan, and null in its place
 
     def fits(self, shape: tuple[int, ...]) -> bool:
         """Whether an array may have this shape; an empty one need not have all dimensions."""
@@ -59,14 +66,19 @@ class Rule:
 
     def violation(self, value: Array | float) -> str:
         """Say why ``value`` is not allowed; empty if it is."""
+        farthest = self.farthest
         if isinstance(value, np.ndarray):
             if not value.size:
                 return ""
             least, most = float(value.min()), float(value.max())  # nan, if any number is
         else:
-            least = most = float(value)
-        is_finite = math.isfinite(least) and math.isfinite(most)
-        if math.isnan(least) or not (is_finite or self.allow_infinite):
+            least = most = value
+            if isinstance(value, int):
+                farthest = MAX_WHOLE
+        is_finite = -math.inf < least and most < math.inf
+        if not least <= most:  # nan
+            return "" if self.allow_missing else "it must be finite"
+        if not (is_finite or self.allow_infinite):
             return "it must be finite"
         if self.low is not None and least < self.low:
             return f"it must be >= {self.low:g}"
@@ -74,7 +86,11 @@ class Rule:
             return f"it must be > {self.above:g}"
         if self.high is not None and most > self.high:
             return f"it must be <= {self.high:g}"
-        return ""
+        if not is_finite or -farthest <= least <= most <= farthest:
+            return ""
+        if max(-least, most) > sys.float_info.max:
+            return "it must be finite"
+        return f"it must be from -{farthest:g} to {farthest:g}"
 
 
 def quantity(
@@ -91,15 +107,19 @@ def quantity(
 ) -> Any:
     """Dataclass field with limits (see :class:`Rule`); an array default is copied and frozen.
 
+    ``dict`` as default stands for an empty one. Numbers in a field of any shape must be finite.
+
     A field with ``text`` is an option of the command line, and ``text`` its help. One that
     ``came_later`` is written as :func:`later` says.
     """
-    rule = Rule(shape, low, above, high, unit, allow_infinite)
+    rule = Rule(shape, low, above, high, FARTHEST, unit, allow_infinite)
     metadata: dict[str, Any] = {"rule": rule, "text": text} if text else {"rule": rule}
     if came_later:
         metadata["later"] = True
     if default is dataclasses.MISSING:
         return dataclasses.field(metadata=metadata)
+    if default is dict:
+        return dataclasses.field(default_factory=dict, metadata=metadata)
     if isinstance(default, (list, np.ndarray)):
         return dataclasses.field(
             default_factory=functools.partial(frozen_array, default), metadata=metadata
@@ -197,13 +217,20 @@ def finite(data: Any) -> Any:
 # --- in --------------------------------------------------------------------------------
 
 
-def decode(cls: type[T], data: Any, *, where: str = "input") -> T:
-    """Build ``cls`` from JSON-shaped data.
+def decode(
+    hint: type[T], data: Any, *, where: str = "input", path: str = "", rule: Rule | None = None
+) -> T:
+    """Build a value from JSON-shaped data.
+
+    A dataclass with ``OPEN`` leaves out fields that it does not know. One with a method
+    ``check_stored`` is asked whether what was read fits together.
 
     Args:
-        cls: a dataclass of this project.
-        data: what ``json.load`` or ``yaml.safe_load`` returned.
+        hint: a dataclass of this project, or another type that a field of one may have.
+        data: what :func:`read_json` or :func:`read_yaml` returned.
         where: file name that starts every error message.
+        path: of ``data`` in the file, empty: the whole of it.
+        rule: that a number or array follows.
 
     Returns:
         The value, arrays frozen.
@@ -211,15 +238,50 @@ def decode(cls: type[T], data: Any, *, where: str = "input") -> T:
     Raises:
         InputError: unknown, missing or ill-typed field, wrong shape, limit broken, NaN.
     """
-    return typing.cast(T, _decode(cls, data, where, "", None))
+    return typing.cast(T, _decode(hint, data, where, path, rule))
+
+
+class FieldError(InputError):
+    """A field has a value that it must not have.
+
+    Args:
+        where: file name.
+        path: of the field, empty: the whole file.
+        problem: what is wrong with it, and what is allowed.
+    """
+
+    def __init__(self, where: str, path: str, problem: str) -> None:
+        super().__init__(f"{where}: {path or 'top level'} {problem}")
+        self.path, self.problem = path, problem
 
 
 def _fail(where: str, path: str, problem: str) -> typing.NoReturn:
-    raise InputError(f"{where}: {path or 'top level'} {problem}")
+    raise FieldError(where, path, problem)
 
 
-def _show(data: Any) -> str:
-    text = repr(data)
+class _Repr(reprlib.Repr):
+    """Writes the beginning of data of any size and depth."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel, self.maxstring, self.maxother, self.maxlong = 8, 70, 70, 70
+        self.maxlist = self.maxtuple = self.maxdict = self.maxset = 30
+
+    def repr_dict(self, x: dict[Any, Any], level: int) -> str:
+        """Write the first fields, in their order."""
+        if level <= 0:
+            return "{...}"
+        first = list(x.items())[: self.maxdict]
+        pairs = [f"{self.repr1(k, level - 1)}: {self.repr1(v, level - 1)}" for k, v in first]
+        return "{" + ", ".join([*pairs, *["..."] * (len(x) > len(first))]) + "}"
+
+
+_REPR = _Repr()
+
+
+def shown(data: Any) -> str:
+    """Write data into a message, in one line and cut short."""
+    text = _REPR.repr(data)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -227,7 +289,7 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
     if rule is None and type(data) is hint and _is_plain(data):
         return data  # most of what is stored, at a fifth of the time
     if hint is Any:
-        return data
+        return _decode_anything(data, where, path, rule)
     if hint in _SCALARS:
         return _decode_scalar(hint, data, where, path, rule)
     if dataclasses.is_dataclass(hint):
@@ -248,29 +310,48 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
     raise TypeError(f"{hint!r} is no type that can be read from a file")
 
 
-def _decode_choice(allowed: tuple[Any, ...], data: Any, where: str, path: str) -> Any:
-    if data not in allowed:
-        names = ", ".join(map(repr, allowed))
-        _fail(where, path, f"is {_show(data)}; it must be one of {names}")
+def _decode_anything(data: Any, where: str, path: str, rule: Rule | None) -> Any:
+    """Refuse numbers that cannot be computed with, wherever they stand."""
+    if isinstance(data, int) and abs(data) > MAX_WHOLE:
+        _fail(where, path, f"is {shown(data)}; it must be from -{MAX_WHOLE} to {MAX_WHOLE}")
+    if rule is not None and isinstance(data, float) and not math.isfinite(data):
+        _fail(where, path, f"is {data}; it must be finite")
+    if isinstance(data, dict):
+        for key, item in data.items():
+            if type(item) is not str:
+                _decode_anything(item, where, _join(path, named(key)), rule)
+    elif isinstance(data, (list, tuple)):
+        for i, item in enumerate(data):
+            if type(item) is not str:
+                _decode_anything(item, where, f"{path}[{i}]", rule)
     return data
+
+
+def _decode_choice(allowed: tuple[Any, ...], data: Any, where: str, path: str) -> Any:
+    for choice in allowed:
+        if type(data) is type(choice) and data == choice:
+            return choice
+    names = ", ".join(map(repr, allowed))
+    _fail(where, path, f"is {shown(data)}; it must be one of {names}")
 
 
 def _is_plain(data: Any) -> bool:
-    return math.isfinite(data) if type(data) is float else type(data) in (str, bool)
+    return -LARGEST <= data <= LARGEST if type(data) is float else type(data) in (str, bool)
 
 
 def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
-    if hint is float and isinstance(data, int) and not isinstance(data, bool):
+    allowed = (float, int) if hint is float else hint
+    if not isinstance(data, allowed) or (hint is not bool and isinstance(data, bool)):
+        _fail(where, path, f"is {shown(data)}; it must be {_SCALARS[hint]}")
+    if hint is float and abs(data) <= MAX_WHOLE:
         data = float(data)
-    if not isinstance(data, hint) or (hint is int and isinstance(data, bool)):
-        _fail(where, path, f"is {_show(data)}; it must be {_SCALARS[hint]}")
     if hint in (float, int):
         rule = rule or Rule()
-        problem = rule.violation(float(data))
+        problem = rule.violation(data)
         if problem:
             unit = f" {rule.unit}" if rule.unit else ""
-            _fail(where, path, f"is {data!r}{unit}; {problem}")
-    return data
+            _fail(where, path, f"is {shown(data)}{unit}; {problem}")
+    return float(data) if hint is float else data
 
 
 def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
@@ -281,22 +362,22 @@ def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None
     if len(options) == 1:
         return _decode(options[0], data, where, path, rule)
     tagged = {getattr(option, "KIND", None): option for option in options}
-    if not isinstance(data, dict) or data.get("kind") not in tagged:
+    given = data.get("kind") if isinstance(data, dict) else data
+    if not isinstance(data, dict) or not isinstance(given, str) or given not in tagged:
         names = ", ".join(sorted(str(name) for name in tagged))
-        given = data.get("kind") if isinstance(data, dict) else data
-        _fail(where, f"{path}.kind", f"is {_show(given)}; it must be one of {names}")
-    return _decode(tagged[data["kind"]], data, where, path, rule)
+        _fail(where, f"{path}.kind", f"is {shown(given)}; it must be one of {names}")
+    return _decode(tagged[given], data, where, path, rule)
 
 
 def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
     if not isinstance(data, dict):
-        _fail(where, path, f"is {_show(data)}; it must be an object with named fields")
+        _fail(where, path, f"is {shown(data)}; it must be an object with named fields")
     fields = {f.name: f for f in dataclasses.fields(cls)}
-    for key in data:
+    for key in () if getattr(cls, "OPEN", False) else data:
         if key not in fields:
             hint = did_you_mean(str(key), fields) or "."
             known = ", ".join(fields)
-            _fail(where, _join(path, str(key)), f"is not a known field{hint} Known: {known}")
+            _fail(where, _join(path, named(key)), f"is not a known field{hint} Known: {known}")
     hints = _type_hints(cls)
     values = {}
     for name, field in fields.items():
@@ -306,10 +387,15 @@ def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             _fail(where, _join(path, name), "is missing")
     try:
-        return cls(**values)
+        made = cls(**values)
+        if hasattr(made, "check_stored"):
+            made.check_stored()
     except InputError as error:
         error.args = (f"{where}: {path + ': ' if path else ''}{error}",)
         raise error from None
+    except (AssertionError, ValueError, TypeError, ArithmeticError, LookupError) as error:
+        _fail(where, path, f"holds values that do not fit each other: {error}")
+    return made
 
 
 @functools.cache
@@ -319,7 +405,7 @@ def _type_hints(cls: type) -> dict[str, Any]:
 
 def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if not isinstance(data, (list, tuple)):
-        _fail(where, path, f"is {_show(data)}; it must be a list")
+        _fail(where, path, f"is {shown(data)}; it must be a list")
     args = typing.get_args(hint)
     if len(args) == 2 and args[1] is Ellipsis:
         return tuple(
@@ -335,19 +421,26 @@ def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None
 
 def _decode_dict(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if not isinstance(data, dict):
-        _fail(where, path, f"is {_show(data)}; it must be an object")
+        _fail(where, path, f"is {shown(data)}; it must be an object")
     _, value_hint = typing.get_args(hint)
-    return {
-        str(key): _decode(value_hint, item, where, _join(path, str(key)), rule)
+    made = {
+        str(key): _decode(value_hint, item, where, _join(path, named(key)), rule)
         for key, item in data.items()
     }
+    if len(made) < len(data):
+        _fail(where, path, "has a number and the same number as text for keys; names must differ")
+    return made
 
 
 def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
+    if not _is_of_numbers(data, null=rule.allow_missing):
+        _fail(where, path, f"is {shown(data)}; it must be numbers")
     try:
         array = frozen_array(data)
+    except OverflowError:
+        _fail(where, path, f"is {shown(data)}; it must be finite")
     except (TypeError, ValueError):
-        _fail(where, path, f"is {_show(data)}; it must be numbers")
+        _fail(where, path, f"is {shown(data)}; it must be numbers, lists of one length in a list")
     if rule.shape is not None:
         # An empty list carries no trailing dimensions; give it the declared ones.
         if array.size == 0 and any(isinstance(n, str) for n in rule.shape):
@@ -359,100 +452,130 @@ def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
     problem = rule.violation(array)
     if problem:
         unit = f" {rule.unit}" if rule.unit else ""
-        _fail(where, path, f"is {_show(array.tolist())}{unit}; {problem}")
+        _fail(where, path, f"is {shown(array.tolist())}{unit}; {problem}")
     return array
+
+
+def _is_of_numbers(data: Any, *, null: bool) -> bool:
+    """Whether data are numbers in nested lists; text, true and false are none, null may be."""
+    if isinstance(data, (list, tuple)):
+        kinds = set(map(type, data))
+        if kinds <= {float, int}:
+            return True
+        return all(_is_of_numbers(item, null=null) for item in data)
+    if data is None:
+        return null
+    if isinstance(data, np.ndarray):
+        return data.dtype.kind in "fiu"
+    return isinstance(data, (float, int, np.number)) and not isinstance(data, bool)
+
+
+def named(name: Any) -> str:
+    """Write a name that somebody gave into a message: as it is, unless it is long or odd."""
+    text = str(name)
+    return text if len(text) <= 60 and text.isprintable() else shown(text)
 
 
 def _join(path: str, name: str) -> str:
     return f"{path}.{name}" if path else name
 
 
+# --- soundness ---------------------------------------------------------------------------
+
+
+def is_sound(value: T, known: T | None = None) -> bool:
+    """Say whether ``decode`` is sure to take what ``encode`` makes of a dataclass.
+
+    Where it is not sure it says no; ``decode`` then tells, and what is wrong.
+
+    Args:
+        value: a dataclass of this project.
+        known: one of its class that ``decode`` takes; objects that both share are not looked at.
+    """
+    kind: Any = type(value)
+    for name, check in _checks_of_fields(kind):
+        part = getattr(value, name)
+        if known is not None:
+            before = getattr(known, name)
+            if part is before:
+                continue
+            part = _without(before, part)
+        if not check(part):
+            return False
+    return True
+
+
+def _without(known: Any, value: Any) -> Any:
+    """Leave those objects out of a tuple that are in another one."""
+    if type(value) is not tuple or type(known) is not tuple:
+        return value
+    seen = set(map(id, known))
+    return tuple(item for item in value if id(item) not in seen)
+
+
+@functools.cache
+def _checks_of_fields(kind: Any) -> list[tuple[str, Check]]:
+    hints = typing.get_type_hints(kind)
+    return [
+        (field.name, _check_of(hints[field.name], field.metadata.get("rule", Rule())))
+        for field in dataclasses.fields(kind)
+    ]
+
+
+@functools.cache
+def _check_of(hint: Any, rule: Rule) -> Check:
+    """Make the check of a type hint under a rule."""
+    if hint is Any:
+        return lambda value: True
+    if hint in (str, bool):
+        return lambda value: type(value) is hint
+    if hint in (float, int):
+        allowed = (float, int) if hint is float else (int,)
+        return lambda value: type(value) in allowed and not rule.violation(value)
+    if dataclasses.is_dataclass(hint):
+        fields = _checks_of_fields(typing.cast(Any, hint))
+        return lambda value: (
+            type(value) is hint and all(check(getattr(value, name)) for name, check in fields)
+        )
+    given = typing.get_args(hint)
+    match typing.get_origin(hint) or hint:
+        case typing.Literal:
+            return lambda value: type(value) in (str, int) and value in given
+        case builtins.tuple if given[1:] == (Ellipsis,):
+            item = _check_of(given[0], rule)
+            return lambda value: type(value) is tuple and all(map(item, value))
+        case builtins.dict:
+            item = _check_of(given[1], rule)
+            return lambda value: type(value) is dict and all(map(item, value.values()))
+        case np.ndarray:
+            return functools.partial(_is_sound_array, rule)
+        case typing.Union | types.UnionType:
+            return _check_of_union(given, rule)
+    return lambda value: False
+
+
+def _check_of_union(options: tuple[Any, ...], rule: Rule) -> Check:
+    parts = [option for option in options if option is not type(None)]
+    if len(parts) > 1 and not all(hasattr(part, "KIND") for part in parts):
+        return lambda value: False
+    checks = [_check_of(part, rule) for part in parts]
+    may_be_none = len(parts) < len(options)
+    return lambda value: may_be_none if value is None else any(check(value) for check in checks)
+
+
+def _is_sound_array(rule: Rule, value: Any) -> bool:
+    is_read_so = type(value) is np.ndarray and value.dtype == np.float64
+    return is_read_so and rule.fits(value.shape) and not rule.violation(value)
+
+
 # --- files -----------------------------------------------------------------------------
 
 
-def read_text(path: Path) -> str:
-    """Read a text file that the user named; every failure is a :class:`FormatError`."""
-    try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            limit = MAX_FILE_BYTES // 2**20
-            raise FormatError(f"{path}: the file has {size / 2**20:.0f} MB; at most {limit} MB")
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise FormatError(f"{path}: cannot be read: {reason}") from None
+def read_json(path: Path, *, doubled: Doubled = "refused") -> Any:
+    """Read a JSON file; see :func:`~mrta_falsify.core.parsing.parse_json`."""
+    return parse_json(read_text(path), str(path), doubled=doubled)
 
 
-def read_json(path: Path) -> Any:
-    """Read a JSON file; NaN and infinity are refused by :func:`decode`, not here."""
-    try:
-        return json.loads(read_text(path))
-    except json.JSONDecodeError as error:
-        raise FormatError(f"{path}: is not valid JSON: {error}") from None
-    except RecursionError:
-        raise FormatError(f"{path}: is not valid JSON: it is nested too deep") from None
-    except ValueError:  # Python converts no number of thousands of digits
-        detail = "a number in it has too many digits"
-        raise FormatError(f"{path}: is not valid JSON: {detail}") from None
-
-
-def read_yaml(path: Path, *, as_text: Collection[str] = ()) -> Any:
-    """Read a YAML file, by the safe loader only.
-
-    Args:
-        path: the file.
-        as_text: fields of other tools' files. If one of them is at the top, every scalar of the
-            file stays the text that was written, for a reader that knows what it needs: a name
-            ``007`` is no 7, and ``5e-2`` is a number (YAML 1.1 takes it for text).
-
-    Raises:
-        FormatError: it cannot be read, or is no YAML.
-    """
-    text = read_text(path)
-    try:
-        loader = yaml.SafeLoader(text)
-        top = loader.get_single_node()
-        fields = top.value if isinstance(top, yaml.MappingNode) else ()
-        if any(key.value in as_text for key, _ in fields if isinstance(key, yaml.ScalarNode)):
-            data = _as_text(top, loader, {})
-        else:
-            data = None if top is None else loader.construct_document(top)
-        count = _values_in(data, {})
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        detail = " ".join(str(error).split())
-        raise FormatError(f"{path}: is not valid YAML: {detail}") from None
-    if count > MAX_YAML_VALUES:
-        raise FormatError(
-            f"{path}: its aliases (*name) unfold to {count:.1e} values; at most {MAX_YAML_VALUES}"
-        )
-    return data
-
-
-def _as_text(node: Any, loader: yaml.SafeLoader, known: dict[int, Any]) -> Any:
-    """Make lists, dicts and text of a node; what an alias names is made once."""
-    if isinstance(node, yaml.ScalarNode):
-        return node.value
-    if id(node) in known:
-        return known[id(node)]
-    if isinstance(node, yaml.SequenceNode):
-        rows = known[id(node)] = []
-        rows += [_as_text(row, loader, known) for row in node.value]
-        return rows
-    loader.flatten_mapping(node)
-    fields = known[id(node)] = {}
-    for key, value in node.value:
-        if not isinstance(key, yaml.ScalarNode):
-            raise ValueError("a field has no name")
-        fields[key.value] = _as_text(value, loader, known)
-    return fields
-
-
-def _values_in(data: Any, known: dict[int, int]) -> int:
-    """Count the values of nested lists and dicts; one that is there twice counts twice."""
-    if not isinstance(data, (list, dict)):
-        return 1
-    if id(data) not in known:
-        known[id(data)] = MAX_YAML_VALUES + 1  # it holds itself, if this is ever read
-        parts = data.values() if isinstance(data, dict) else data
-        known[id(data)] = 1 + sum(_values_in(part, known) for part in parts)
-    return known[id(data)]
+def read_yaml(path: Path, *, doubled: Doubled = "refused", as_text: Collection[str] = ()) -> Any:
+    """Read a YAML file; see :func:`~mrta_falsify.core.parsing.parse_yaml`."""
+    return parse_yaml(read_text(path), str(path), doubled=doubled, as_text=as_text)

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later, quantity
 from mrta_falsify.core.defects import DEFECTS
-from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 from mrta_falsify.core.external import ExternalStack, bound_to, parse_stack
 from mrta_falsify.core.fleet import Tells
+from mrta_falsify.core.parsing import parse_yaml
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +22,7 @@ class Choice:
     """One implementation by its registered name (or ``module:Class``), with its options."""
 
     name: str
-    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    options: dict[str, Any] = quantity(default=dict)
 
 
 def default_engine() -> str:
@@ -136,7 +135,9 @@ def _shaped_layer(layer: str, value: Any, where: str) -> dict[str, Any]:
     if isinstance(value, str):
         return {"name": value}
     if not isinstance(value, dict):
-        raise ConfigError(f"{where}: {layer} is {value!r}; it must be a name or an object")
+        raise ConfigError(
+            f"{where}: {layer} is {codec.shown(value)}; it must be a name or an object"
+        )
     if set(value) == {"name", "options"}:
         return value
     if isinstance(value.get("name"), str):
@@ -162,14 +163,14 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
         ConfigError: the text is not of that form.
         UnknownNameError: no such layer.
     """
-    where = f"--set {setting}"
+    where = f"--set {codec.named(setting)}"
     key, separator, text = setting.partition("=")
     if not separator or not key:
         raise ConfigError(f"{where}: it must read layer=NAME or layer.option=VALUE")
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ConfigError(f"{where}: {text!r} is not a YAML value") from None
+        value = parse_yaml(text, where)
+    except FormatError as error:
+        raise ConfigError(str(error)) from None
     layer, _, option = key.strip().partition(".")
     known = (*LAYERS, "control_rate", *LISTS, STACK)
     if layer not in known:

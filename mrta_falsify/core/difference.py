@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrta_falsify.core.trace import INTENT_COLUMNS, SENSED_COLUMNS, PathChange, Trace
+from mrta_falsify.core.trace import INTENT_COLUMNS, SENSED_COLUMNS, Trace
 
 T = TypeVar("T")
 
@@ -86,17 +86,22 @@ def _differs(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _in_paths(one: Trace, other: Trace) -> Difference | None:
-    changed = _where_they_part(
-        [_path_row(p) for p in one.paths], [_path_row(p) for p in other.paths]
-    )
+    changed = _where_they_part(_path_rows(one), _path_rows(other))
     if changed is None:
         return None
     tick, robot, _ = changed
     return Difference(tick=tick, time=_time(one, tick), what="path", who=one.robots[robot])
 
 
-def _path_row(change: PathChange) -> tuple[int, int, bytes]:
-    return change.tick, change.robot, np.ascontiguousarray(change.points).tobytes()
+def _path_rows(trace: Trace) -> list[tuple[int, int, bytes]]:
+    """List the changes of paths; older traces have those to an equal path as well."""
+    rows, last = [], dict[int, bytes]()
+    for change in trace.paths:
+        points = np.ascontiguousarray(change.points).tobytes()
+        if last.get(change.robot) != points:
+            rows.append((change.tick, change.robot, points))
+        last[change.robot] = points
+    return rows
 
 
 def _in_events(one: Trace, other: Trace) -> Difference | None:

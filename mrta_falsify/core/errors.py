@@ -7,6 +7,7 @@
     |   +-- ConfigError        a stack or campaign option
     |   +-- WorldError           a world that cannot be run
     |   +-- FormatError          a file that is not what its name says
+    |   |   +-- DoubledKeyError    a key stands twice in an object
     |   +-- UnknownNameError     a plug-in, layer, room or specification that is not registered
     |   +-- NeedsOption          what is done only where an option asks for it
     +-- PlaceError             a file cannot be written: full, removed, not allowed: exit code 2
@@ -38,6 +39,10 @@ class WorldError(InputError):
 
 class FormatError(InputError):
     """A file does not follow its format."""
+
+
+class DoubledKeyError(FormatError):
+    """A key stands twice in an object."""
 
 
 class UnknownNameError(InputError):
@@ -89,6 +94,13 @@ class PlaceError(MrtaFalsifyError):
     def __str__(self) -> str:
         """Write it in one sentence."""
         return f"{self.args[0]}, then {self.then}" if self.then else str(self.args[0])
+
+
+class InputNote(UserWarning):
+    """Something the user gave is read otherwise than it may be meant; the message says how.
+
+    It is a warning, so that readers need not hand it on. The command line prints it as a note.
+    """
 
 
 class HarnessError(MrtaFalsifyError):

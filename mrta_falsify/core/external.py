@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from mrta_falsify.core.codec import later, quantity
+from mrta_falsify.core.codec import later, quantity, shown
 from mrta_falsify.core.errors import ConfigError
 
 EXEC = "exec:"  # begins a command where a name could stand
@@ -31,9 +31,9 @@ class ExternalStack:
     connect: str = later("")  #: where it listens: path of a Unix socket, or 127.0.0.1:PORT
     folder: str = ""  #: where it is run, empty: where the harness is
     env: dict[str, str] = field(default_factory=dict)  #: set in its environment
-    params: dict[str, Any] = field(default_factory=dict)  #: handed on in `world`
+    params: dict[str, Any] = quantity(default=dict)  #: handed on in `world`
     #: by name, other parameters that ``explain`` tries
-    variants: dict[str, dict[str, Any]] = field(default_factory=dict)
+    variants: dict[str, dict[str, Any]] = quantity(default=dict)
     branch: Branching = "auto"
     tick_limit: float = quantity(above=0.0, unit="s", default=10.0)  #: for one answer
     start_limit: float = quantity(above=0.0, unit="s", default=60.0)  #: until it is ready
@@ -48,6 +48,21 @@ class ExternalStack:
             raise ConfigError("stack.command is empty; it must name a program")
         if self.connect:
             self.address()
+        words = (*self.command, self.folder, *self.env, *self.env.values())
+        if any("\0" in word for word in words) or any("=" in name for name in self.env):
+            raise ConfigError("stack: command, folder and env must have no NUL, env no = in a name")
+        for name, variant in self.variants.items():
+            self._check_variant(name, variant)
+
+    def _check_variant(self, name: str, variant: dict[str, Any]) -> None:
+        """Refuse a variant in which a parameter is of another kind than in ``params``."""
+        for parameter in variant.keys() & self.params.keys():
+            usual, other = self.params[parameter], variant[parameter]
+            if _kind(usual) != _kind(other):
+                raise ConfigError(
+                    f"stack.variants.{name}.{parameter} is {shown(other)}; it must be "
+                    f"{_kind(usual)}, as params.{parameter} is"
+                )
 
     def label(self) -> str:
         """Write the command, or the address, in one line."""
@@ -67,6 +82,15 @@ class ExternalStack:
         if not port.isdecimal() or not 0 < int(port) < 1 << 16:
             raise ConfigError(f"stack.connect: the port {port!r} must be from 1 to 65535")
         return host, int(port)
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, (int, float)):
+        return "a number"
+    kinds: dict[type, str] = {str: "text", list: "a list", tuple: "a list", dict: "an object"}
+    return kinds.get(type(value), "null")
 
 
 def parse_stack(text: str, *, where: str, folder: Path | None = None) -> ExternalStack:

@@ -84,8 +84,9 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     except ModuleNotFoundError as error:
         places = "" if name in known else f"; looked on Python's path and in {os.getcwd()}"
         raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}{places}") from error
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f"{prefix}{point} {name!r} cannot be loaded: {error}") from error
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
+        # the last two are of a name that no module can have
+        raise ConfigError(f"{prefix}{point} {name!r:.80} cannot be loaded: {error}") from error
     if not hasattr(component, "Options"):
         raise ConfigError(f"{prefix}{name!r} cannot be used as {point}: it has no `Options`")
     return component

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import operator
-import shutil
-import tempfile
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.archives import DAMAGE, read_array, read_json_member
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.columns import ColumnStore
-from mrta_falsify.core.durable import naming, replacing
+from mrta_falsify.core.durable import replacing
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 
 TRACE_VERSION = 1
-LARGE = 64 * 2**20  # bytes of a stored column that is not read into memory
-#: what reading a damaged archive raises; RuntimeError: a flag or method that was never written
-DAMAGE = (OSError, EOFError, KeyError, RuntimeError, ValueError, zipfile.BadZipFile, zlib.error)
+MAX_TABLE = 2**30  # bytes of what stands beside the columns
 
 #: columns of a trace: name -> where the value is in a frame
 SENSED_COLUMNS = (
@@ -161,7 +157,7 @@ class TraceRecorder:
             if points is known:
                 continue
             self._hash.update(np.ascontiguousarray(points).tobytes())
-            if self.keep:
+            if self.keep and (known is None or not np.array_equal(points, known)):
                 self._paths.append(PathChange(tick=tick, robot=robot, points=np.array(points)))
         self._last_paths = paths
 
@@ -217,6 +213,20 @@ def _layout_of(frame: Frame) -> np.dtype[np.void]:
 # --- files -----------------------------------------------------------------------------
 
 
+def _json_parts(table: Mapping[str, Any]) -> Iterator[str]:
+    """Write a table as JSON row by row: the rows of a long run need not be in memory as text."""
+    for i, (name, value) in enumerate(table.items()):
+        yield f"{', ' if i else '{'}{json.dumps(name)}: "
+        if not isinstance(value, (tuple, list)):
+            yield json.dumps(codec.encode(value))
+            continue
+        yield "["
+        for k, row in enumerate(value):
+            yield f"{', ' if k else ''}{json.dumps(codec.encode(row))}"
+        yield "]"
+    yield "}"
+
+
 def write_trace(trace: Trace, path: str | Path) -> None:
     """Write ``trace`` atomically as a zip of .npy columns and one JSON table (no pickle).
 
@@ -242,24 +252,101 @@ def write_trace(trace: Trace, path: str | Path) -> None:
         replacing(path) as file,
         zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
     ):
-        # without the time: equal traces are equal files
-        info = zipfile.ZipInfo("table.json")
-        archive.writestr(info, json.dumps(codec.encode(table)), zipfile.ZIP_DEFLATED, 1)
+        # a member that is opened by its name has no time: equal traces are equal files
+        with archive.open("table.json", "w", force_zip64=True) as member:
+            for part in _json_parts(table):
+                member.write(part.encode())
         for name, column in sorted(trace.columns.items()):
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, column, allow_pickle=False)
 
 
-def _read_column(archive: zipfile.ZipFile, name: str) -> np.ndarray:
-    member = archive.getinfo(f"{name}.npy")
-    if member.file_size < LARGE:
-        return np.lib.format.read_array(io.BytesIO(archive.read(member)), allow_pickle=False)
-    with tempfile.NamedTemporaryFile(prefix="mrta-falsify-trace-") as file:
-        with archive.open(member) as source, naming(tempfile.gettempdir()):
-            shutil.copyfileobj(source, file)
-            file.flush()
-        column: np.ndarray = np.load(file.name, mmap_mode="r", allow_pickle=False)
-    return column
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _PathRow:
+    tick: int = quantity(low=0)
+    robot: int = quantity(low=0)
+    points: Array = quantity(shape=("L", 2), unit="m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _EdgeRow:
+    first: int = quantity(low=0)
+    last: int = quantity(low=0)
+    edge: BlockedBy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Table:
+    """What stands in a trace beside its columns."""
+
+    version: int
+    world_digest: str
+    dt: float = quantity(above=0.0, unit="s")
+    robots: tuple[str, ...]
+    humans: tuple[str, ...]
+    paths: tuple[_PathRow, ...]
+    events: tuple[StackEvent, ...]
+    event_ticks: tuple[int, ...] = ()
+    edges: tuple[_EdgeRow, ...]
+    ended: str
+    digest: str
+    columns: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        robots, humans = len(self.robots), len(self.humans)
+        for i, row in enumerate(self.paths):
+            _check_number(row.robot, robots, f"paths[{i}].robot")
+        for i, event in enumerate(self.events):
+            _check_number(event.robot, robots, f"events[{i}].robot", low=-1)
+        for i, span in enumerate(self.edges):
+            edge, where = span.edge, f"edges[{i}].edge"
+            _check_number(edge.robot, robots, f"{where}.robot")
+            others = humans if edge.cause == "human" else robots
+            _check_number(edge.other, others, f"{where}.other", low=-1)
+        if self.event_ticks and len(self.event_ticks) != len(self.events):
+            raise FormatError(
+                f"event_ticks has {len(self.event_ticks)} entries; there are {len(self.events)} "
+                "events"
+            )
+
+
+def _check_number(number: int, below: int, where: str, low: int = 0) -> None:
+    if not low <= number < below:
+        raise FormatError(f"{where} is {number}; it must be from {low} to {below - 1}")
+
+
+#: shapes of columns, ticks first: N robots, H people, other letters any length
+_SHAPES: dict[str, tuple[str | int, ...]] = {
+    "time": ("K",),
+    **dict.fromkeys(("pose", "velocity", "command", "contact"), ("K", "N", 3)),
+    **dict.fromkeys(("human_position", "human_velocity"), ("K", "H", 2)),
+    "obstacle_points": ("K", "N", "A", 2),
+    "furniture_pose": ("K", "F", 3),
+    **dict.fromkeys(("goal", "waypoint"), ("K", "N", 2)),
+}
+_OF_ROBOTS = ("K", "N")  # shape of all others
+_FINITE = ("time", "pose", "velocity", "command")  # columns without nan and inf
+
+
+def _check_columns(columns: Mapping[str, np.ndarray], table: _Table) -> None:
+    """Refuse columns that do not fit each other."""
+    for name in (*_FRAME_COLUMNS, *columns) if columns else ():
+        if name not in columns and name != "furniture_pose":
+            raise FormatError(f"column {name} is missing")
+        if name in columns and name not in _FRAME_COLUMNS:
+            raise FormatError(f"column {name!r:.60} is not known")
+    lengths = {"K": len(columns["time"]) if columns else 0}
+    lengths |= {"N": len(table.robots), "H": len(table.humans)}
+    for name, column in columns.items():
+        wanted = [lengths.get(str(n), n) for n in _SHAPES.get(name, _OF_ROBOTS)]
+        fits = len(column.shape) == len(wanted) and all(
+            isinstance(n, str) or n == m for n, m in zip(wanted, column.shape, strict=True)
+        )
+        if not fits:
+            text = ", ".join(map(str, wanted))
+            raise FormatError(f"column {name} has shape {column.shape}; it must be ({text})")
+        if name in _FINITE and not np.isfinite(column).all():
+            raise FormatError(f"column {name} has nan or infinity; it must be finite")
 
 
 def read_trace(path: str | Path) -> Trace:
@@ -270,35 +357,33 @@ def read_trace(path: str | Path) -> Trace:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            table = json.loads(archive.read("table.json"))
-            if table.get("version") != TRACE_VERSION:
-                given = table.get("version")
+            data = read_json_member(archive, "table.json", MAX_TABLE)
+            version = data.get("version") if isinstance(data, dict) else None
+            if version != TRACE_VERSION:
                 raise FormatError(
-                    f"{path}: trace version {given}; this version reads {TRACE_VERSION}"
+                    f"{path}: trace version {codec.shown(version)}; this version reads "
+                    f"{TRACE_VERSION}"
                 )
-            columns = {name: _read_column(archive, name) for name in table["columns"]}
+            table = codec.decode(_Table, data, where=f"{path}: table.json")
+            columns = {name: read_array(archive, name) for name in table.columns}
     except DAMAGE as error:
         raise FormatError(f"{path}: is not a readable trace: {error}") from None
+    try:
+        _check_columns(columns, table)
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from None
     return Trace(
-        world_digest=table["world_digest"],
-        dt=table["dt"],
-        robots=tuple(table["robots"]),
-        humans=tuple(table["humans"]),
+        world_digest=table.world_digest,
+        dt=table.dt,
+        robots=table.robots,
+        humans=table.humans,
         columns=columns,
         paths=tuple(
-            PathChange(
-                tick=row["tick"],
-                robot=row["robot"],
-                points=np.array(row["points"], dtype=np.float64).reshape(-1, 2),
-            )
-            for row in table["paths"]
+            PathChange(tick=row.tick, robot=row.robot, points=row.points) for row in table.paths
         ),
-        events=tuple(StackEvent(**row) for row in table["events"]),
-        edges=tuple(
-            EdgeSpan(first=row["first"], last=row["last"], edge=BlockedBy(**row["edge"]))
-            for row in table["edges"]
-        ),
-        ended=table["ended"],
-        digest=table["digest"],
-        event_ticks=tuple(table.get("event_ticks", ())),
+        events=table.events,
+        edges=tuple(EdgeSpan(first=row.first, last=row.last, edge=row.edge) for row in table.edges),
+        ended=table.ended,
+        digest=table.digest,
+        event_ticks=table.event_ticks,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from mrta_falsify.core.evidence import check_evidence
+
 VerdictOutcome: TypeAlias = Literal["holds", "violated", "not_judged"]
 
 
@@ -25,6 +27,14 @@ class Verdict:
             raise AssertionError(f"{self.spec}: violated {self.violated}, rho {self.robustness}")
         if self.violated and self.not_judged:
             raise AssertionError(f"{self.spec}: violated, but not judged: {self.not_judged}")
+
+    def check_stored(self) -> None:
+        """Refuse evidence that was read and that no reader could tell.
+
+        Raises:
+            InputError: what is wrong with it.
+        """
+        check_evidence(self.spec, self.evidence)
 
     def __repr__(self) -> str:
         """Write it in one line."""

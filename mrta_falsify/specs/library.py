@@ -10,11 +10,10 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-import yaml
-
-from mrta_falsify.core import registry
+from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.parsing import parse_yaml
 from mrta_falsify.core.protocols import Specification
 
 #: options of specifications that judge a copy of a failing world, by name: copies are the vote
@@ -56,12 +55,13 @@ def specification_choice(text: str, *, where: str = "--spec") -> Choice:
     name, brace, options = text.partition("{")
     if not brace:
         return Choice(text)
+    place = f"{where} {codec.named(text)}"
     try:
-        data = yaml.safe_load(brace + options)
-    except yaml.YAMLError:
-        data = None
+        data = parse_yaml(brace + options, place)
+    except FormatError as error:
+        raise ConfigError(f"{error}; options must read NAME{{option: value, ...}}") from None
     if not isinstance(data, dict):
-        raise ConfigError(f"{where} {text}: options must read NAME{{option: value, ...}}")
+        raise ConfigError(f"{place}: options must read NAME{{option: value, ...}}")
     return Choice(name.strip(), data)
 
 

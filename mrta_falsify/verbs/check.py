@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.settings import DEFAULTS, Mode
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import later
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.tight_ways import TightCount, counted
 from mrta_falsify.core.world import World
+from mrta_falsify.verbs.crowd_cost import cost_of
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.programs import (
     MAX_ATTEMPTS,
@@ -109,6 +112,13 @@ class ProgramCheck:
             for item in self.drawn
             if item.world is not None
         }
+
+    @property
+    def crowd(self) -> str:
+        """What the dearest of the sampled worlds costs, empty if none is a crowd."""
+        costs = [cost_of(world, StackConfig()) for world in self.worlds]
+        dearest = max(costs, key=lambda cost: cost.total_s, default=None)
+        return str(dearest) if dearest is not None and dearest.is_crowd else ""
 
     @property
     def impossible(self) -> tuple[ImpossibleWorld, ...]:
@@ -250,6 +260,7 @@ class CheckSummary:
     narrow: tuple[TightCount, ...]  #: worlds in which none fits by its planning radius
     stuck_pushes: tuple[StuckPush, ...]
     lint: tuple[Lint, ...]
+    crowd: str = later("")  #: what the dearest world costs, if one is a crowd
 
 
 def summarise_check(done: ProgramCheck) -> CheckSummary:
@@ -282,6 +293,7 @@ def summarise_check(done: ProgramCheck) -> CheckSummary:
             for text in found.stuck_pushes
         ),
         lint=done.lint,
+        crowd=done.crowd,
     )
 
 

@@ -11,6 +11,8 @@ from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core.candidate import uniform_point
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.verbs.crowd_cost import cost_of
+from mrta_falsify.verbs.programs import MAX_ATTEMPTS, draw_candidates
 from mrta_falsify.verbs.workers import count_cores
 from mrta_falsify.worker import TrialRunner, open_program
 
@@ -29,6 +31,23 @@ class CostEstimate:
     hours: float  #: wall clock of the whole budget
     megabytes: float  #: on disc, if as many trials fail as did here
     failed: int  #: of the trials run
+
+
+def crowd_of(settings: CampaignSettings) -> str:
+    """Say what the first world of a campaign costs, before it is run; empty if it is no crowd.
+
+    Raises:
+        InputError: the program does not compile.
+    """
+    trials = settings.trials
+    program = open_program(dataclasses.replace(trials, sources_digest=""))
+    (drawn,) = draw_candidates(
+        program, count=1, seed=trials.seed, mode=trials.mode, max_attempts=MAX_ATTEMPTS
+    )
+    if drawn.world is None:
+        return ""
+    cost = cost_of(drawn.world, trials.stack)
+    return str(cost) if cost.is_crowd else ""
 
 
 def estimate_cost(

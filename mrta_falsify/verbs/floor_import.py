@@ -172,7 +172,9 @@ def _derived_text(floor: Floor, world: World) -> str:
     from simulator_interface.formats import building_file  # noqa: PLC0415 - with the reader
 
     assert floor.source is not None
-    data: dict[str, Any] = codec.read_yaml(floor.source, as_text=building_file.FIELDS)
+    data: dict[str, Any] = codec.read_yaml(
+        floor.source, doubled="last", as_text=building_file.FIELDS
+    )
     heading = (
         "# The rooms with all that was derived. Change what does not please, and import again\n"
         "# with --rooms and this file: what it says is kept. `lanes` may be given, too.\n"

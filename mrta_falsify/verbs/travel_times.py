@@ -18,6 +18,7 @@ from mrta_falsify.core.durable import append, naming, write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.parsing import read_text
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import RobotSpec, Task, World, without_actors
@@ -43,6 +44,15 @@ class TravelTimes:
 
     rooms: tuple[str, ...]  #: names, by room number
     samples: dict[tuple[int, int], tuple[float, ...]]  #: (start, end) room -> seconds, may be empty
+
+    def __post_init__(self) -> None:
+        for start, end in self.samples:
+            for room in (start, end):
+                if not 0 <= room < len(self.rooms):
+                    raise FormatError(
+                        f"a trip is from room {start} to {end}; rooms are 0 to "
+                        f"{len(self.rooms) - 1}"
+                    )
 
     def matrix(self, statistic: str) -> Array:
         """Take "max", "mean" or "p95" of each pair: ``(R, R)`` [s], nan where there is no way."""
@@ -140,6 +150,11 @@ def measure_travel_times(
     config = config or StackConfig()
     title = _title(world, config, seed, iterations)
     samples = _read_samples(samples_file, title) if samples_file is not None else {}
+    names = tuple(room.name for room in world.rooms)
+    try:
+        TravelTimes(rooms=names, samples=samples)
+    except FormatError as error:
+        raise FormatError(f"{samples_file}: {error}; move it away") from None
     if samples_file is not None and not samples:
         write_atomically(samples_file, (title + "\n").encode())
     pairs = [(start, end) for start in range(rooms) for end in range(rooms) if start != end]
@@ -159,7 +174,7 @@ def measure_travel_times(
                     _append_samples(samples_file, start, end, samples[start, end])
             if on_progress is not None:
                 on_progress(number + 1)
-    return TravelTimes(rooms=tuple(room.name for room in world.rooms), samples=samples)
+    return TravelTimes(rooms=names, samples=samples)
 
 
 class _TripClock:
@@ -255,7 +270,7 @@ def _title(world: World, config: StackConfig, seed: int, iterations: int) -> str
 def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, ...]]:
     if not path.exists():
         return {}
-    lines = codec.read_text(path).splitlines(keepends=True)
+    lines = read_text(path).splitlines(keepends=True)
     if not lines or lines[0].strip() != title:
         raise FormatError(
             f"{path}: holds another measurement (other world, stack, seed or iterations); "
@@ -266,10 +281,13 @@ def _read_samples(path: Path, title: str) -> dict[tuple[int, int], tuple[float, 
     if len(whole) < len(lines) - 1:
         write_atomically(path, "".join([lines[0], *whole]).encode())
     try:
-        rows = [[float(cell) for cell in row] for row in csv.reader(whole)]
-        return {(int(row[0]), int(row[1])): tuple(row[2:]) for row in rows}
-    except (ValueError, IndexError):
+        rows = [(int(row[0]), int(row[1]), tuple(map(float, row[2:]))) for row in csv.reader(whole)]
+    except (ValueError, IndexError, csv.Error):
         raise FormatError(f"{path}: is not a table of travel times; move it away") from None
+    for line, (_, _, times) in enumerate(rows, start=2):
+        if not all(0.0 <= time <= LONGEST_TRIP for time in times):
+            raise FormatError(f"{path}:{line}: has a time that is not from 0 to {LONGEST_TRIP:g} s")
+    return {(start, end): times for start, end, times in rows}
 
 
 def _append_samples(path: Path, start: int, end: int, samples: tuple[float, ...]) -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import MultiPoint
 
-from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError, UnknownNameError
+from mrta_falsify.core.parsing import read_text
 
 CIRCLE_CORNERS = 24  # a round collision shape in a footprint; 0.9 % of its radius inside it
 
@@ -157,7 +157,7 @@ def _shape_points(collision: ET.Element, urdf: Path) -> Array:
 
 
 def _obj_points(path: Path) -> Array:
-    lines = codec.read_text(path).splitlines()
+    lines = read_text(path).splitlines()
     return np.array([_numbers(line[2:], "")[:3] for line in lines if line.startswith("v ")])
 
 

@@ -14,8 +14,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, IntArray
-from mrta_falsify.core.codec import later
+from mrta_falsify.core.codec import FieldError, Rule, later
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Phase, StackEvent
@@ -26,6 +27,8 @@ READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can"
 SAYS = ("deliveries", "goals", "paths")
 CAN = ("branch",)
 LONGEST_PATH = 100_000  # points
+MOST_TOOK = 600.0  # s of simulated time that one answer may be held back
+MOST_EVENTS = 10_000  # in one answer
 MOST_SIGNALS = 100
 MOST_PEOPLE = 1 << 20  # an event may name a person by number
 MOST_TEXT = 500  # characters
@@ -188,7 +191,7 @@ class Reader:
             "follow": self._follow,
             "paths": self._paths,
             "waits_for": self._waits,
-            "took": lambda value: self._real("took", value, low=0.0),
+            "took": lambda value: self._real("took", value, Rule(low=0.0, high=MOST_TOOK)),
             "signals": self._signals,
             "events": lambda value: value,
             **{name: functools.partial(self._numbers, name) for name in NUMBERS},
@@ -269,7 +272,9 @@ class Reader:
         return found
 
     def _events(self, value: Any, time: float) -> tuple[StackEvent, ...]:
-        return tuple(self._event(row, time) for row in self._rows("events", value))
+        return tuple(
+            self._event(row, time) for row in self._rows("events", value, most=MOST_EVENTS)
+        )
 
     def _event(self, row: Any, time: float) -> StackEvent:
         if not isinstance(row, dict) or not isinstance(row.get("kind"), str):
@@ -298,29 +303,29 @@ class Reader:
     def _signals(self, value: Any) -> dict[str, float]:
         if not isinstance(value, dict) or len(value) > MOST_SIGNALS:
             raise Wrong("signals", f"must map at most {MOST_SIGNALS} names to numbers")
-        return {str(k)[:100]: self._real("signals", v, low=-math.inf) for k, v in value.items()}
+        return {str(k)[:100]: self._real("signals", v, Rule()) for k, v in value.items()}
 
     # --- parts ------------------------------------------------------------------------------
 
-    def _rows(self, field: str, value: Any, width: int = 0) -> list[Any]:
+    def _rows(self, field: str, value: Any, width: int = 0, most: int = LONGEST_PATH) -> list[Any]:
         if not isinstance(value, (list, tuple)):
             raise Wrong(field, f"is {type(value).__name__}; it must be a list")
+        if len(value) > most:
+            raise Wrong(field, f"has {len(value)} entries; at most {most}")
         for row in value if width else ():
             if not isinstance(row, (list, tuple)) or len(row) != width:
                 raise Wrong(field, f"has {shown(row)}; each entry must be a list of {width}")
         return list(value)
 
     def _number(self, field: str, value: Any, below: int, low: int = 0) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value < below:
+        if type(value) is not int or not low <= value < below:
             text = f"it must be a whole number from {low} to {below - 1}"
             raise Wrong(field, f"has {shown(value)}; {text}")
         return value
 
-    def _real(self, field: str, value: Any, *, low: float) -> float:
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not is_number or not math.isfinite(value) or value < low:
-            raise Wrong(field, f"has {shown(value)}; it must be a finite number")
-        return float(value)
+    def _real(self, field: str, value: Any, rule: Rule) -> float:
+        number: float = _decoded(field, float, value, rule)
+        return number
 
     def _array(self, field: str, value: Any, shape: tuple[int, ...]) -> Array:
         """Read an array: bytes, or nested lists with null for nan."""
@@ -332,19 +337,18 @@ class Reader:
                     field, f"has {len(value)} bytes; {_words(shape)} float64 are {width} each"
                 )
             return np.frombuffer(value, dtype="<f8").reshape(shape).copy()
-        try:
-            array = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError):
-            raise Wrong(
-                field, f"is {type(value).__name__}; it must be {_words(shape)} numbers"
-            ) from None
-        if array.size == 0 and -1 in shape:
-            array = array.reshape((0, *shape[1:]))
-        fits = array.ndim == len(shape)
-        fits = fits and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
-        if not fits:
-            raise Wrong(field, f"has shape {array.shape}, not {_words(shape)}")
-        return array
+        named = tuple("L" if n < 0 else n for n in shape)
+        rule = Rule(named, farthest=math.inf, allow_infinite=True, allow_missing=True)
+        return np.array(_decoded(field, Array, value, rule))
+
+
+def _decoded(field: str, hint: Any, value: Any, rule: Rule) -> Any:
+    """Read a value as files are read."""
+    try:
+        return codec.decode(hint, value, path=field, rule=rule)
+    except FieldError as error:
+        part = error.path.removeprefix(field)
+        raise Wrong(field, f"{part} {error.problem}".strip()) from None
 
 
 def _words(shape: tuple[int, ...]) -> str:

@@ -40,6 +40,7 @@ class Exchanges:
         self._size = 0  # of what is in the file
         self._rows: list[tuple[bytes, bytes]] = []  # not in the file
         self._waiting = 0  # bytes of them
+        self.size = 0  #: of all that was said and heard [bytes]
         self.is_copy = False  #: of the run
         # Copies tell the original by this byte that a copy of the stack by fork hangs.
         self._shared = mmap.mmap(-1, 1)
@@ -49,6 +50,7 @@ class Exchanges:
         if self._file is None:
             return
         self._rows.append((said, heard))
+        self.size += len(said) + len(heard)
         self._waiting += len(said) + len(heard)
         if self._waiting > BLOCK and not self.is_copy:
             self._write()

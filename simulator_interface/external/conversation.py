@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import (
+    GIB,
     AskedAgain,
     FailureKind,
     StackFailed,
@@ -21,7 +22,7 @@ from mrta_falsify.core.stack_failure import (
 from simulator_interface.external.answers import Ready, shown
 from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
 from simulator_interface.external.messages import Message
-from simulator_interface.external.process import NO_ANSWER, StackProcess, why_no_answer
+from simulator_interface.external.process import NO_ANSWER, Heavy, StackProcess, why_no_answer
 from simulator_interface.external.second_answers import (
     Exchange,
     no_further,
@@ -31,9 +32,12 @@ from simulator_interface.external.second_answers import (
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told, ToldRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
+from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 MOST_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
+#: messages of a run on disc, in memory that the stack may have; a second telling needs them
+MOST_EXCHANGED = 4.0
 #: ticks that a fresh process is told where forks are asked as well. A fork has the same random
 #: numbers ahead of it, so an unseeded generator only shows in a fresh process, and there at once.
 FRESH_TICKS = 200
@@ -55,6 +59,9 @@ class Talk(Protocol):
         self, kind: FailureKind, text: str, tick: int, time: float, part: str
     ) -> StackFailed:
         """Say that the stack failed; ``part`` names a field, an exit code, a signal."""
+
+    def note_kept(self, size: int) -> None:
+        """Count bytes that the harness keeps of the last answer as memory of the stack."""
 
     def told(self) -> Told:
         """Give all that the stack has said; nothing may be asked afterwards."""
@@ -109,6 +116,7 @@ class Conversation:
         self._branch_pid = 0  # of the copy of the stack that this copy talks to
         self._last = b""  # answer to a tick
         self._forks_compared = 0
+        self._kept = 0  # bytes that the harness keeps of the answers
         self._process: StackProcess | None = StackProcess(options)
         self._wire: Wire = self._process.wire
         self.ready = self._process.ready
@@ -129,6 +137,7 @@ class Conversation:
         try:
             heard, body = self._exchange(message, time, limit)
             if self._process is not None:
+                self._process.kept = self._kept + self._recorder.size
                 self._process.note_answer()
         except NO_ANSWER as error:
             why = why_no_answer(error, limit, self._process)
@@ -159,6 +168,10 @@ class Conversation:
         )
         self._recorder.failure = failure
         return StackFailed(failure)
+
+    def note_kept(self, size: int) -> None:
+        """See :class:`Talk`."""
+        self._kept += size
 
     def told(self) -> Told:
         """See :class:`Talk`."""
@@ -191,6 +204,9 @@ class Conversation:
         for _ in range(MOST_QUESTIONS):
             body = self._wire.receive_bytes()
             self._exchanges.add(said, body)
+            most = post().limits.memory * MOST_EXCHANGED
+            if self._exchanges.size > most * GIB:
+                raise Heavy(f"has made the harness keep messages of more than {most:g} GiB")
             heard = self._wire.read(body)
             if heard["type"] not in self._services.known:
                 return heard, body
@@ -356,6 +372,9 @@ class ToldTalk:
         return StackFailed(
             StackFailure(kind=kind, tick=tick, time=time, exception=part, message=text)
         )
+
+    def note_kept(self, size: int) -> None:
+        """See :class:`Talk`; it was counted when the stack said it."""
 
     def told(self) -> Told:
         """See :class:`Talk`."""

@@ -85,6 +85,7 @@ class StackProcess:
         else:
             ours = _connected(options)
         self._answers = 0
+        self.kept = 0  #: bytes of its answers that are kept here; they count as its memory
         self.wire = Wire(ours, self._keeper.process if self._keeper is not None else None)
         self.wire.look_at_stack(self.weigh)
         try:
@@ -136,14 +137,18 @@ class StackProcess:
     def weigh(self) -> None:
         """Measure the memory that all its processes take up; what several share counts once.
 
+        What is kept here of its answers counts as well.
+
         Raises:
             Heavy: it is more than the stack may have.
         """
         kept = self._keeper.kept() if self._keeper is not None else []
         measure = _resident if len(kept) == 1 else _share
         most = post().limits.memory
-        if sum(measure(process) for process in kept) > most * GIB:
-            raise Heavy(f"took up more than {most:g} GiB of memory")
+        taken = sum(measure(process) for process in kept)
+        if taken + self.kept > most * GIB:
+            ours = f", {self.kept / GIB:.1f} of them in paths, events and answers kept of it"
+            raise Heavy(f"took up more than {most:g} GiB of memory{ours * (self.kept > taken)}")
 
     def last_words(self) -> tuple[int | None, tuple[str, ...]]:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""

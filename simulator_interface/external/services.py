@@ -72,7 +72,7 @@ class Services:
     def _travel_time(self, question: Message, time: float) -> Message:
         start, goal = _ends(question)
         robot = question.get("robot", 0)
-        if not isinstance(robot, int) or not 0 <= robot < len(self._world.robots):
+        if type(robot) is not int or not 0 <= robot < len(self._world.robots):
             raise Wrong("robot", f"is {shown(robot)}; there are {len(self._world.robots)} robots")
         path, _ = self.path(start, goal, time)
         if len(path) == 0:
@@ -113,7 +113,7 @@ def _ends(question: Message) -> tuple[Array, Array]:
 
 def _point(field: str, value: Any) -> Array:
     is_pair = isinstance(value, (list, tuple)) and len(value) == 2
-    if is_pair and all(isinstance(n, (int, float)) and abs(n) <= FARTHEST for n in value):
+    if is_pair and all(type(n) in (int, float) and abs(n) <= FARTHEST for n in value):
         return np.array(value, dtype=np.float64)
     raise Wrong(
         field, f"is {shown(value)}; it must be two finite numbers, at most {FARTHEST:g} [m]"

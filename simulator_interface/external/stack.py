@@ -43,6 +43,10 @@ from simulator_interface.external.orders import ROUNDING, StandingOrders, carry_
 from simulator_interface.external.services import Services
 from simulator_interface.external.told import Told
 
+#: bytes that a point of a path costs: twice as numbers, once as text while a trace is written
+POINT = 256
+ROW = 512  # bytes that an event or a wait costs, beside its text
+
 
 @dataclass(slots=True)
 class ProcessState:
@@ -136,6 +140,7 @@ class ProcessStack:
         try:
             answer = self._reader.read(heard, fleet.tick, fleet.time)
             answer = dataclasses.replace(answer, took=answer.took + self._delay)
+            before = state.intent
             state.intent = self._intent(state.intent, answer, fleet.time)
             take(state.orders, answer, state.intent, fleet.time, self._names)
         except Wrong as wrong:
@@ -143,6 +148,7 @@ class ProcessStack:
                 "answer", str(wrong), fleet.tick, fleet.time, wrong.field
             ) from None
         state.said = hashlib.sha256(state.said + body).digest()
+        self.talk.note_kept(_kept_of(answer, before, state.intent))
         return self._taken(state, answer, fleet)
 
     @property
@@ -231,3 +237,18 @@ class ProcessStack:
         phase = np.where(wants, int(Phase.DRIVING), int(Phase.IDLE))
         phase[[robot.joins_at > time for robot in self._world.robots]] = int(Phase.OFF)
         return phase
+
+
+def _kept_of(answer: Answer, before: Intent, now: Intent) -> int:
+    """Count the bytes that traces and orders keep of an answer for the rest of the run."""
+    points = sum(
+        len(path)
+        for robot, path in answer.paths.items()
+        if not np.array_equal(path, before.path[robot])
+    )
+    rows = len(answer.events)
+    text = sum(len(e.kind) + len(e.resource) + len(e.detail) for e in answer.events)
+    for new, old in zip(now.waits_for, before.waits_for, strict=False):
+        if new != old:
+            rows, text = rows + 1, text + len(new)
+    return POINT * points + ROW * rows + 2 * text

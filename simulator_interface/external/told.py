@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.archives import DAMAGE, read_json_member, read_member
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
-from mrta_falsify.core.trace import DAMAGE
 from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
@@ -30,6 +30,8 @@ TOLD_NAME = "answers.zip"
 #: others, so that a run told again by them is judged without
 QUESTIONS = 2
 BLOCK = 1 << 18  # bytes that are deflated at once
+MOST_PACKED = 2**30  # bytes of all answers of a run, deflated
+MOST_TOLD = 8 * 2**30  # bytes of them as they were said
 _LENGTH = struct.Struct("<I")
 _HEAD, _BODY = "told.json", "answers"
 
@@ -48,14 +50,19 @@ class Told:
 
     def answers(self) -> Iterator[bytes]:
         """Give the answers to the ticks, from the first on."""
-        unpacker, rest = zlib.decompressobj(), b""
+        unpacker, rest, total = zlib.decompressobj(), b"", 0
         for at in range(0, len(self.packed), 1 << 16):
-            rest += unpacker.decompress(self.packed[at : at + (1 << 16)])
-            start = 0
+            try:
+                more = unpacker.decompress(self.packed[at : at + (1 << 16)])
+            except zlib.error as error:
+                raise FormatError(f"{TOLD_NAME}: the answers are damaged: {error}") from None
+            rest, total, start = rest + more, total + len(more), 0
+            if total > MOST_TOLD:
+                raise FormatError(f"{TOLD_NAME}: answers of over {MOST_TOLD / 2**30:.0f} GB")
             while len(rest) >= start + _LENGTH.size:
                 (length,) = _LENGTH.unpack_from(rest, start)
                 end = start + _LENGTH.size + length
-                if length > MOST_BYTES:
+                if not 0 < length <= MOST_BYTES:
                     raise FormatError(f"{TOLD_NAME}: an answer of {length} bytes")
                 if len(rest) < end:
                     break
@@ -80,6 +87,12 @@ class ToldRecorder:
     _parts: list[bytes] = field(default_factory=list)
     _fresh: list[bytes] = field(default_factory=list)  # not deflated yet: one by one is slow
     _size: int = 0  # of them
+    _packed: int = 0  # bytes of the others
+
+    @property
+    def size(self) -> int:
+        """Bytes that it keeps."""
+        return self._packed + self._size
 
     def add(self, body: bytes) -> None:
         """Take in the answer to a tick."""
@@ -90,6 +103,7 @@ class ToldRecorder:
 
     def _deflate(self) -> None:
         self._parts.append(self._packer.compress(b"".join(self._fresh)))
+        self._packed += len(self._parts[-1])
         self._fresh, self._size = [], 0
 
     def finish(self) -> Told:
@@ -103,6 +117,17 @@ class ToldRecorder:
             failure=self.failure,
             again=tuple(self.again),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Head:
+    """What stands in the file beside the answers."""
+
+    ready: Ready
+    forecasts: tuple[dict[str, Any] | None, ...] = ()
+    questions: int = 1
+    failure: StackFailure | None = None
+    again: tuple[AskedAgain | None, ...] = ()
 
 
 def write_told(told: Told, path: Path) -> None:
@@ -129,19 +154,15 @@ def read_told(path: Path) -> Told:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            head = json.loads(archive.read(_HEAD))
-            packed = archive.read(_BODY)
+            head = codec.decode(_Head, read_json_member(archive, _HEAD), where=f"{path}: {_HEAD}")
+            packed = read_member(archive, _BODY, MOST_PACKED)
     except DAMAGE as error:
         raise FormatError(f"{path}: cannot be read: {error}") from None
-    failure = head.get("failure")
     return Told(
-        ready=codec.decode(Ready, head.get("ready"), where=str(path)),
+        ready=head.ready,
         packed=packed,
-        forecasts=tuple(head.get("forecasts", ())),
-        questions=codec.decode(int, head.get("questions", 1), where=str(path)),
-        failure=codec.decode(StackFailure, failure, where=str(path)) if failure else None,
-        again=tuple(
-            codec.decode(AskedAgain, row, where=str(path)) if row else None
-            for row in head.get("again", ())
-        ),
+        forecasts=head.forecasts,
+        questions=head.questions,
+        failure=head.failure,
+        again=head.again,
     )

@@ -21,8 +21,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from mrta_falsify.core import codec
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.parsing import read_text
 
 if TYPE_CHECKING:
     from rosbags.typesys.base import Type
@@ -198,7 +198,7 @@ def read_interfaces(folder: Path) -> dict[str, MessageType]:
         if kind not in SECTIONS or path.parent.name != kind or not path.is_file():
             continue
         name = f"{path.parent.parent.name}/{kind}/{path.stem}"
-        types |= parse_interface(codec.read_text(path), name, str(path))
+        types |= parse_interface(read_text(path), name, str(path))
     if not types:
         raise ConfigError(
             f"{folder}: holds no PACKAGE/msg/NAME.msg, PACKAGE/srv/NAME.srv or "

@@ -20,7 +20,8 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import LETHAL, UNKNOWN
-from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.parsing import parse_json
 from simulator_interface.foreign.laser_scans import Scans
 
 NANO = 1_000_000_000  # ns in a second
@@ -251,8 +252,8 @@ class RobotTopics:
 
     def _event(self, topic: Topic, text: str) -> dict[str, Any]:
         try:
-            event = json.loads(text)
-        except ValueError:
+            event = parse_json(text, topic.name)
+        except FormatError:
             event = None
         if not isinstance(event, dict):
             raise ConfigError(

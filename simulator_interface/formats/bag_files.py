@@ -118,7 +118,7 @@ def messages_of(path: Path, kinds: Collection[str], recording: Recording) -> Ite
 def _check_listed(folder: Path, files: list[Path], recording: Recording) -> None:
     """Say which files the metadata lists that are not there; metadata is not needed otherwise."""
     try:
-        data = codec.read_yaml(folder / METADATA)
+        data = codec.read_yaml(folder / METADATA, doubled="last")
         listed = data["rosbag2_bagfile_information"]["relative_file_paths"]
         names = [Path(str(name)).name for name in listed]
     except (FormatError, KeyError, TypeError, yaml.YAMLError):

@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import LARGEST
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 from simulator_interface.formats.written import (
     is_empty,
@@ -296,7 +297,7 @@ def _parameters(data: Any, where: str) -> Parameters:
         kind, written = given if isinstance(given, list) and len(given) == 2 else (None, None)
         read = _READ.get(KINDS.get(whole_in(kind) or 0, type(None)))
         value = read(written) if read is not None and isinstance(written, str) else None
-        if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        if value is None or (isinstance(value, float) and not abs(value) < LARGEST):
             raise FormatError(
                 f"{where}.{name} is {shown(given)}; it must be [type, value] with type 1 text, "
                 "2 integer, 3 number, 4 true or false"

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.codec import FARTHEST
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.xml_files import Node, read_xml
 
@@ -37,12 +38,15 @@ def read_collada(path: Path) -> tuple[Array, IntArray]:
             points.append(vertices @ matrix[:3, :3].T + matrix[:3, 3])
             faces.append(triangles + count)
             count += len(vertices)
-    except (KeyError, ValueError, IndexError, RecursionError) as error:
+        made = unit * np.vstack(points)
+        if not (np.abs(made) <= FARTHEST).all():
+            raise ValueError(f"it has coordinates beyond {FARTHEST:g} m")
+    except (KeyError, ValueError, IndexError, ArithmeticError, RecursionError) as error:
         text = " ".join(str(error).split())[:80]
         raise FormatError(
             f"{path}: is not a mesh that is read: {type(error).__name__}: {text}"
         ) from None
-    return unit * np.vstack(points), np.vstack(faces)
+    return made, np.vstack(faces)
 
 
 def _found(node: Node, where: str) -> dict[str, str] | None:

@@ -8,13 +8,14 @@ from several of them together. A level of an Open-RMF building becomes such a fi
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.errors import ConfigError, FormatError
+from mrta_falsify.core.errors import ConfigError, DoubledKeyError, FormatError, InputNote
 from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import building_file, nav2, sdf
 from simulator_interface.formats.building import floor_of_level
@@ -80,7 +81,7 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
     is_sdf = path.suffix.lower() in (".sdf", ".world")
-    data = None if is_sdf else codec.read_yaml(path, as_text=(*building_file.FIELDS, *nav2.FIELDS))
+    data = None if is_sdf else _read(path)
     if is_building(data):
         if rooms is not None:
             raise FormatError(
@@ -103,6 +104,25 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
             "(a floor file names its own)"
         )
     return floor_of_data(data, path)
+
+
+def _read(path: Path) -> Any:
+    """Read a file of ours, in which no key may stand twice, or of others, in which one may.
+
+    Of a building the last value counts, as in Open-RMF's building map tools.
+    """
+    as_text = (*building_file.FIELDS, *nav2.FIELDS)
+    try:
+        return codec.read_yaml(path, as_text=as_text)
+    except DoubledKeyError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", InputNote)
+            data = codec.read_yaml(path, doubled="last", as_text=as_text)
+        if is_building(data):
+            return codec.read_yaml(path, doubled="last", as_text=as_text)
+        if isinstance(data, dict) and "image" in data:  # a Nav2 map, which is read again
+            return data
+        raise
 
 
 def _of_building(level: Level, path: Path) -> Floor:

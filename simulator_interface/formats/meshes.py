@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.codec import FARTHEST
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.collada import read_collada
 
@@ -41,6 +42,8 @@ def read_mesh(path: Path) -> tuple[Array, IntArray]:
         raise FormatError(f"{path}: has {len(faces)} triangles; 1 to {MAX_FACES} are allowed")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FormatError(f"{path}: its triangles name vertices that it does not have")
+    if not (np.abs(vertices) <= FARTHEST).all():
+        raise FormatError(f"{path}: has coordinates beyond {FARTHEST:g} m")
     return vertices, faces
 
 

@@ -169,9 +169,10 @@ def read_human_routes(path: Path) -> tuple[HumanSpec, ...]:
 
 
 def _read(path: Path) -> Any:
+    """Read JSON or YAML; of a key that stands twice the last value counts, as in MRTA-Sim."""
     if path.suffix.lower() in (".yaml", ".yml"):
-        return codec.read_yaml(path)
-    return codec.read_json(path)
+        return codec.read_yaml(path, doubled="last")
+    return codec.read_json(path, doubled="last")
 
 
 # --- onto a world --------------------------------------------------------------------------

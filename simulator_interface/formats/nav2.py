@@ -164,7 +164,8 @@ def read_nav2_map(path: Path) -> OccupancyGrid:
     Raises:
         FormatError: a file is missing or broken, or asks for what Nav2 does not define.
     """
-    fields, notes = _known_fields(codec.read_yaml(path, as_text=FIELDS))
+    # as yaml-cpp reads it for Nav2
+    fields, notes = _known_fields(codec.read_yaml(path, doubled="first", as_text=FIELDS))
     try:
         described = codec.decode(_Description, fields, where=str(path))
     except InputError as error:

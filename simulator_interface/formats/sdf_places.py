@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import FARTHEST
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.xml_files import Node
 
@@ -76,9 +77,12 @@ def read_numbers(node: Node, place: SdfPlace, what: str, counts: tuple[int, ...]
         values = [float(word) for word in text.split()]
     except ValueError:
         values = []
-    if len(values) not in counts or not all(map(math.isfinite, values)):
+    if len(values) not in counts or not all(abs(value) <= FARTHEST for value in values):
         wanted = " or ".join(map(str, counts))
-        raise place.fail(f"<{what}> is {text.strip()[:60]!r}; it must be {wanted} finite numbers")
+        raise place.fail(
+            f"<{what}> is {text.strip()[:60]!r}; it must be {wanted} numbers from "
+            f"-{FARTHEST:g} to {FARTHEST:g}"
+        )
     return values
 
 
@@ -92,7 +96,7 @@ def read_positive(node: Node | None, place: SdfPlace, what: str, count: int = 1)
         raise place.fail(f"<{what}> is missing")
     values = read_numbers(node, place, what, (count,))
     if min(values) <= 0.0:
-        raise place.fail(f"<{what}> is {(node.text or '').strip()!r}; it must be positive")
+        raise place.fail(f"<{what}> is {(node.text or '').strip()[:60]!r}; it must be positive")
     return values
 
 

@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.codec import FARTHEST
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.world import Furniture
 from simulator_interface.formats.meshes import mesh_slab, read_mesh
@@ -141,9 +142,14 @@ def _mesh(node: Node, at: SdfPlace, low: float, high: float) -> BaseGeometry:
     scale = [1.0, 1.0, 1.0] if scale_node is None else read_numbers(scale_node, at, "scale", (3,))
     vertices, faces = read_mesh(_mesh_file(uri, at))
     placed = (vertices * np.array(scale)) @ at.matrix[:3, :3].T + at.matrix[:3, 3]
-    if not np.isfinite(placed).all():
-        raise at.fail(f"mesh {uri!r} has coordinates that are not finite")
-    return mesh_slab(placed, faces, low, high)
+    if not (np.abs(placed) <= FARTHEST).all():
+        raise at.fail(
+            f"mesh {uri[:80]!r} has coordinates that are not from -{FARTHEST:g} to {FARTHEST:g} m"
+        )
+    try:
+        return mesh_slab(placed, faces, low, high)
+    except (shapely.errors.GEOSException, ValueError, ArithmeticError) as error:
+        raise at.fail(f"mesh {uri[:80]!r} cannot be cut: {str(error)[:80]}") from None
 
 
 def _mesh_file(uri: str, at: SdfPlace) -> Path:
@@ -156,7 +162,10 @@ def _mesh_file(uri: str, at: SdfPlace) -> Path:
     if scheme not in ("", "model") or name.is_absolute():  # a path of another machine
         ends = [Path(*name.parts[k:]) for k in range(1, len(name.parts))]
         candidates += [at.file.parent / end for end in ends] + [at.root / end for end in ends]
-    inside = [file.resolve() for file in candidates]
+    try:
+        inside = [file.resolve() for file in candidates]
+    except (OSError, ValueError, RuntimeError) as error:
+        raise at.fail(f"<uri> is {uri[:80]!r}; it is no path: {error}") from None
     inside = [file for file in inside if file.is_relative_to(at.root)]
     for file in inside:
         if file.is_file():

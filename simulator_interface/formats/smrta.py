@@ -78,7 +78,7 @@ def read_case(path: Path, *, rooms: int) -> SmrtaCase:
         InputError: not such a file, no robot, a room outside 0..R-1, a negative or fractional
             time, a deadline before its arrival, an id given twice, or too many tasks.
     """
-    data = codec.read_json(path)
+    data = codec.read_json(path, doubled="last")
     if not isinstance(data, dict):
         raise FormatError(f"{path}: is {type(data).__name__}; a task file is an object")
     for field in ("tasks_stream", "agents"):
@@ -90,7 +90,9 @@ def read_case(path: Path, *, rooms: int) -> SmrtaCase:
             )
     unknown = sorted(set(data) - {"tasks_stream", "agents"})
     if unknown:
-        raise FormatError(f"{path}: {unknown[0]} is not a known field; Known: agents, tasks_stream")
+        raise FormatError(
+            f"{path}: {codec.named(unknown[0])} is not a known field; Known: agents, tasks_stream"
+        )
     start_rooms = _start_rooms(path, data["agents"], rooms)
     _check_size(path, data["tasks_stream"])
     arrivals, batches = [], []
@@ -127,9 +129,13 @@ def _start_rooms(path: Path, agents: list[Any], rooms: int) -> tuple[int, ...]:
         raise FormatError(f"{path}: has {len(agents)} robots; at most {MOST_ROBOTS}")
     for i, room in enumerate(agents):
         if isinstance(room, bool) or not isinstance(room, int):
-            raise FormatError(f"{path}: agents[{i}] is {room!r}; it must be a room number")
+            raise FormatError(
+                f"{path}: agents[{i}] is {codec.shown(room)}; it must be a room number"
+            )
         if not 0 <= room < rooms:
-            raise FormatError(f"{path}: agents[{i}] is room {room}; rooms are 0 to {rooms - 1}")
+            raise FormatError(
+                f"{path}: agents[{i}] is room {codec.shown(room)}; rooms are 0 to {rooms - 1}"
+            )
     return tuple(agents)
 
 
@@ -159,9 +165,9 @@ def _task(
         _TaskEntry, _whole(rest, ("deadline", "pickup_time", "dropoff_time")), where=where
     )
     if name is not None:
-        key = str(name)
+        key = codec.shown(name)
         if key in seen:
-            raise FormatError(f"{where}: id {name!r} was given to {seen[key]} already")
+            raise FormatError(f"{where}: id {codec.shown(name)} was given to {seen[key]} already")
         seen[key] = where.rpartition(": ")[2]
     check_task_entry(entry, arrival, rooms, where=where)
     return OpenTask(
@@ -184,7 +190,7 @@ def read_travel_times(path: Path) -> TravelTable:
     Raises:
         InputError: not such a file, a matrix that is not square or has gaps, a negative time.
     """
-    data = codec.read_json(path)
+    data = codec.read_json(path, doubled="last")
     matrix = data.get("travel_time") if isinstance(data, dict) else data
     if not isinstance(matrix, list) or not matrix:
         raise FormatError(
@@ -192,15 +198,17 @@ def read_travel_times(path: Path) -> TravelTable:
             "[4, 0]]}"
         )
     units = data.get("units", "s") if isinstance(data, dict) else "s"
-    if units not in UNITS:
-        raise FormatError(f"{path}: units is {units!r}; it must be one of {', '.join(UNITS)}")
+    if not isinstance(units, str) or units not in UNITS:
+        raise FormatError(
+            f"{path}: units is {codec.shown(units)}; it must be one of {', '.join(UNITS)}"
+        )
     names = data.get("rooms") if isinstance(data, dict) else None
     if isinstance(names, list) and len(names) != len(matrix):
         raise FormatError(f"{path}: rooms names {len(names)} rooms; travel_time has {len(matrix)}")
     times = np.zeros((len(matrix), len(matrix)))
     for i, row in enumerate(matrix):
         if not isinstance(row, list) or len(row) != len(matrix):
-            given = len(row) if isinstance(row, list) else repr(row)
+            given = len(row) if isinstance(row, list) else codec.shown(row)
             raise FormatError(f"{path}: travel_time[{i}] has {given} entries; not {len(matrix)}")
         for j, value in enumerate(row):
             times[i, j] = _seconds(value, UNITS[units], f"{path}: travel_time[{i}][{j}]")
@@ -213,10 +221,10 @@ def _seconds(value: Any, unit: float, where: str) -> float:
     if value is None:
         raise FormatError(f"{where} is null: no way is known; the matrix must be complete")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise FormatError(f"{where} is {value!r}; it must be a number")
+        raise FormatError(f"{where} is {codec.shown(value)}; it must be a number")
+    if not 0.0 <= value <= 1e9 / unit:
+        raise FormatError(f"{where} is {codec.shown(value)}; it must be from 0 to 1e9 s")
     seconds = value * unit
-    if not (math.isfinite(seconds) and 0.0 <= seconds <= 1e9):
-        raise FormatError(f"{where} is {value!r}; it must be from 0 to 1e9 s")
     return float(math.ceil(seconds - 1e-9))
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, StoreError, read_campaign
 from mrta_falsify.core.candidate import Candidate, Dimension, SearchSpace
-from mrta_falsify.core.errors import PlaceError
+from mrta_falsify.core.errors import InputNote, PlaceError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from tests.campaigns.standin import settings
@@ -135,3 +136,32 @@ def test_an_unknown_trial_is_refused_with_what_there_is(tmp_path):
     for wrong in ("8", "-1", "x", "7 "):
         with pytest.raises(StoreError, match="trials 0000 to 0007"):
             campaign.record(wrong)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('"status":"ok"', '"status":"fine"', "status is 'fine'"),
+        ('"violated":false', '"violated":true', "verdicts"),
+        ('"score":1.0', '"score":1.0,"score":2.0', "score is there twice"),
+        ('"score":1.0', '"score":' + "9" * 400, "must be finite"),
+        ('{"a":[1]}', '{"cycle":[{"robot":3}]}', "evidence"),
+        ('{"candidate"', "[" * 2000 + '{"candidate"', "is not valid JSON"),
+    ],
+)
+def test_a_whole_record_of_other_content_is_left_out_by_name_and_stops_resume(
+    tmp_path, before, after, words
+):
+    with Store.create(tmp_path, settings()) as store:
+        for number in range(3):
+            store.add(_record(number))
+    log = tmp_path / RECORDS
+    lines = log.read_text().splitlines()
+    text = lines[1].split("\t", 1)[1].replace(before, after, 1)
+    lines[1] = f"{hashlib.sha256(text.encode()).hexdigest()[:16]}\t{text}"
+    log.write_text("\n".join(lines) + "\n")
+    with pytest.warns(InputNote, match=rf"records\.jsonl:2.*{words}.*left out"):
+        campaign = read_campaign(tmp_path)
+    assert [record.number for record in campaign.records] == [0, 2]
+    with pytest.raises(StoreError, match=r"records\.jsonl:2"):
+        Store.resume(tmp_path)

@@ -11,7 +11,7 @@ import pytest
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.store import Store
-from mrta_falsify.core import codec
+from mrta_falsify.core import parsing
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.record import TrialRecord
@@ -115,7 +115,7 @@ def test_a_damaged_world_file_is_refused(cli, tmp_path, content, part):
 def test_a_huge_world_file_is_refused(cli, tmp_path):
     path = tmp_path / "world.json"
     with path.open("wb") as file:
-        file.truncate(codec.MAX_FILE_BYTES + 1)
+        file.truncate(parsing.MAX_FILE_BYTES + 1)
     assert_refused(cli("run", str(path)), f"{path}: the file has 256 MB; at most 256 MB")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from mrta_falsify.core import codec
+from mrta_falsify.core import codec, parsing
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError, InputError
@@ -131,7 +131,7 @@ def test_a_damaged_file_is_a_format_error(tmp_path, content, problem):
 def test_a_huge_file_is_refused_before_it_is_read(tmp_path):
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
-        file.truncate(codec.MAX_FILE_BYTES + 1)  # sparse: takes no room on disc
+        file.truncate(parsing.MAX_FILE_BYTES + 1)  # sparse: takes no room on disc
     with pytest.raises(FormatError, match="the file has 256 MB; at most 256 MB"):
         codec.read_json(path)
 

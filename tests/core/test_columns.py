@@ -9,8 +9,8 @@ import tempfile
 import numpy as np
 import pytest
 
+from mrta_falsify.core import archives
 from mrta_falsify.core import columns as columns_module
-from mrta_falsify.core import trace as trace_module
 from mrta_falsify.core.columns import ColumnStore, FileColumns
 from mrta_falsify.core.trace import read_trace, write_trace
 from tests.conftest import scripted_trace
@@ -102,7 +102,7 @@ def test_a_copy_that_is_taken_back_leaves_nothing_behind(in_memory):
 def test_a_long_run_has_the_trace_of_a_short_one(hall, monkeypatch, tmp_path):
     short = scripted_trace(hall, seconds=5.0)
     monkeypatch.setattr(columns_module, "BLOCK", 4096)
-    monkeypatch.setattr(trace_module, "LARGE", 1024)
+    monkeypatch.setattr(archives, "LARGE", 1024)
     long = scripted_trace(hall, seconds=5.0)
     assert isinstance(long.columns, FileColumns)
     assert long.digest == short.digest

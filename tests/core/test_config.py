@@ -72,7 +72,7 @@ def test_defects_are_sorted_and_unique():
         ("planer=astar", UnknownNameError, "unknown layer 'planer'; did you mean 'planner'?"),
         ("planner", ConfigError, "it must read layer=NAME or layer.option=VALUE"),
         ("=x", ConfigError, "it must read layer=NAME"),
-        ("planner=[", ConfigError, "is not a YAML value"),
+        ("planner=[", ConfigError, "is not valid YAML"),
         ("control_rate=1000", InputError, "control_rate is 1000 Hz; it must be <= 100"),
         ("control_rate.x=1", ConfigError, "control_rate has no options"),
         ("defects=[sloth]", UnknownNameError, "unknown defect 'sloth'"),

@@ -13,9 +13,8 @@ from hypothesis import given
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, frozen_array
-from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.codec import is_sound, quantity
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.soundness import is_sound
 from mrta_falsify.core.world import World
 from tests.strategies import worlds
 

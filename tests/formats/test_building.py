@@ -221,6 +221,7 @@ def _damaged(raw: bytes, rng: random.Random) -> bytes:
             return b"".join([*lines[:k], lines[other], *lines[k:]])
 
 
+@pytest.mark.filterwarnings("ignore::mrta_falsify.core.errors.InputNote")
 def test_damaged_buildings_are_told_in_a_sentence(file):
     raw = drawn_buildings.text(("ground", "upper")).encode()
     rng = random.Random(21)

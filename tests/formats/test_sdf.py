@@ -167,7 +167,7 @@ def test_models_that_include_each_other_end_in_a_sentence(tmp_path):
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        (model("<box><size>1 2</size></box>"), "<size> is '1 2'; it must be 3 finite numbers"),
+        (model("<box><size>1 2</size></box>"), "<size> is '1 2'; it must be 3 numbers"),
         (model("<box><size>1 -2 1</size></box>"), "must be positive"),
         (model(BOX, pose="0 0 nan 0 0 0"), "<pose> is '0 0 nan 0 0 0'"),
         (model("<heightmap/>"), "<heightmap> is not a shape that is read"),

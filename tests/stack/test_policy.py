@@ -95,7 +95,7 @@ def test_weights_and_functions_drive_every_robot_by_what_it_sees(tmp_path, view)
         ({"weight_1": np.zeros((3, 5))}, r"weight_1 has shape \(3, 5\); it must be \(2, 5\)"),
         ({"scale": np.zeros(SIZE)}, "scale has a 0"),
         ({"mean": np.full(SIZE, np.nan)}, "mean is not finite"),
-        ({"bias_0": np.array([None] * 5, dtype=object)}, "is no archive of numbers"),
+        ({"bias_0": np.array([None] * 5, dtype=object)}, "must be numbers"),
     ],
 )
 def test_weights_that_are_none_are_refused_and_pickles_are_not_read(tmp_path, changes, message):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mrta_falsify.core.archives import DAMAGE, read_array
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.stack.policy.observation import ACTIONS, SIZE, Observations
@@ -81,10 +82,12 @@ def read_perceptron(path: Path) -> Perceptron:
         FormatError: an array is missing, has another shape, or is not finite.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise FormatError(f"{path}: is no archive of numbers: {error}") from None
+        with zipfile.ZipFile(path) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist()]
+            arrays = {name: read_array(archive, name).astype(np.float64) for name in names}
+    except DAMAGE as error:
+        text = " ".join(str(error).split())[:200]
+        raise FormatError(f"{path}: is no archive of numbers: {text}") from None
     depth = next(k for k in itertools.count() if f"weight_{k}" not in arrays)
     if not depth:
         raise FormatError(f"{path}: has no weight_0; it has {', '.join(sorted(arrays)) or 'none'}")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.core.trace import DAMAGE, Trace, read_trace
+from mrta_falsify.core.trace import Trace, read_trace
+from mrta_falsify.core.wait_account import is_kept
 from mrta_falsify.core.world import World, read_world
 from simulator_interface.formats.fleet_log import FleetLog, RobotLog
 from simulator_interface.formats.rosbag_log import is_bag, read_bag
@@ -39,13 +39,10 @@ def read_log(path: Path) -> tuple[FleetLog, World | None]:
         return read_bag(path), None
     folder = path if path.is_dir() else path.parent
     world = read_world(folder / WORLD)
-    try:
-        trace = read_trace(folder / TRACE)
-        log = _log_of_trace(trace)
-    except FormatError:
-        raise
-    except (*DAMAGE, TypeError, AttributeError, IndexError, zipfile.LargeZipFile) as error:
-        raise FormatError(f"{folder / TRACE}: is not a readable trace: {error}") from None
+    trace = read_trace(folder / TRACE)
+    if not is_kept(trace):
+        raise FormatError(f"{folder / TRACE}: has no frames; only its digest was kept")
+    log = _log_of_trace(trace)
     if trace.world_digest != world.digest():
         raise FormatError(f"{folder / TRACE}: is of another world than {folder / WORLD}")
     return log, world
@@ -55,9 +52,6 @@ def _log_of_trace(trace: Trace) -> FleetLog:
     times = np.asarray(trace.columns["time"], dtype=np.float64)
     poses = np.asarray(trace.columns["pose"], dtype=np.float64)
     goals = np.asarray(trace.columns["goal"], dtype=np.float64)
-    robots, ticks = len(trace.robots), len(times)
-    if not ticks or poses.shape != (ticks, robots, 3) or goals.shape != (ticks, robots, 2):
-        raise FormatError("the trace's columns do not fit each other")
     return FleetLog(
         robots=tuple(
             RobotLog(

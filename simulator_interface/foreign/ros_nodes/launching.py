@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import ConfigError
 from simulator_interface.foreign.robot_topics import ROBOT, Topics
@@ -48,14 +46,9 @@ def read_launch(path: Path) -> LaunchFile:
     """Read a launch file.
 
     Raises:
-        ConfigError: it cannot be read, or says what is not known.
+        InputError: it cannot be read, or says what is not known.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        content = yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
-    launch = codec.decode(LaunchFile, content or {}, where=str(path))
+    launch = codec.decode(LaunchFile, codec.read_yaml(path) or {}, where=str(path))
     if not launch.programs:
         raise ConfigError(
             f"{path}: programs is empty; each has a name and a target MODULE:FUNCTION"
