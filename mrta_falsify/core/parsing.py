@@ -109,7 +109,7 @@ def parse_yaml(
         loader = _Loader(text, where, doubled)
         try:
             top = loader.get_single_node()
-            if _has_field(top, as_text):
+            if top is not None and _has_field(top, as_text):
                 _keep_text(top)
             data = None if top is None else loader.construct_document(top)
         finally:
@@ -123,7 +123,7 @@ def parse_yaml(
     return data
 
 
-def _has_field(top: yaml.Node | None, names: Collection[str]) -> bool:
+def _has_field(top: yaml.Node, names: Collection[str]) -> bool:
     keys = [key for key, _ in top.value] if isinstance(top, yaml.MappingNode) else []
     return any(isinstance(key, yaml.ScalarNode) and key.value in names for key in keys)
 
