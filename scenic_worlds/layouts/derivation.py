@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import MultiLineString, MultiPolygon, Polygon
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.world import Lane, Resource, Room, World
@@ -85,7 +85,7 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool 
                 derived = lanes.build(given)
         shorter = [
             _kept(queue, derived, i, least=0.0 if len(floor.rooms[i].queue) else apart)
-            if len(floor.rooms[i].queue) or i not in lanes.behind_others
+            if len(floor.rooms[i].queue) or lanes.reaches_spots(i)
             else queue[:0]
             for i, queue in enumerate(queues)
         ]
@@ -159,6 +159,9 @@ def _queues(
     routes: RouteMap, floor: Floor, entrances: list[Entrance], middles: Array, part: int
 ) -> tuple[list[Array], Sites]:
     sites = standing_places(routes, entrances, middles, part)
+    if floor.driven_past and floor.lanes:  # robots keep to the lanes of a building
+        gaps = shapely.distance(_lanes_of(floor), shapely.points(sites.points))
+        sites = sites.taking(gaps >= LEAST_TO_LANE + 2.0 * routes.extra)
     queues = [room.queue.reshape(-1, 2) for room in floor.rooms]
     for i, entrance in enumerate(entrances):
         if len(queues[i]) or not floor.spots:
@@ -167,6 +170,14 @@ def _queues(
         taken = np.vstack([*queues, *fronts])
         queues[i] = choose_queue(routes, sites, entrance, taken, floor.spots)
     return queues, sites
+
+
+def _lanes_of(floor: Floor) -> MultiLineString:
+    """Collect the lanes that a floor's file gives."""
+    begin = {room.name: room.point for room in floor.rooms}
+    ways = [np.vstack([begin[lane.start], lane.to_room]) for lane in floor.lanes]
+    legs = np.concatenate([np.stack([way[:-1], way[1:]], axis=1) for way in ways])
+    return MultiLineString(list(np.unique(np.round(legs, 3), axis=0)))
 
 
 class _Lanes:
@@ -183,8 +194,9 @@ class _Lanes:
         queues: list[Array],
         off: Sequence[int] = (),
     ) -> None:
-        self.behind_others: set[int] = set()  #: rooms whose spots are reached through others
+        self._behind: set[int] = set()  # rooms whose spots are reached through others
         self._off = off
+        self._rooms = shapely.STRtree([Polygon(entrance.area) for entrance in entrances])
         self._shunned = np.zeros(routes.free.shape, dtype=np.bool_)
         for i in off:
             self._shunned |= routes.cells_in(entrances[i].area)
@@ -238,23 +250,37 @@ class _Lanes:
             return _corners(driven)[1:]
         places = np.arange(len(driven))[::TURN_OFF_STEP]
         gaps = np.hypot(*(driven[places] - queue[-1]).T)
-        places = places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS]
-        is_clear = [self._routes.is_clear(driven[k], queue[-1]) for k in places]
-        places = places[np.array(is_clear, dtype=np.bool_)]
-        ends = np.broadcast_to(queue[-1], (len(places), 2))
-        legs = shapely.linestrings(np.stack([driven[places], ends], axis=1))
-        rooms = [Polygon(e.area) for i, e in enumerate(self._entrances) if i != start]
-        through = np.array([shapely.intersects(leg, rooms).any() for leg in legs], dtype=np.bool_)
-        if through.all():
-            others = [room for i, room in enumerate(rooms) if i != end - (end > start)]
-            if (
-                len(otherwise) < 2
-                or shapely.intersects(shapely.linestrings(otherwise), others).any()
-            ):
-                self.behind_others.add(end)
-            return otherwise
-        best = int(places[np.argmin(through)])
-        return _joined([_corners(driven[: best + 1])[1:], queue[-1:]])
+        best = otherwise
+        is_behind = self._leads_through(otherwise, {start, end})
+        for k in places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS].tolist():
+            leg = np.stack([driven[k], queue[-1]])
+            if not self._routes.is_clear(*leg) or self._leads_through(leg, {start}):
+                continue
+            is_past = self._leads_past_waiting(leg)
+            if is_behind or not is_past:
+                best = _joined([_corners(driven[: k + 1])[1:], queue[-1:]])
+            is_behind = False
+            if not is_past:
+                break
+        if is_behind:
+            self._behind.add(end)
+        return best
+
+    def reaches_spots(self, room: int) -> bool:
+        """Whether ways lead to a room's spots without leading through other rooms."""
+        return room not in self._behind
+
+    def _leads_through(self, way: Array, own: set[int]) -> bool:
+        """Whether a way leads through rooms that are not its own."""
+        line = shapely.linestrings(np.vstack([way[:1], way]))
+        return bool(set(self._rooms.query(line, "intersects").tolist()) - own)
+
+    def _leads_past_waiting(self, way: Array) -> bool:
+        """Whether a way to a waiting spot leads closely past robots at others."""
+        waiting = np.vstack([np.zeros((0, 2)), *self._queues])
+        waiting = waiting[np.hypot(*(waiting - way[-1]).T) > 0.0]
+        gaps = shapely.distance(shapely.linestrings(way), shapely.points(waiting))
+        return bool(gaps.min(initial=np.inf) < LEAST_TO_LANE + 2.0 * self._routes.extra)
 
     def _clearance(self, without: int = -1) -> Array:
         """Measure the distance to walls and waiting robots, without one room's last spot."""
