@@ -27,7 +27,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Keys and trust of the tests are their own, and so are those of the commands that they start.
-os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="mrta-falsify-tests-")
+if "PYTEST_XDIST_WORKER" not in os.environ:  # its processes share those of the first
+    os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="mrta-falsify-tests-")
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from mrta_falsify.campaigns.made_here import has_seal, refuse_links
+from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_progress
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
@@ -285,13 +286,18 @@ def permit_resuming(directory: Path, trust: Trust) -> None:
     """Ask whether all that a campaign names may run.
 
     Raises:
-        StoreError: not a campaign, or nothing says which program it began with.
+        StoreError: not a campaign, of other rules, or nothing says which program it began with.
         NeedsOption: it may not.
     """
-    permit(directory, of_links(directory, directory / TRIALS), trust)
+    is_own = has_seal(directory)
+    if not is_own:  # its trials may be many
+        permit(directory, of_links(directory, directory / TRIALS), trust)
     settings = read_campaign_settings(directory)
+    reason = why_no_resume(settings.rules)
+    if reason:
+        raise StoreError(f"{directory}: {reason}")
     permit(directory, of_campaign(settings), trust)
-    if not settings.trials.sources_digest and not has_seal(directory):
+    if not settings.trials.sources_digest and not is_own:
         raise StoreError(
             f"{directory / SETTINGS}: has no digest of its program, so nothing tells whether "
             f"{settings.trials.scenario} is the one that the campaign began with; begin a new one"
