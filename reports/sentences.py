@@ -36,7 +36,7 @@ CAUSES = {
     "human": "stands still because {other}, a person, is in the way",
     "wall": "is held back by a solid{solid}",
     "no-path": "has a goal but no path to it{because}",
-    "stalled": "has a goal and a free path but does not drive",
+    "stalled": "has a goal and nothing in its way, but does not drive",
     "task": "waits for a task",
 }
 
@@ -277,6 +277,8 @@ def wait_sentence(
     told = {item.name: object_text(item) for item in objects}
     solids = [object_text(item) for item in objects if item.kind in ("furniture", "blockage")]
     resource = told.get(wait.resource, wait.resource)
+    if wait.blocked_by and not wait.seen:
+        return f"{wait.robot} goes on once {wait.blocked_by} is gone."
     if wait.cause == "queue" and not wait.blocked_by:
         return f"{wait.robot} waits for {resource or 'a resource'}, and no robot keeps it out."
     if wait.cause == "queue" and not resource:

@@ -107,6 +107,7 @@ def show_command(directory: Path, id: str, style: str) -> int:
     from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
     from mrta_falsify.verbs.stored_trials import (
         compared_sentences,
+        explained_reason,
         layer_of,
         open_campaign,
         what_happened,
@@ -140,6 +141,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"           {text}")
     if record.failed:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
+        if reason := explained_reason(campaign, record):
+            out.print(f"           by explain: {reason}")
     for name, text in coupling_facts(record.coupling):
         out.print(f"{name:<11}{text}")
     jittered = record.jittered if record.other is None else None

@@ -26,6 +26,7 @@ class _Edge(_Open):
     cause: str
     blocked_by: str = ""
     resource: str = ""
+    seen: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

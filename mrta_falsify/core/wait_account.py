@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
 from mrta_falsify.core.task_history import LATE_OR_UNDONE, robots_of, tasks_of
@@ -18,6 +18,7 @@ from mrta_falsify.core.verdict import Verdict
 #: what is waited for where no robot, person or thing is known, by cause; a solid otherwise
 NOTHING_KNOWN = {"no-path": "no way", "queue": "the queue"}
 STALLED = "stalled"  #: cause of a robot that does not drive although nothing is in its way
+HELD = "held by"  #: text of an arrow that only runs without the blocker show
 PUSHED = "pushed by"  #: text of the arrow from a thing to the person who has it
 
 
@@ -28,6 +29,7 @@ class WaitsFor(NamedTuple):
     cause: str  #: as of :class:`~mrta_falsify.core.fleet.BlockedBy`
     blocked_by: str = ""  #: robot or person; empty: neither
     resource: str = ""  #: room, corridor or solid; empty: none is known
+    seen: bool = True  #: when the failure was found; else only runs without the blocker show it
 
 
 class PresentObject(NamedTuple):
@@ -123,8 +125,9 @@ class WaitAccount:
                 continue  # it waits for nothing
             resource = wait.resource if wait.blocked_by else ""  # else it is the node
             held = wait.cause == "wall" and not wait.resource
+            cause = wait.cause if wait.seen else HELD
             for end in things if held and things else [awaited_node(wait)]:
-                yield Arrow(wait.robot, end, wait.cause, resource)
+                yield Arrow(wait.robot, end, cause, resource)
 
     def _pushing(self) -> Iterator[Arrow]:
         for item in self.objects:
@@ -195,8 +198,9 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
     )
 
 
-def _wait(row: Mapping[str, str]) -> WaitsFor:
-    return WaitsFor(row["robot"], row["cause"], row.get("blocked_by", ""), row.get("resource", ""))
+def _wait(row: Mapping[str, Any]) -> WaitsFor:
+    blocked_by, resource = row.get("blocked_by", ""), row.get("resource", "")
+    return WaitsFor(row["robot"], row["cause"], blocked_by, resource, row.get("seen", True))
 
 
 def _object(row: Mapping[str, str]) -> PresentObject:

@@ -175,6 +175,14 @@ def layer_of(campaign: Campaign, record: TrialRecord) -> str:
     return record.layer
 
 
+def explained_reason(campaign: Campaign, record: TrialRecord) -> str:
+    """Say why ``explain`` named a layer or none; empty if it was not run."""
+    with contextlib.suppress(InputError):  # a damaged file; `report` says what is wrong with it
+        explained = read_finding(campaign.folder(record), Explanation)
+        return explained.reason if explained is not None else ""
+    return ""
+
+
 def account_of(campaign: Campaign, record: TrialRecord) -> WaitAccount | None:
     """Tell who waits for whom in a stored failure, None if nothing is violated.
 

@@ -151,7 +151,7 @@ def test_five_questions_of_a_newcomer_are_answered_by_the_text_alone(page):
     assert "(found at " in text
     assert " s); it has made no progress since " in text  # when
     assert "ward_0 (x " in text  # where
-    assert "robot1 has a goal and a free path but does not drive." in text  # why
+    assert "robot1 has a goal and nothing in its way, but does not drive." in text  # why
     assert "suspected layer: waypoint_generator" in text  # whose fault
     assert "mrta-falsify replay runs/a 0007 --verify 3" in text  # see it again
     assert "replay: 3 of 3 identical" in text  # believe it

@@ -63,6 +63,16 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
     )
 
 
+def test_a_robot_that_is_not_yet_in_the_way_is_told_by_what_goes_on_without_it():
+    later = {**row("robot1", "barrier", "robot2"), "seen": False}
+    account = wait_account(stuck(later, PAIR[1], members=["robot1", "robot2"]))
+    assert account_sentences(account) == (
+        "robot1 goes on once robot2 is gone.",
+        "robot2 cannot drive on because robot1 stands in its path.",
+    )
+    assert [arrow.text for arrow in account.arrows] == ["held by", "barrier"]
+
+
 def test_members_that_stand_apart_have_their_own_places_and_no_common_one():
     mean = {"x": 5.0, "y": 0.0, "near": "ward", "distance": 4.0, "kind": "room"}
     places = {
@@ -242,7 +252,7 @@ def test_a_victim_with_nothing_in_its_way_is_told_by_whom_it_is_held():
     victim = {"chain": [row("robot3", "stalled")], "victims": ["robot3"]}
     alone = stuck(row("robot4", "stalled"), members=["robot4"], **victim)
     assert account_sentences(wait_account(alone)) == (
-        "robot4 has a goal and a free path but does not drive.",
+        "robot4 has a goal and nothing in its way, but does not drive.",
         "robot3 has nothing in its way, but goes on only once robot4 is gone.",
     )
     pair = stuck(*PAIR, members=["robot1", "robot2"], **victim)

@@ -55,6 +55,7 @@ class EdgeRow:
     cause: str  #: of the blocked-by edge
     blocked_by: str  #: robot or person, empty: none
     resource: str  #: queue, solid or blockage, empty: none
+    seen: bool = True  #: geometry shows it when the claim is made; else a continuation does
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,14 +123,21 @@ class Contradiction:
     robot: str  #: that member
 
 
-def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence:
+def describe(deadlock: Deadlock, world: World, frame: Frame, now: EdgesByRobot) -> DeadlockEvidence:
     """Describe a deadlock for its verdict.
 
     Args:
         deadlock: found at this moment.
         world: of the episode.
         frame: of the moment.
+        now: edges of the wait-for graph at this moment, as geometry shows them.
     """
+
+    def row(edge: BlockedBy) -> EdgeRow:
+        seen = edge.other < 0 or any(_is_same(edge, other) for other in now.get(edge.robot, ()))
+        named = _named(_edge_row(edge, world), edge, world, frame)
+        return dataclasses.replace(named, seen=seen)
+
     names = [robot.name for robot in world.robots]
     members = sorted(deadlock.members, key=lambda i: (deadlock.onsets[i], i))
     cycle = [edge for i in sorted(members) for edge in deadlock.edges.get(i, ())]
@@ -143,8 +151,8 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         onsets={names[i]: deadlock.onsets[i] for i in members},
         victims=tuple(names[i] for i in sorted(deadlock.victims)),
         blockers=tuple(sorted(names[i] for i in others - deadlock.robots - {-1})),
-        cycle=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in cycle),
-        chain=tuple(_named(_edge_row(edge, world), edge, world, frame) for edge in chain),
+        cycle=tuple(map(row, cycle)),
+        chain=tuple(map(row, chain)),
         objects=_objects((*cycle, *chain), world, frame),
         place=_place(stand, world),
         places={names[i]: _place(frame.sensed.pose[[i], :2], world) for i in members},
@@ -153,6 +161,11 @@ def describe(deadlock: Deadlock, world: World, frame: Frame) -> DeadlockEvidence
         confirmed=deadlock.confirmed,
         kind="deadlock" if len(members) > 1 else "stuck",
     )
+
+
+def _is_same(one: BlockedBy, other: BlockedBy) -> bool:
+    """Whether two edges of a robot lead to the same robot or person."""
+    return one.other == other.other and (one.cause == "human") == (other.cause == "human")
 
 
 def _place(points: Array, world: World) -> PlaceRow:

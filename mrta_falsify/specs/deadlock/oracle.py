@@ -206,7 +206,7 @@ class NoDeadlock:
             return
         for found in self._test.deadlocks(forecast, asked, time, edges):
             if not known & set(found.group.robots):
-                self._claim(found, forecast, frame)
+                self._claim(found, forecast, edges, frame)
 
     def _suspect(self, edges: EdgesByRobot, frame: Frame) -> None:
         """Suspect a deadlock where no forecast can tell, or drop a suspicion."""
@@ -223,9 +223,11 @@ class NoDeadlock:
             onsets={i: frame.sensed.time - float(closed_for[i]) for i in members},
             confirmed=False,
         )
-        self._suspected = describe(deadlock, self._world, frame)
+        self._suspected = describe(deadlock, self._world, frame, edges)
 
-    def _claim(self, found: FoundDeadlock, forecast: Forecast, frame: Frame) -> None:
+    def _claim(
+        self, found: FoundDeadlock, forecast: Forecast, edges: EdgesByRobot, frame: Frame
+    ) -> None:
         """Claim a deadlock that continuations have shown."""
         time = frame.sensed.time
         ground = Ground(
@@ -238,7 +240,7 @@ class NoDeadlock:
         )
         deadlock = _with_last_links(_confirmed(found, time), ground)
         names = [robot.name for robot in self._world.robots]
-        described = describe(deadlock, self._world, frame)
+        described = describe(deadlock, self._world, frame, edges)
         shut = _shut(found, ground, frame)
         if shut and self._is_let_go(forecast, shut.by, found.group.robots):
             shut = None  # a person stands there because the robots do

@@ -40,6 +40,7 @@ from simulator_interface.simulate import Outcome
 
 RUNS = 6  # of each row, at least; as many more while that may tell a layer
 MOST = 18  # of each row
+NO_LAYER = "no single layer: "  #: what a reason that names none begins with
 HARDLY_ANY = 0.25  # share of copies; a failure that no more of them repeat is a knife edge
 NEAR = 1.5  # m by which the robots concerned may stand further from the place than they did
 
@@ -312,16 +313,16 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
     if verdict.spec == STACK_RUNS and guess and guess != WHOLE:
         return Suspicion(guess, "its code failed")
     if not rows:
-        return Suspicion("", "no single layer: no layer can be exchanged")
+        return Suspicion("", f"{NO_LAYER}no layer can be exchanged")
     stack = rows[0]
     if len(rows) == 1 and stack.copies == 1:
         return Suspicion(
             "",
-            "no single layer: run again by the same rule, the stack as it is "
+            f"{NO_LAYER}run again by the same rule, the stack as it is "
             f"{'fails' if stack.failed else 'does not fail'}, so no row was run",
         )
     if is_knife_edge(stack):
-        return Suspicion("", f"no single layer: a knife edge, {told(stack)}")
+        return Suspicion("", f"{NO_LAYER}a knife edge, {told(stack)}")
     if guess == WHOLE:
         return Suspicion(WHOLE, _of_whole(rows))
     names = separating(rows)
@@ -329,15 +330,15 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
         own = [row for row in curing(rows) if row.layer == names[0]]
         return Suspicion(names[0], f"{told(stack)}; {'; '.join(map(told, own))}")
     if names:
-        return Suspicion("", f"no single layer: exchanging any of {_listed(names)} removes it")
+        return Suspicion("", f"{NO_LAYER}exchanging any of {_listed(names)} removes it")
     cures = curing(rows)
     if cures:
         which = _listed(tuple(dict.fromkeys(row.layer for row in cures)))
         does = "makes it rarer" if any(row.failed for row in cures) else "removes it"
         return Suspicion(
-            "", f"no single layer: exchanging {which} {does}, and no row is told from all others"
+            "", f"{NO_LAYER}exchanging {which} {does}, and no row is told from all others"
         )
-    return Suspicion("", f"no single layer: {told(stack)}, and no exchange removes it")
+    return Suspicion("", f"{NO_LAYER}{told(stack)}, and no exchange removes it")
 
 
 def _of_whole(rows: Sequence[LayerRow]) -> str:

@@ -158,7 +158,8 @@ def _headline(
     count = sought_modes(found)
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
-    first = f"{sought} of {judged} trials {verb} a specification, in {kinds}"
+    looked_for = " that is looked for first" if last else ""
+    first = f"{sought} of {judged} trials {verb} a specification{looked_for}, in {kinds}"
     first += f": {kinds_text({**counts, 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"

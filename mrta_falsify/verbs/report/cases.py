@@ -27,7 +27,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import by_cause, is_shut, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
-from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
+from mrta_falsify.verbs.explain import NO_LAYER, decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.minimize.telling import minimal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import neighbour_of
@@ -210,6 +210,8 @@ def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
 def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:
     """Show what re-runs say in place of what the trace alone says."""
     evidence = f"Runs that differ in one layer from {found.changed_at:.1f} s on: {found.reason}."
+    if len(found.rows) == 1:  # the stack as it is: nothing else was run
+        evidence = f"No layer was exchanged: {found.reason.removeprefix(NO_LAYER)}."
     if found.layer == WHOLE:
         evidence = f"{found.runs} runs with one thing changed: {found.reason}."
     if found.guess and found.guess != found.layer:
@@ -236,6 +238,15 @@ def _parting(check: ReplayCheck | None) -> str:
     return f"first differs {check.first_difference}"
 
 
+def _without_cut_off(
+    verdicts: Sequence[Verdict], world: World, before: World
+) -> tuple[Verdict, ...]:
+    """Leave out tasks that are undone only because a smaller world ends sooner."""
+    first, *others = by_cause(verdicts)
+    ends_sooner = world.horizon < before.horizon
+    return (first, *(v for v in others if not (ends_sooner and v.spec == "all_tasks_done")))
+
+
 def _with_minimised(
     case: CaseContents,
     found: Minimisation,
@@ -249,7 +260,7 @@ def _with_minimised(
         signature=found.signature,
         world=world,
         trace=trace,
-        verdicts=by_cause(found.verdicts),
+        verdicts=_without_cut_off(found.verdicts, world, case.world),
         costmap=map_of(world, config),
         facts=(("world digest", world.digest()[:16]), ("runs used", str(found.runs))),
         commands=minimised_commands(folder),

@@ -45,12 +45,15 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
     steps = _steps(campaign, record.candidate.u, near.candidate.u)
     names = dimension_names(campaign)
     here, there = told_values(campaign, record), told_values(campaign, near)
-    order = [int(i) for i in np.argsort(-steps, kind="stable") if steps[i] > 0.0]
+    texts = {i: (_text(here[i]), _text(there[i])) for i in np.flatnonzero(steps > 0.0)}
+    order = [
+        int(i)
+        for i in np.argsort(-steps, kind="stable")
+        if i in texts and texts[i][0] != texts[i][1]
+    ]
     return Neighbour(
         id=near.id,
-        differences=tuple(
-            (names[i], _text(here[i]), _text(there[i])) for i in order[:MOST_DIFFERENCES]
-        ),
+        differences=tuple((names[i], *texts[i]) for i in order[:MOST_DIFFERENCES]),
         further=max(0, len(order) - MOST_DIFFERENCES),
         command=shlex.join(["mrta-falsify", "report", str(campaign.directory), "--beside"]),
     )

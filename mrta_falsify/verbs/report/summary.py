@@ -115,7 +115,7 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
         return []
     count = sought_modes(found)
     kinds = "one way" if count == 1 else f"{count} different ways"
-    return [f"They fail in {kinds}; the first failure came in trial {first} of {len(judged)}."]
+    return [f"They fail in {kinds}; the first of these came in trial {first} of {len(judged)}."]
 
 
 def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
