@@ -52,9 +52,9 @@ behavior StandStill():
 behavior Push(thing, place, speed=0, keeps=False):
     """Walk behind a piece of furniture and push it until its centre is at a place.
 
-    Without progress for 20 s the piece is left where it is. Who `keeps` it waits until the way
-    is free, and does not begin where none is as wide as the piece. The piece needs
-    `with movable True` if the behaviour that pushes it is your own.
+    Without progress for 20 s the piece is left where it is. Who `keeps` it brings it
+    back to where it was, and does not begin where no way is as wide as the piece. The piece
+    needs `with movable True` if the behaviour that pushes it is your own.
     """
     todo = script('Push', thing, place, speed=speed, keeps=keeps)
     while not todo.done:

@@ -11,8 +11,9 @@ class Porter(Human):
         bed = new Bed in corridors
         new Porter with load bed
 
-    The bed is left at the stops of the route only. By default they lie where a bed of 1.0 x 2.2 m
-    keeps clear of doorways, room points and waiting spots whichever way it points.
+    The bed is left at the stops of the route, or where it was if it cannot come to one. By
+    default they lie where a bed of 1.0 x 2.2 m keeps clear of doorways, room points and waiting
+    spots whichever way it points.
 
     Properties:
         load: what is pushed, a piece of furniture.

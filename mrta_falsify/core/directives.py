@@ -70,8 +70,8 @@ class Push:
     point: Array = quantity(shape=(2,), unit="m")
     speed: float = quantity(low=0.0, unit="m/s", default=0.0)
     keeps: bool = later(False)
-    """The piece is never left on the way: the person waits until the way is free, and does not
-    begin where none is as wide as the piece."""
+    """The piece is never left on the way: without progress the person brings it back to where it
+    was, and it does not begin where no way is as wide as the piece."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -62,6 +62,8 @@ class Pushing:
     walker: Walker | None = None  #: to the handle
     closest: float = np.inf  #: least distance to the goal so far [m]
     closest_at: float = 0.0  #: when that was [s]
+    track: list[Array] = field(default_factory=list)  #: poses (3,) since the piece was gripped
+    returns: bool = False  #: the piece is brought back along its track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,13 +106,10 @@ class Pushers:
             return self._approach(push, pusher)
         handle = self._handle(push, self._things.pose[push.number], pusher.radius)
         if float(np.hypot(*(handle - pusher.place))) > SHOVED:
-            if self._gives_up(push, pusher.time):
+            if pusher.time - push.closest_at > LEAVE_AFTER and not push.keeps:
                 return PushStep(finished=True)
             return PushStep(velocity=self._towards(handle, pusher.place, push.speed))
         return self._roll(push, pusher)
-
-    def _gives_up(self, push: Pushing, time: float) -> bool:
-        return not push.keeps and time - push.closest_at > LEAVE_AFTER
 
     def _towards(self, goal: Array, place: Array, speed: float) -> Array:
         """Velocity ``(2,)`` [m/s] straight to a goal, not beyond it in one tick."""
@@ -196,11 +195,18 @@ class Pushers:
 
     def _roll(self, push: Pushing, pusher: Pusher) -> PushStep:
         pose = self._things.pose[push.number]
+        if push.returns:
+            return self._return(push, pusher)
         left = float(np.hypot(*(push.way[-1] - pose[:2])))
         if left < push.closest - MOVED:
             push.closest, push.closest_at = left, pusher.time
-        if left < ARRIVED or self._gives_up(push, pusher.time):
+        if left < ARRIVED:
             return PushStep(finished=True)
+        if pusher.time - push.closest_at > LEAVE_AFTER:
+            if not push.keeps:
+                return PushStep(finished=True)
+            push.returns = True
+            return self._return(push, pusher)
         push.passed = look_ahead(push.way, push.passed, pose[:2]).passed
         for velocity, rate in self._options(push, pose, left, pusher.radius):
             new_pose = pose + self._dt * np.array([*velocity, rate])
@@ -215,9 +221,30 @@ class Pushers:
                 new_place=handle,
             )
             if self._margins.are_kept(move, pusher.around):
+                if push.keeps and (new_pose != pose).any():
+                    push.track.append(pose)
                 self._things.move(push.number, new_pose, pusher.time)
                 return PushStep(velocity=(handle - pusher.place) / self._dt)
         return PushStep(velocity=np.zeros(2))
+
+    def _return(self, push: Pushing, pusher: Pusher) -> PushStep:
+        """Take the last step back; the push ends where the piece was gripped."""
+        if not push.track:
+            return PushStep(finished=True)
+        pose = self._things.pose[push.number]
+        handle = self._handle(push, push.track[-1], pusher.radius)
+        move = PushMove(
+            piece=push.number,
+            person=pusher.person,
+            pose=pose,
+            new_pose=push.track[-1],
+            place=pusher.place,
+            new_place=handle,
+        )
+        if not self._margins.are_kept(move, pusher.around):
+            return PushStep(velocity=np.zeros(2))
+        self._things.move(push.number, push.track.pop(), pusher.time)
+        return PushStep(velocity=(handle - pusher.place) / self._dt)
 
     def _options(
         self, push: Pushing, pose: Array, left: float, radius: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -252,6 +253,8 @@ def test_every_global_parameter_that_the_code_reads_is_known():
         *(root / "simulator_interface" / "scenic_bridge").glob("*.py"),
     ]
     read = {name for file in files for name in _params_read(ast.parse(file.read_text()))}
+    for file in (root / "scenic_worlds").glob("*.scenic"):
+        read.update(re.findall(r"\bglobalParameters\.(\w+)", file.read_text()))
     known = {*WORLD_PARAMS, *RUN_PARAMS}
     assert {name for name in read if not name.startswith("_")} == known
 

@@ -241,7 +241,7 @@ def test_a_push_waits_for_a_robot_in_the_way_and_gives_up_in_the_end():
     assert np.isnan(trace.columns["human_position"][-1]).all()  # and went on to the next errand
 
 
-def test_who_keeps_a_bed_waits_for_as_long_as_a_robot_is_in_the_way():
+def test_who_keeps_a_bed_brings_it_back_from_robots_in_the_way():
     push = Push(furniture="bed", point=point(11.0, 2.0), keeps=True)
     world = ward(
         person(push, Leave()),
@@ -250,9 +250,11 @@ def test_who_keeps_a_bed_waits_for_as_long_as_a_robot_is_in_the_way():
         horizon=40.0,
     )
     trace = run(world)
-    person_at, bed_at = trace.columns["human_position"][-1, 0], trace.columns["furniture_pose"][-1]
-    assert np.hypot(*(person_at - bed_at[0, :2])) < 1.5  # still at its end
+    pose = trace.columns["furniture_pose"][:, 0]
+    assert pose[:, 0].max() > 6.5
+    assert pose[-1] == pytest.approx([6.0, 2.0, 0.0], abs=1e-6)
     assert not trace.columns["contact"].any()
+    assert np.isnan(trace.columns["human_position"][-1]).all()  # and went on to the next errand
 
 
 def test_who_keeps_a_bed_does_not_begin_where_it_does_not_fit():
