@@ -60,7 +60,7 @@ def small_disk(patch: pytest.MonkeyPatch, root: Path, room: int) -> None:
 
     class SmallFile(io.FileIO):
         def write(self, data: Any) -> int:
-            is_here = Path(str(self.name)).is_relative_to(root)
+            is_here = Path(str(self.name)).absolute().is_relative_to(root)
             return super().write(some(bytes(data)) if is_here else data)
 
     def write_some(handle: int, data: Any) -> int:
