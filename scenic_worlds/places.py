@@ -45,7 +45,8 @@ CLEAR_OF_DOORS = 0.6  # m around doorways: a robot of 0.22 m passes there with i
 BED = (1.0, 2.2)  # m, width and length
 DOORWAY_DEPTH = 0.8  # m on either side of a door that counts as the doorway
 SMALL_ITEM = (0.45, 0.3)  # m, width and length of the least that stands along a wall
-PARKED_OFF = 0.15  # m that a bed is left off the place that it is pushed to, at most
+PARKED_OFF = 0.35  # m that a bed is left off the place that it is pushed to, at most
+PUSHED_OFF = 0.15  # m from the sides of a bed to walls on its way
 QUEUE_WIDTH = 0.8  # m, of the strip that holds the waiting spots
 
 
@@ -154,7 +155,7 @@ class Places:
         def build() -> Region:
             width, length = BED
             reach = float(np.hypot(width, length)) / 2.0 + PARKED_OFF
-            wide = self.free.buffer(-(width / 2.0 + PARKED_OFF))
+            wide = self.free.buffer(-(width / 2.0 + PUSHED_OFF))
             fits = max(getattr(wide, "geoms", [wide]), key=lambda part: part.area)
             return region_from(fits.difference(self._kept_clear.buffer(reach)), "bed_parking")
 
