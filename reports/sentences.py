@@ -118,11 +118,14 @@ def _held_text(evidence: Mapping[str, Any]) -> str:
     kinds = main_kinds(evidence)
     if kinds is None:
         return ""
-    robot, held, since = evidence["robot"], evidence["held_s"], evidence["since"]
-    span = f"{evidence['time'] - since:.1f} s since {since:.1f} s"
+    robot, held, since = evidence["robot"], evidence.get("held_s", 0.0), evidence["since"]
+    span = f"{evidence.get('time', 0.0) - since:.1f} s since {since:.1f} s"
     if not kinds:
         return f"; {robot} was held for only {held:.1f} of the {span}"
-    by = [f"{HOLDERS[kind]} for {seconds:.1f} s" for kind, seconds in evidence["held"].items()]
+    by = [
+        f"{HOLDERS.get(kind, kind)} for {seconds:.1f} s"
+        for kind, seconds in evidence["held"].items()
+    ]
     names = f" (longest by {listed(list(evidence['holders']))})" if evidence["holders"] else ""
     return f"; {robot} was held for {held:.1f} of the {span}: by {listed(by)}{names}"
 
@@ -220,6 +223,7 @@ def beside_sentences(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     return tuple(
         text
         for verdict in verdicts
+        if verdict.spec == DEADLOCK
         for text in (
             *map(_held_until_work, verdict.evidence.get("held_until_work", ())),
             *map(_contradiction, verdict.evidence.get("contradictions", ())),
@@ -256,6 +260,9 @@ def not_judged_sentence(verdict: Verdict) -> str:
 def _place(place: Any) -> str:
     if not isinstance(place, dict) or "near" not in place:
         return ""
+    numbers = (place.get("x"), place.get("y"), place.get("distance", 0.0))
+    if not all(isinstance(number, (int, float)) for number in numbers):
+        return ""  # evidence of a specification of a user
     point = f"x {float(place['x']):.1f} m, y {float(place['y']):.1f} m"
     near, distance = place["near"], float(place.get("distance", 0.0))
     if not near:

@@ -47,7 +47,8 @@ DOORWAY_DEPTH = 0.8  # m on either side of a door that counts as the doorway
 SMALL_ITEM = (0.45, 0.3)  # m, width and length of the least that stands along a wall
 SMALLEST_VISIT = 0.2  # m^2, of the floor that people go to
 SMALLEST_STEP = 0.5  # m; people who come no farther than this may go anywhere
-PARKED_OFF = 0.15  # m that a bed is left off the place that it is pushed to, at most
+PARKED_OFF = 0.35  # m that a bed is left off the place that it is pushed to, at most
+PUSHED_OFF = 0.15  # m from the sides of a bed to walls on its way
 QUEUE_WIDTH = 0.8  # m, of the strip that holds the waiting spots
 
 
@@ -160,7 +161,7 @@ class Places:
         def build() -> Region:
             width, length = BED
             reach = float(np.hypot(width, length)) / 2.0 + PARKED_OFF
-            wide = self.free.buffer(-(width / 2.0 + PARKED_OFF))
+            wide = self.free.buffer(-(width / 2.0 + PUSHED_OFF))
             fits = max(getattr(wide, "geoms", [wide]), key=lambda part: part.area)
             return region_from(fits.difference(self._kept_clear.buffer(reach)), "bed_parking")
 

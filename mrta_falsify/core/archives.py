@@ -23,6 +23,7 @@ DAMAGE = (
 )
 LARGE = 64 * 2**20  # bytes of an array that is not read into memory
 MAX_ARRAYS = 16 * 2**30  # bytes of the arrays of one archive; a shift of 8 h has some 3 GB
+LEAST_OF_VALUE = 4  # bytes of a value in a list that holds any news
 MAX_HEADER = 1 << 16  # bytes of an array's header
 
 
@@ -44,7 +45,8 @@ def read_member(archive: zipfile.ZipFile, name: str, most: int = MAX_FILE_BYTES)
 
 def read_json_member(archive: zipfile.ZipFile, name: str, most: int = MAX_FILE_BYTES) -> Any:
     """Read a JSON member; errors as of :func:`read_member`, and FormatError if it is none."""
-    return parse_json(read_member(archive, name, most), f"{archive.filename}: {name}")
+    text = read_member(archive, name, most)
+    return parse_json(text, f"{archive.filename}: {name}", most=most // LEAST_OF_VALUE)
 
 
 def read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:

@@ -12,6 +12,7 @@ import dataclasses
 import enum
 import functools
 import hashlib
+import itertools
 import json
 import math
 import re
@@ -88,9 +89,7 @@ class Rule:
             return f"it must be <= {self.high:g}"
         if not is_finite or -farthest <= least <= most <= farthest:
             return ""
-        if max(-least, most) > sys.float_info.max:
-            return "it must be finite"
-        return f"it must be from -{farthest:g} to {farthest:g}"
+        return f"it must be <= {farthest:g}" if most > farthest else f"it must be >= -{farthest:g}"
 
 
 def quantity(
@@ -343,15 +342,17 @@ def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | Non
     allowed = (float, int) if hint is float else hint
     if not isinstance(data, allowed) or (hint is not bool and isinstance(data, bool)):
         _fail(where, path, f"is {shown(data)}; it must be {_SCALARS[hint]}")
-    if hint is float and abs(data) <= MAX_WHOLE:
-        data = float(data)
-    if hint in (float, int):
-        rule = rule or Rule()
-        problem = rule.violation(data)
-        if problem:
-            unit = f" {rule.unit}" if rule.unit else ""
-            _fail(where, path, f"is {shown(data)}{unit}; {problem}")
-    return float(data) if hint is float else data
+    if hint is str or hint is bool:
+        return data
+    rule, given = rule or Rule(), data
+    if hint is float:
+        data = float(data) if abs(data) <= sys.float_info.max else math.inf
+    problem = rule.violation(data)
+    if problem:
+        unit = f" {rule.unit}" if rule.unit else ""
+        told = given if data == math.inf else data
+        _fail(where, path, f"is {shown(told)}{unit}; {problem}")
+    return data
 
 
 def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
@@ -372,19 +373,21 @@ def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None
 def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
     if not isinstance(data, dict):
         _fail(where, path, f"is {shown(data)}; it must be an object with named fields")
-    fields = {f.name: f for f in dataclasses.fields(cls)}
+    fields = _schema(cls)
     for key in () if getattr(cls, "OPEN", False) else data:
         if key not in fields:
             hint = did_you_mean(str(key), fields) or "."
             known = ", ".join(fields)
             _fail(where, _join(path, named(key)), f"is not a known field{hint} Known: {known}")
-    hints = _type_hints(cls)
     values = {}
-    for name, field in fields.items():
+    for name, (hint, rule, is_needed) in fields.items():
         if name in data:
-            rule = field.metadata.get("rule")
-            values[name] = _decode(hints[name], data[name], where, _join(path, name), rule)
-        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            item = data[name]
+            if rule is None and type(item) is hint and _is_plain(item):
+                values[name] = item
+            else:
+                values[name] = _decode(hint, item, where, _join(path, name), rule)
+        elif is_needed:
             _fail(where, _join(path, name), "is missing")
     try:
         made = cls(**values)
@@ -399,8 +402,18 @@ def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
 
 
 @functools.cache
-def _type_hints(cls: type) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
+def _schema(cls: type) -> dict[str, tuple[Any, Rule | None, bool]]:
+    """Give type hint and rule of each field of a dataclass, and whether it must be there."""
+    hints = typing.get_type_hints(cls)
+    missing = dataclasses.MISSING
+    return {
+        field.name: (
+            hints[field.name],
+            field.metadata.get("rule"),
+            field.default is missing and field.default_factory is missing,
+        )
+        for field in dataclasses.fields(cls)
+    }
 
 
 def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
@@ -459,10 +472,12 @@ def _decode_array(data: Any, where: str, path: str, rule: Rule) -> Array:
 def _is_of_numbers(data: Any, *, null: bool) -> bool:
     """Whether data are numbers in nested lists; text, true and false are none, null may be."""
     if isinstance(data, (list, tuple)):
-        kinds = set(map(type, data))
-        if kinds <= {float, int}:
-            return True
-        return all(_is_of_numbers(item, null=null) for item in data)
+        level: Any = data
+        kinds = set(map(type, level))
+        while kinds and kinds <= {list, tuple}:
+            level = list(itertools.chain.from_iterable(level))
+            kinds = set(map(type, level))
+        return kinds <= {float, int} or all(_is_of_numbers(item, null=null) for item in level)
     if data is None:
         return null
     if isinstance(data, np.ndarray):

@@ -22,7 +22,7 @@ class Choice:
     """One implementation by its registered name (or ``module:Class``), with its options."""
 
     name: str
-    options: dict[str, Any] = quantity(default=dict)
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
 def default_engine() -> str:

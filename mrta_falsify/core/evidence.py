@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,8 +146,14 @@ class _Loss(_Open):
     waiting_since: float | None = None
     time: float = 0.0
     held_s: float = 0.0
+    holders: dict[str, float] = field(default_factory=dict)
     held: dict[str, float] | None = None
     place: _Place | None = None
+
+    def check_stored(self) -> None:
+        """Refuse what held a robot without when and for how long."""
+        if self.held is not None and (self.since is None or not self.robot):
+            raise InputError("held: names no robot or no time since when")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

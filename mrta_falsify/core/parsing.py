@@ -7,9 +7,10 @@ here, so that no reader behind it has to look.
 from __future__ import annotations
 
 import collections
+import itertools
 import json
 import warnings
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +19,7 @@ import yaml
 from mrta_falsify.core.errors import DoubledKeyError, FormatError, InputNote
 
 MAX_FILE_BYTES = 256 * 1024 * 1024  # a world is under 1 MB; anything this large is a mistake
-MAX_VALUES = 10_000_000  # aliases of YAML make many of few; a floor has some 10,000
+MAX_VALUES = 10_000_000  # of a file, unfolded: aliases of YAML make many of few
 MAX_MERGED = 100_000  # fields that merge keys of YAML bring into one file
 MAX_DEPTH = 100  # of lists and objects within each other; a record has some 10
 
@@ -45,7 +46,9 @@ def _why_no_text(error: ValueError) -> str:
     return "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
 
 
-def parse_json(text: str | bytes, where: str, *, doubled: Doubled = "refused") -> Any:
+def parse_json(
+    text: str | bytes, where: str, *, doubled: Doubled = "refused", most: int = MAX_VALUES
+) -> Any:
     """Give the data of a JSON text.
 
     Args:
@@ -53,6 +56,7 @@ def parse_json(text: str | bytes, where: str, *, doubled: Doubled = "refused") -
         where: it stands; errors begin with it.
         doubled: which value counts of a key that stands twice in an object; an
             :class:`~mrta_falsify.core.errors.InputNote` names it.
+        most: values that it may have.
 
     Returns:
         Plain data. NaN and infinity are in it where the text has them; ``codec.decode`` refuses
@@ -71,6 +75,9 @@ def parse_json(text: str | bytes, where: str, *, doubled: Doubled = "refused") -
                 made = dict(reversed(pairs))
         return made
 
+    count = text.count("," if isinstance(text, str) else b",")  # type: ignore[arg-type]
+    if count > most:
+        raise FormatError(f"{where}: has {count:.1e} values; at most {most}")
     try:
         data = json.loads(text, object_pairs_hook=object_of)
     except json.JSONDecodeError as error:
@@ -82,7 +89,7 @@ def parse_json(text: str | bytes, where: str, *, doubled: Doubled = "refused") -
     except ValueError:  # Python converts no number of thousands of digits
         detail = "a number in it has too many digits"
         raise FormatError(f"{where}: is not valid JSON: {detail}") from None
-    _check_plain(data, where, "JSON")
+    _check_plain(data, where, "JSON", _height)
     return data
 
 
@@ -117,9 +124,9 @@ def parse_yaml(
     except RecursionError:
         raise FormatError(f"{where}: is not valid YAML: it is nested too deep") from None
     except (yaml.YAMLError, ValueError) as error:
-        detail = " ".join(str(error).split())
+        detail = " ".join(str(error).split()).replace('in "<unicode string>", ', "in ")
         raise FormatError(f"{where}: is not valid YAML: {detail}") from None
-    _check_plain(data, where, "YAML")
+    _check_plain(data, where, "YAML", _height_unfolded)
     return data
 
 
@@ -159,29 +166,70 @@ def _short(key: Any) -> str:
     return text if len(text) <= 60 and text.isprintable() else repr(text[:57] + "...")
 
 
-def _check_plain(data: Any, where: str, language: str) -> None:
+def _check_plain(
+    data: Any, where: str, language: str, height_of: Callable[[Any, str], int]
+) -> None:
     """Refuse what no reader expects, wherever it stands in ``data``.
 
     Raises:
         FormatError: it is nested too deep, has too many values, or half a surrogate pair.
     """
     try:
-        count, height = _size(data, {})
+        height = height_of(data, where)
     except UnicodeEncodeError as error:
         raise FormatError(
             f"{where}: is not valid {language}: {error.object[:40]!a} has half a surrogate pair, "
             "which is no character"
         ) from None
     except RecursionError:
-        height, count = MAX_DEPTH + 1, 0
-    if count > MAX_VALUES:
-        raise FormatError(
-            f"{where}: its aliases (*name) unfold to {count:.1e} values; at most {MAX_VALUES}"
-        )
+        height = MAX_DEPTH + 1
     if height > MAX_DEPTH:
         raise FormatError(
             f"{where}: is nested too deep; at most {MAX_DEPTH} lists and objects in each other"
         )
+
+
+def _height(data: Any, where: str) -> int:
+    """Count the levels of lists and objects of which each is there once; look at all text.
+
+    Raises:
+        UnicodeEncodeError: a text is no Unicode.
+    """
+    del where
+    level, height = [data], 0
+    while level:
+        objects = [item for item in level if type(item) is dict]
+        lists = [item for item in level if type(item) is list]
+        for text in level:
+            if type(text) is str and not text.isascii():
+                text.encode()
+        for key in itertools.chain.from_iterable(objects):
+            if not key.isascii():
+                key.encode()
+        if not objects and not lists:
+            return height
+        height += 1
+        if height > MAX_DEPTH:
+            return height
+        level = list(itertools.chain.from_iterable(lists))
+        for item in objects:
+            level += item.values()
+    return height
+
+
+def _height_unfolded(data: Any, where: str) -> int:
+    """Count the levels of data in which lists and objects may be there more than once.
+
+    Raises:
+        FormatError: unfolded, it has too many values.
+        RecursionError, UnicodeEncodeError: as of :func:`_size`.
+    """
+    count, height = _size(data, {})
+    if count > MAX_VALUES:
+        raise FormatError(
+            f"{where}: its aliases (*name) unfold to {count:.1e} values; at most {MAX_VALUES}"
+        )
+    return height
 
 
 def _size(data: Any, known: dict[int, tuple[int, int]], depth: int = 0) -> tuple[int, int]:

@@ -158,8 +158,9 @@ def root_onsets(verdict: Verdict) -> tuple[float, ...]:
 
 def first_claim(evidence: Mapping[str, Any]) -> str:
     """Name the kind of the first claim that motion contradicts; empty if there is none."""
-    claims = evidence.get("claims", ())
-    return str(claims[0].get("kind", "")) if claims else ""
+    claims = evidence.get("claims")
+    first = claims[0] if isinstance(claims, (list, tuple)) and claims else None
+    return str(first.get("kind", "")) if isinstance(first, Mapping) else ""
 
 
 def is_outcome(verdict: Verdict) -> bool:
@@ -204,6 +205,7 @@ def _is_led_by(verdict: Verdict, other: Verdict) -> bool:
 def _concerned(verdict: Verdict) -> tuple[str, ...]:
     """Name the robots that a violation concerns, as far as it names any."""
     if is_outcome(verdict):
-        late = verdict.evidence.get("late", ())
-        return tuple(row.get("robot", "") for row in late if isinstance(row, dict))
+        late = verdict.evidence.get("late")
+        rows = late if isinstance(late, (list, tuple)) else ()
+        return tuple(str(row.get("robot", "")) for row in rows if isinstance(row, dict))
     return tuple(name for name in verdict.who if not name.startswith("task"))

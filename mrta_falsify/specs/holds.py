@@ -124,7 +124,7 @@ def main_kinds(evidence: Mapping[str, Any]) -> tuple[str, ...] | None:
     held = evidence.get("held")
     if not isinstance(held, Mapping):
         return None
-    held_s = float(evidence["held_s"])
-    if held_s < LITTLE * (float(evidence["time"]) - float(evidence["since"])):
+    held_s = float(evidence.get("held_s", 0.0))
+    if held_s < LITTLE * (float(evidence.get("time", 0.0)) - float(evidence["since"])):
         return ()
     return tuple(sorted(kind for kind, seconds in held.items() if seconds >= LARGE * held_s))

@@ -64,6 +64,17 @@ class Margins:
             and self._keeps_from_pieces(move)
         )
 
+    def are_kept_going_back(self, move: PushMove, around: Bystanders) -> bool:
+        """Whether a move back to where the piece was keeps its distances from what may have come.
+
+        The walls are where they were, so a distance from them may narrow as it once widened.
+        """
+        is_clear = not len(around.blocks) or (
+            self._piece_keeps_from_solids(move, around.blocks)
+            and self._pusher_keeps_from_solids(move, around)
+        )
+        return is_clear and self._keeps_from_bodies(move, around) and self._keeps_from_pieces(move)
+
     def _keeps_from_bodies(self, move: PushMove, around: Bystanders) -> bool:
         piece = self._things.pieces[move.piece]
         before, after = piece.at(move.pose), piece.at(move.new_pose)

@@ -40,6 +40,7 @@ CREEP = 0.4  # of its speed, when it must find its way past something
 SIDESTEPS = (0.25, -0.25, 0.5, -0.5)  # of half a turn from the course, tried in this order
 BEHIND = math.radians(110.0)  # what lies farther round than this is reached by pulling
 ARRIVED = 0.1  # m from the goal
+NEARLY = 0.3  # m from the goal, where a kept piece that cannot come nearer may stay
 SHOVED = 0.05  # m; a person pushed off the handle by more goes back before going on
 LEAVE_AFTER = 20.0  # s without progress before a person leaves the piece where it is
 APPROACH_LIMIT = 100.0  # s on the way to the handle before a person gives up
@@ -60,7 +61,7 @@ class Pushing:
     way: Array = field(default_factory=lambda: NO_WAY)  #: (L, 2) of the centre [m]
     passed: int = 0  #: points of the way already passed
     walker: Walker | None = None  #: to the handle
-    closest: float = np.inf  #: least distance to the goal so far [m]
+    closest: float = np.inf  #: least distance to the goal so far, of a kept piece along its way [m]
     closest_at: float = 0.0  #: when that was [s]
     track: list[Array] = field(default_factory=list)  #: poses (3,) since the piece was gripped
     returns: bool = False  #: the piece is brought back along its track
@@ -198,12 +199,13 @@ class Pushers:
         if push.returns:
             return self._return(push, pusher)
         left = float(np.hypot(*(push.way[-1] - pose[:2])))
-        if left < push.closest - MOVED:
-            push.closest, push.closest_at = left, pusher.time
+        ahead = _way_ahead(push, pose[:2]) if push.keeps else left
+        if ahead < push.closest - MOVED:
+            push.closest, push.closest_at = ahead, pusher.time
         if left < ARRIVED:
             return PushStep(finished=True)
         if pusher.time - push.closest_at > LEAVE_AFTER:
-            if not push.keeps:
+            if not push.keeps or left < NEARLY:
                 return PushStep(finished=True)
             push.returns = True
             return self._return(push, pusher)
@@ -241,7 +243,7 @@ class Pushers:
             place=pusher.place,
             new_place=handle,
         )
-        if not self._margins.are_kept(move, pusher.around):
+        if not self._margins.are_kept_going_back(move, pusher.around):
             return PushStep(velocity=np.zeros(2))
         self._things.move(push.number, push.track.pop(), pusher.time)
         return PushStep(velocity=(handle - pusher.place) / self._dt)
@@ -279,6 +281,11 @@ class Pushers:
             slide = CREEP * speed * np.array([math.cos(angle), math.sin(angle)])
             yield slide, rate
             yield slide, 0.0
+
+
+def _way_ahead(push: Pushing, place: Array) -> float:
+    """Length of the way that is left [m]."""
+    return way_length(np.vstack([place, push.way[push.passed :]]))
 
 
 def _beyond(way: Array, passed: int, place: Array, distance: float) -> Array:
