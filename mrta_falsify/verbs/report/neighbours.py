@@ -45,7 +45,7 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
     steps = _steps(campaign, record.candidate.u, near.candidate.u)
     names = dimension_names(campaign)
     here, there = told_values(campaign, record), told_values(campaign, near)
-    texts = {i: (_text(here[i]), _text(there[i])) for i in np.flatnonzero(steps > 0.0)}
+    texts = {int(i): (_text(here[i]), _text(there[i])) for i in np.flatnonzero(steps > 0.0)}
     order = [
         int(i)
         for i in np.argsort(-steps, kind="stable")
