@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.world import Blockage, CommsOutage, World
 from reports.body_plot import paint_bodies
-from reports.colours import SOFT, robot_colour
+from reports.colours import SOFT, UNSAFE, robot_colour
 from reports.floor_plot import draw_floor, draw_label
 from reports.floor_scene import Extent, Role, extent_of
 from reports.moving_scene import starting_scene
@@ -41,6 +41,7 @@ TITLE = 0.62  # inches over the sheet
 FOOT = 0.52  # inches under the sheet, for the legend
 SHRUNK = 0.75  # a world alone is drawn so much smaller than a run
 SCHEDULE_WIDTH = 4.2  # inches, beside a world alone
+NO_DOOR = "no door found"
 SCHEDULE_ROW = 0.19  # inches, one task or event beside a world alone
 
 
@@ -174,13 +175,25 @@ def _schedule_entries(worlds: Sequence[World]) -> Iterator[Patch]:
 # --- one world -------------------------------------------------------------------------------
 
 
-def write_floor_picture(floor: World, path: Path) -> None:
-    """Write a picture of a floor alone; the format follows the suffix (png, svg or pdf)."""
+def write_floor_picture(floor: World, path: Path, *, without_door: Collection[str] = ()) -> None:
+    """Write a picture of a floor alone.
+
+    Args:
+        floor: what to draw.
+        path: the format follows the suffix (png, svg or pdf).
+        without_door: names of rooms to mark, because no door of theirs was found.
+    """
     extent = extent_of(floor)
     scale = SHRUNK * min(MAP_HEIGHT / extent.height, MAP_WIDTH / extent.width)
     width, height = scale * extent.width, scale * extent.height
     paper = Paper.of_size(width + 2.0 * MARGIN, height + 2.0 * MARGIN)
-    draw_floor(paper.axes_at(MARGIN, MARGIN, width, height), floor, label_size=7.5)
+    axes = paper.axes_at(MARGIN, MARGIN, width, height)
+    draw_floor(axes, floor, label_size=7.5)
+    for room in floor.rooms:
+        if room.name in without_door:
+            axes.fill(*room.area.T, facecolor="none", edgecolor=UNSAFE, lw=1.6, ls="--", zorder=6)
+            at = room.point - np.array([0.0, 0.35])
+            draw_label(axes, at, NO_DOOR, size=7.5, colour=UNSAFE, weight="bold", va="top")
     paper.save(path)
 
 

@@ -119,7 +119,8 @@ def _confirmed_text(done: Confirmation) -> str:
 def _import_map(map: Path, style: str, **options: Any) -> int:
     from mrta_falsify.verbs.floor_import import import_floor
 
-    done = import_floor(map, **options)
+    with output.progress(f"import {map.name}", 1, "steps") as on_progress:
+        done = import_floor(map, **options, on_progress=on_progress)
     if style == "json":
         output.print_json(done)
         return ExitCode.DONE

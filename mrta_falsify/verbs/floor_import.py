@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ SLACK = 4.0  # times what one robot needs for a task, the most that the scenario
 LAST_ARRIVAL = 60.0  # s
 LEAST_WALK = 5.0  # m between two places that a visitor goes to
 PAUSE = (5.0, 20.0)  # s that it stays at each
+MOST_NAMES = 8  # of rooms in a message
 
 BUILDING_ENDING = ".building"  # of a building's name, before ``.yaml``
 FLOOR_ENDING, DERIVED_ENDING = ".floor.json", ".derived.yaml"
@@ -80,6 +81,7 @@ def import_floor(
     rooms: Place | None = None,
     level: str | None = None,
     radius: float = DEFAULT_RADIUS,
+    on_progress: Callable[[float, float], None] | None = None,
 ) -> ImportedFloor:
     """Make a floor of a Nav2 map with a file of rooms, and a scenario on it.
 
@@ -91,6 +93,7 @@ def import_floor(
         rooms: a floor file with the rooms; None: NAME.rooms.yaml beside the map.
         level: of a building; None: the only one.
         radius: of the largest robot [m].
+        on_progress: called with how many steps are done, and of how many.
 
     Raises:
         InputError: a file is missing or broken, or a room cannot be reached; nothing is
@@ -110,7 +113,7 @@ def import_floor(
         raise FormatError(_too_few_rooms(read))
     try:
         floor = move_beside_lanes(read, radius=radius)
-        world = derive_layout(floor, radius=radius)
+        world = derive_layout(floor, radius=radius, on_progress=on_progress)
     except WorldError as error:
         raise WorldError(f"{read.source}: {error}") from None
     assert floor.source is not None
@@ -161,7 +164,7 @@ def _too_few_rooms(floor: Floor) -> str:
 def _draw(world: World, path: Path) -> None:
     from reports import contact_sheet  # noqa: PLC0415 - matplotlib loads slowly
 
-    contact_sheet.write_floor_picture(world, path)
+    contact_sheet.write_floor_picture(world, path, without_door=_without_door(world))
 
 
 # --- what is written -------------------------------------------------------------------------
@@ -194,8 +197,15 @@ def _derived_text(floor: Floor, world: World) -> str:
         _fill(given, "door", room.door)
         _fill(given, "queue", resource.spots)
     _fill(data, "parking", world.parking)
-    return heading + yaml.safe_dump(
-        data, sort_keys=False, allow_unicode=True, width=100, default_flow_style=None
+    # libyaml writes ten thousand lanes in a second, where it is there.
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return heading + yaml.dump(
+        data,
+        Dumper=dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=100,
+        default_flow_style=None,
     )
 
 
@@ -365,14 +375,25 @@ def _passing_notes(world: World, radius: float, moved: Sequence[str]) -> list[st
     return said
 
 
+def _without_door(world: World) -> list[str]:
+    return [room.name for room in world.rooms if not len(room.door)]
+
+
 def _place_warnings(world: World, radius: float) -> list[str]:
     from scenic_worlds.layouts.reach import closed_off_by_waiting  # noqa: PLC0415 - loads numba
 
     said = []
+    open_rooms = _without_door(world)
+    if open_rooms:
+        said.append(
+            f"no door was found between {_listed(open_rooms)} and the rest of the floor (marked in "
+            "the picture): robots may wait and park all around (give the room its door, two "
+            "points, if there is one)"
+        )
     closed = closed_off_by_waiting(world, radius)
     if closed:
         said.append(
-            f"robots on all waiting spots and parking places close off {', '.join(closed)} (give "
+            f"robots on all waiting spots and parking places close off {_listed(closed)} (give "
             "queue or parking)"
         )
     waiting = [
@@ -382,9 +403,15 @@ def _place_warnings(world: World, radius: float) -> list[str]:
     ]
     if waiting:
         said.append(
-            f"no place to wait was found near {', '.join(waiting)}: robots queue on the roadway "
+            f"no place to wait was found near {_listed(waiting)}: robots queue on the roadway "
             "there (give the room a queue if there is one)"
         )
     if not len(world.parking):
         said.append("no place to park was found: idle robots stay where they are")
     return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    """List names, the first ones of many."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more

@@ -6,13 +6,16 @@ the doors, where lanes still pass; parking keeps away from all of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import MultiLineString, MultiPolygon, Polygon
 
-from mrta_falsify.core.arrays import Array, frozen_array
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray, frozen_array
 from mrta_falsify.core.world import Lane, Resource, Room, World
 from scenic_worlds.layouts.assembly import lane_travel_times
 from scenic_worlds.layouts.entrances import FRONT, Entrance, find_entrance
@@ -28,9 +31,10 @@ from scenic_worlds.layouts.queues import Sites, choose_parking, choose_queue, st
 from scenic_worlds.layouts.reach import check_reachable, check_spots, with_points
 from scenic_worlds.layouts.routes import (
     ROBOT_RADIUS,
-    STEP,
+    WIDE,
     MiddleWays,
     RouteMap,
+    both_sides,
     evenly,
     right_of,
 )
@@ -43,9 +47,17 @@ LEAST_TO_LANE = 0.62  # m; a spot nearer to traffic is given up
 MOST_PARKING = 12
 MOST_TURN_OFFS = 40  # places on a lane where robots may turn off to a waiting spot
 TURN_OFF_STEP = 5  # samples of the lane from one of them to the next
+DRIVEN_STEP = 0.5  # m between points of lanes that say which floor is driven on
+OWN_END = 1.3  # m of the lane to a room's last spot that pass the room's other spots
 
 
-def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool = True) -> World:
+def derive_layout(
+    floor: Floor,
+    *,
+    radius: float = ROBOT_RADIUS,
+    off_ways: bool = True,
+    on_progress: Callable[[float, float], None] | None = None,
+) -> World:
     """Derive the layout of a user's floor.
 
     Args:
@@ -54,6 +66,8 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool 
             from walls and each other; below, distances stay those of the default.
         off_ways: a room that others drive through has only as much space of its own as keeps off
             their ways. False: it has its surroundings, whoever comes through.
+        on_progress: called with how many rooms are done, and of how many, each being looked
+            at several times.
 
     Returns:
         A world without robots, humans, tasks and events.
@@ -65,29 +79,30 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool 
         name=floor.name, bounds=floor.bounds, walls=floor.walls, furniture=floor.furniture
     )
     routes = RouteMap(solid, radius)
+    steps = _Steps(on_progress, len(floor.rooms))
     floor = with_points(routes, floor)
     part = check_reachable(routes, floor)
     check_spots(routes, floor, part)
     points = [np.asarray(room.point) for room in floor.rooms]
-    entrances, middles = _entrances(routes, floor, points)
+    entrances = _entrances(routes, floor, points, steps)
+    middles = _middle_ways(routes, points, entrances, steps)
     queues, sites = _queues(routes, floor, entrances, middles, part)
     given = {(lane.start, lane.end): lane for lane in floor.lanes}
     lanes = _Lanes(routes, floor, entrances, queues)
     apart = LEAST_TO_LANE + 2.0 * routes.extra
+    least = [0.0 if len(room.queue) else apart for room in floor.rooms]
     through: list[int] = []
     for look in range(2):  # spots that stand in the way are given up, once
-        derived = lanes.build(given)
+        derived = lanes.build(given, steps.next)
         if look == 0 and off_ways:
             ways = ways_of(floor, derived, only_derived=True)
             through = rooms_driven_through(entrances, Passers(floor, ways, []))
             if through:
                 lanes = _Lanes(routes, floor, entrances, queues, off=through)
-                derived = lanes.build(given)
+                derived = lanes.build(given, steps.next)
         shorter = [
-            _kept(queue, derived, i, least=0.0 if len(floor.rooms[i].queue) else apart)
-            if len(floor.rooms[i].queue) or lanes.reaches_spots(i)
-            else queue[:0]
-            for i, queue in enumerate(queues)
+            queue if len(floor.rooms[i].queue) or lanes.reaches_spots(i) else queue[:0]
+            for i, queue in enumerate(_kept(queues, derived, least))
         ]
         if all(len(a) == len(b) for a, b in zip(shorter, queues, strict=True)):
             break
@@ -98,15 +113,19 @@ def derive_layout(floor: Floor, *, radius: float = ROBOT_RADIUS, off_ways: bool 
         entrances = spaces_off_ways(routes, floor, entrances, passers)
     parking = floor.parking
     if not len(parking):
-        legs = [evenly(np.vstack([points[lane.start], lane.to_room])) for lane in derived]
-        legs += [evenly(lane.to_queue) for lane in derived if len(lane.to_queue) > 1]
-        driven = np.vstack([*legs, *points, *(e.front[None] for e in entrances)])
+        legs = [np.vstack([points[lane.start], lane.to_room]) for lane in derived]
+        legs += [lane.to_queue for lane in derived if len(lane.to_queue) > 1]
+        legs += [np.vstack([point, e.front]) for point, e in zip(points, entrances, strict=True)]
         taken = np.vstack([*queues, *(e.front[None] for e in entrances)])
-        gap = routes.gap(sites.points, routes.distance_to(driven))
+        driven, _ = _segments(legs)
+        tree = shapely.STRtree(driven)
+        places = shapely.points(sites.points)
+        _, gap = tree.query_nearest(places, return_distance=True, all_matches=False)
         wanted = min(MOST_PARKING, len(points) + 2)
         open_floor = ~shapely.contains_xy(_areas(floor), sites.points)
         if off_ways:
-            open_floor &= is_outside_rooms(routes, entrances, driven, sites.points)
+            on_lanes = shapely.get_coordinates(shapely.segmentize(driven, DRIVEN_STEP))
+            open_floor &= is_outside_rooms(routes, entrances, on_lanes, sites.points)
         parking = choose_parking(
             sites.taking(open_floor), gap[open_floor], taken, wanted, farther=2.0 * routes.extra
         )
@@ -135,28 +154,56 @@ def _areas(floor: Floor) -> MultiPolygon:
     return MultiPolygon([Polygon(resource.release_area) for resource in floor.resources])
 
 
-def _entrances(routes: RouteMap, floor: Floor, points: list[Array]) -> tuple[list[Entrance], Array]:
-    """Find every room's entrance, and all points of the middle ways between rooms."""
+class _Steps:
+    """How far a derivation is: each room is looked at three times, or once more."""
+
+    def __init__(self, show: Callable[[float, float], None] | None, rooms: int) -> None:
+        self._show = show
+        self._done, self._total, self._rooms = 0, 3 * rooms, rooms
+
+    def next(self) -> None:
+        """Count one room."""
+        self._done += 1
+        if self._done > self._total:  # lanes are built again, around fewer waiting spots
+            self._total += self._rooms
+        if self._show is not None:
+            self._show(float(self._done), float(self._total))
+
+
+def _entrances(
+    routes: RouteMap, floor: Floor, points: list[Array], steps: _Steps
+) -> list[Entrance]:
+    """Find every room's entrance."""
     ways = MiddleWays(routes, routes.clearance)
-    out: list[Array] = [np.zeros((0, 2)) for _ in points]
-    seen: list[Array] = [np.zeros((0, 2))]
-    for goal, point in enumerate(points):
-        others = [i for i in range(len(points)) if i != goal]
-        found = ways.to(point, [points[i] for i in others])
-        seen += [way[2:-2] for way in found]
-        for i, way in zip(others, found, strict=True):
-            # The way to the nearest other room shows the door.
-            if not len(out[i]) or len(way) < len(out[i]):
-                out[i] = way
-    entrances = [
-        find_entrance(routes, room, out[i], [p for k, p in enumerate(points) if k != i])
-        for i, room in enumerate(floor.rooms)
-    ]
-    return entrances, np.vstack(seen)
+    all_points = np.array(points)
+    found = []
+    for i, room in enumerate(floor.rooms):
+        found.append(find_entrance(routes, ways, room, np.delete(all_points, i, axis=0)))
+        steps.next()
+    return found
+
+
+def _middle_ways(
+    routes: RouteMap, points: list[Array], entrances: list[Entrance], steps: _Steps
+) -> BoolArray:
+    """Mark the cells ``(rows, cols)`` of the middle ways between all rooms."""
+    # Out of a room with one door all ways are the same up to that door.
+    starts = [e.front if e.is_dead_end else p for p, e in zip(points, entrances, strict=True)]
+    floor = _thoroughfares(routes, entrances, np.zeros((0, 2)))
+    for point in starts:
+        floor[routes.cell(point)] = True
+    ways = MiddleWays(routes, routes.clearance, floor=floor)
+    marked = np.zeros(routes.free.shape, dtype=np.bool_)
+    for goal, start in enumerate(starts):
+        for way in ways.to(start, starts[:goal]):
+            cells = routes.costmap.cells(way[1:-1])
+            marked[cells[:, 0], cells[:, 1]] = True
+        steps.next()
+    return marked
 
 
 def _queues(
-    routes: RouteMap, floor: Floor, entrances: list[Entrance], middles: Array, part: int
+    routes: RouteMap, floor: Floor, entrances: list[Entrance], middles: BoolArray, part: int
 ) -> tuple[list[Array], Sites]:
     sites = standing_places(routes, entrances, middles, part)
     if floor.driven_past and floor.lanes:  # robots keep to the lanes of a building
@@ -195,44 +242,67 @@ class _Lanes:
         off: Sequence[int] = (),
     ) -> None:
         self._behind: set[int] = set()  # rooms whose spots are reached through others
-        self._off = off
         self._rooms = shapely.STRtree([Polygon(entrance.area) for entrance in entrances])
         self._shunned = np.zeros(routes.free.shape, dtype=np.bool_)
         for i in off:
             self._shunned |= routes.cells_in(entrances[i].area)
+        self._off = [floor.rooms[i].point[None] for i in off]
         self._routes = routes
         self._floor = floor
         self._entrances = entrances
         self._queues = queues
+        self._fronts = [entrance.front for entrance in entrances]
+        spots = np.vstack([np.zeros((0, 2)), *queues])
+        taken = np.vstack([spots, *self._off])
+        self._clear = routes.clearance
+        if len(taken):
+            waiting = routes.distance_to(taken) - SPOT_DISC - routes.extra
+            self._clear = np.minimum(self._clear, waiting)
+        priced = np.where(self._shunned, DRIVEN_THROUGH * self._clear, self._clear)
+        self._ways = MiddleWays(routes, priced, floor=_thoroughfares(routes, entrances, spots))
 
-    def build(self, given: dict[tuple[str, str], FloorLane]) -> list[Lane]:
-        """Build the lanes of all ordered pairs; given ones stay as they are."""
+    def build(
+        self, given: dict[tuple[str, str], FloorLane], on_place: Callable[[], None]
+    ) -> list[Lane]:
+        """Build the lanes of all ordered pairs; given ones stay as they are.
+
+        Args:
+            given: by the names of start and end.
+            on_place: called after each room.
+        """
         names = [room.name for room in self._floor.rooms]
-        to_room = self._ways_between_fronts()
-        to_queue = self._ways_to_tails()
-        lanes = []
-        for start in range(len(names)):
-            for end in range(len(names)):
-                if start == end:
-                    continue
-                known = given.get((names[start], names[end]))
-                room_way = to_room[start, end] if known is None else np.asarray(known.to_room)
-                queue_way = to_queue[start, end]
-                if known is not None and len(known.to_queue):
-                    queue_way = np.asarray(known.to_queue)
-                elif known is not None and self._floor.driven_past:
-                    queue_way = self._along(start, end, room_way, otherwise=queue_way)
-                lanes.append(
-                    Lane(
-                        start=start,
-                        end=end,
-                        to_queue=frozen_array(queue_way),
-                        to_room=frozen_array(room_way),
-                    )
-                )
-        return lanes
+        pairs = list(itertools.permutations(range(len(names)), 2))
+        known = {
+            (names.index(start), names.index(end)): lane for (start, end), lane in given.items()
+        }
+        to_room = {pair: np.asarray(lane.to_room) for pair, lane in known.items()}
+        to_queue = {p: np.asarray(k.to_queue) for p, k in known.items() if len(k.to_queue)}
+        given_queues = set(to_queue)
+        for end in range(len(names)):
+            # One middle for both directions, so that their lanes lie on its two sides.
+            starts = [i for i in range(end) if not {(i, end), (end, i)} <= to_room.keys()]
+            for start, way in zip(starts, self._middles(end, starts), strict=True):
+                there, back = both_sides(self._routes, way, self._clear, ends=0.6)
+                to_room.setdefault((start, end), self._from_door_to_door(start, end, there))
+                to_room.setdefault((end, start), self._from_door_to_door(end, start, back))
+            starts = [i for i in range(len(names)) if i != end and (i, end) not in to_queue]
+            to_queue.update({(start, end): way for start, way in self._ways_to_tail(end, starts)})
+            on_place()
+        if self._floor.driven_past:  # robots keep to the lanes of a building
+            for start, end in sorted(known.keys() - given_queues):
+                otherwise = to_queue[start, end]
+                to_queue[start, end] = self._along(start, end, to_room[start, end], otherwise)
+        return [
+            Lane(
+                start=start,
+                end=end,
+                to_queue=frozen_array(to_queue[start, end]),
+                to_room=frozen_array(to_room[start, end]),
+            )
+            for start, end in pairs
+        ]
 
-    def _along(self, start: int, end: int, way: Array, *, otherwise: Array) -> Array:
+    def _along(self, start: int, end: int, way: Array, otherwise: Array) -> Array:
         """Lead along a building's lanes to a room's last waiting spot, or to before the room.
 
         Args:
@@ -282,55 +352,77 @@ class _Lanes:
         gaps = shapely.distance(shapely.linestrings(way), shapely.points(waiting))
         return bool(gaps.min(initial=np.inf) < LEAST_TO_LANE + 2.0 * self._routes.extra)
 
-    def _clearance(self, without: int = -1) -> Array:
-        """Measure the distance to walls and waiting robots, without one room's last spot."""
-        spots = [q[:-1] if i == without else q for i, q in enumerate(self._queues)]
-        spots += [self._floor.rooms[i].point[None] for i in self._off]
-        waiting = np.vstack([np.zeros((0, 2)), *spots])
-        clear = self._routes.clearance
-        if not len(waiting):
-            return clear
-        return np.minimum(clear, self._routes.distance_to(waiting) - SPOT_DISC - self._routes.extra)
+    def _middles(self, end: int, starts: list[int]) -> list[Array]:
+        """Find the middle ways from the fronts of some rooms to that of another."""
+        front = self._fronts[end]
+        ways = self._ways.to(front, [self._fronts[i] for i in starts])
+        return [
+            way if len(way) else np.vstack([self._fronts[i], front])
+            for i, way in zip(starts, ways, strict=True)
+        ]
 
-    def _middle_ways(self, clear: Array) -> MiddleWays:
-        """Prepare the search for ways, that shun the rooms they need not lead through."""
-        return MiddleWays(self._routes, np.where(self._shunned, DRIVEN_THROUGH * clear, clear))
-
-    def _ways_between_fronts(self) -> dict[tuple[int, int], Array]:
-        clear = self._clearance()
-        middle = self._middle_ways(clear)
-        fronts = [entrance.front for entrance in self._entrances]
-        found = {}
-        for end, front in enumerate(fronts):
-            # One middle for both directions, so that their lanes lie on its two sides.
-            ways = middle.to(front, fronts[:end])
-            for start, found_way in enumerate(ways):
-                way = found_way if len(found_way) else np.vstack([fronts[start], front])
-                found[start, end] = self._from_door_to_door(start, end, way, clear)
-                found[end, start] = self._from_door_to_door(end, start, way[::-1], clear)
-        return found
-
-    def _from_door_to_door(self, start: int, end: int, way: Array, clear: Array) -> Array:
-        lane = right_of(self._routes, way, clear, before=0.6, after=0.6)
+    def _from_door_to_door(self, start: int, end: int, lane: Array) -> Array:
         return _joined(
             [self._entrances[start].entry[::-1][1:], lane[1:-1], self._entrances[end].entry]
         )
 
-    def _ways_to_tails(self) -> dict[tuple[int, int], Array]:
-        fronts = [entrance.front for entrance in self._entrances]
-        found = {}
-        for end, queue in enumerate(self._queues):
-            goal = queue[-1] if len(queue) else fronts[end]
-            clear = self._clearance(without=end)
-            starts = [i for i in range(len(fronts)) if i != end]
-            ways = self._middle_ways(clear).to(goal, [fronts[i] for i in starts])
-            for start, found_way in zip(starts, ways, strict=True):
-                way = found_way if len(found_way) else np.vstack([fronts[start], goal])
-                lane = right_of(self._routes, way, clear, before=0.6, after=1.0)
-                found[start, end] = _joined(
-                    [self._entrances[start].entry[::-1][1:], lane[1:-1], goal[None]]
-                )
-        return found
+    def _ways_to_tail(self, end: int, starts: list[int]) -> Iterator[tuple[int, Array]]:
+        """Find the ways from other rooms to the last waiting spot of a room, or its front."""
+        queue = self._queues[end]
+        goal = queue[-1] if len(queue) else self._fronts[end]
+        clear, search = self._clear, self._ways
+        if starts and len(queue):  # no robot waits there yet
+            window, part = self._clearance_without(end)
+            clear = self._clear.copy()
+            clear[window] = part
+            priced = np.where(self._shunned[window], DRIVEN_THROUGH * part, part)
+            search = self._ways.with_clearance(window, priced)
+        ways = search.to(goal, [self._fronts[i] for i in starts])
+        for start, found_way in zip(starts, ways, strict=True):
+            way = found_way if len(found_way) else np.vstack([self._fronts[start], goal])
+            lane = right_of(self._routes, way, clear, before=0.6, after=1.0)
+            yield (
+                start,
+                _joined([self._entrances[start].entry[::-1][1:], lane[1:-1], goal[None]]),
+            )
+
+    def _clearance_without(self, room: int) -> tuple[tuple[slice, slice], Array]:
+        """Measure the clearance around a room's last waiting spot as if nobody waited there."""
+        routes, tail = self._routes, self._queues[room][-1]
+        rows, cols = routes.free.shape
+        row, col = routes.cell(tail)
+        reach = int(np.ceil((WIDE + SPOT_DISC + routes.extra) / routes.resolution)) + 1
+        window = (
+            slice(max(row - reach, 0), min(row + reach + 1, rows)),
+            slice(max(col - reach, 0), min(col + reach + 1, cols)),
+        )
+        spots = [q[:-1] if i == room else q for i, q in enumerate(self._queues)]
+        spots += self._off
+        at = routes.costmap.cells(np.vstack(spots))
+        near = (np.abs(at - (row, col)) <= 2 * reach).all(axis=1)
+        part = routes.clearance[window].copy()
+        y, x = np.ogrid[window]
+        for there in at[near].tolist():
+            far = np.hypot(y - there[0], x - there[1]) * routes.resolution
+            part = np.minimum(part, far - SPOT_DISC - routes.extra)
+        return window, part
+
+
+def _thoroughfares(routes: RouteMap, entrances: list[Entrance], spots: Array) -> BoolArray:
+    """Find the free cells outside of rooms with one door, through which no way leads.
+
+    Args:
+        routes: the floor.
+        entrances: of all rooms.
+        spots: ``(K, 2)`` waiting spots [m]; a room with one in it stays.
+    """
+    floor = routes.free.copy()
+    places = np.vstack([spots, *(entrance.front[None] for entrance in entrances)])
+    needed = {routes.flat_cell(place) for place in places}
+    for entrance in entrances:
+        if entrance.is_dead_end and needed.isdisjoint(entrance.cells.tolist()):
+            floor.flat[entrance.cells] = False
+    return floor
 
 
 def _corners(points: Array) -> Array:
@@ -343,30 +435,57 @@ def _corners(points: Array) -> Array:
 def _joined(pieces: list[Array]) -> Array:
     """Join polylines; corners nearer than 0.1 m to the one before are dropped."""
     points = np.vstack(pieces)
-    kept = [points[-1]]
-    for point in points[-2::-1]:
-        if np.hypot(*(point - kept[-1])) >= 0.1:
-            kept.append(point)
-    return np.array(kept[::-1])
+    kept = [len(points) - 1]
+    places = points.tolist()
+    for k in range(len(points) - 2, -1, -1):
+        if math.dist(places[k], places[kept[-1]]) >= 0.1:
+            kept.append(k)
+    return np.asarray(points[kept[::-1]])
 
 
-def _kept(queue: Array, lanes: list[Lane], room: int, *, least: float) -> Array:
-    """Keep the first spots of a queue that no traffic passes nearer than ``least`` [m]."""
-    if least <= 0.0 or not len(queue) or not lanes:
-        return queue
-    driven = []
-    for lane in lanes:
-        way = np.vstack([lane.to_queue])
-        if lane.end == room:
-            way = evenly(way)[: -round(1.3 / STEP)] if len(way) > 1 else way[:0]
-        elif len(way) > 1:
-            way = evenly(way)
-        driven += [evenly(np.asarray(lane.to_room)), way]
-    ways = np.vstack(driven)
-    for place, spot in enumerate(queue):
-        if np.hypot(*(ways - spot).T).min() < least:
-            return queue[:place]
-    return queue
+def _kept(queues: list[Array], lanes: list[Lane], least: list[float]) -> list[Array]:
+    """Keep the first spots of each queue that no traffic passes nearer than ``least`` [m]."""
+    if not lanes:
+        return queues
+    # A robot on its way to the last spot passes the others of its row at the end.
+    ways = [(-1, lane.to_room) for lane in lanes]
+    ways += [(-1, _without_end(lane.to_queue, OWN_END)) for lane in lanes]
+    ways += [(lane.end, lane.to_queue) for lane in lanes]
+    segments, owners = _segments([way for _, way in ways])
+    ends = np.array([end for end, _ in ways], dtype=np.int64)[owners]
+    tree = shapely.STRtree(segments)
+    kept = []
+    for room, (queue, gap) in enumerate(zip(queues, least, strict=True)):
+        count = len(queue)
+        if gap > 0.0 and count:
+            spot, way = tree.query(shapely.points(queue), predicate="dwithin", distance=gap)
+            count = min(spot[ends[way] != room].tolist(), default=count)
+        kept.append(queue[:count])
+    return kept
+
+
+def _segments(ways: Sequence[Array]) -> tuple[NDArray[np.object_], IntArray]:
+    """Split polylines ``(K, 2)`` into straight lines, with the number of the polyline of each."""
+    ways = [way.reshape(-1, 2) for way in ways]
+    starts = np.vstack([np.zeros((0, 2)), *(way[:-1] for way in ways)])
+    ends = np.vstack([np.zeros((0, 2)), *(way[1:] for way in ways)])
+    owners = np.repeat(np.arange(len(ways)), [max(len(way) - 1, 0) for way in ways])
+    lines: NDArray[np.object_] = shapely.linestrings(np.stack([starts, ends], axis=1))
+    return lines, owners
+
+
+def _without_end(way: Array, length: float) -> Array:
+    """Shorten a polyline ``(K, 2)`` by some metres of its end; empty: nothing is left."""
+    if len(way) < 2:
+        return way[:0]
+    steps = np.hypot(*np.diff(way, axis=0).T)
+    left = np.cumsum(steps[::-1])[::-1]  # from each corner to the end
+    corners = int((left > length).sum())
+    if not corners:
+        return way[:0]
+    share = (left[corners - 1] - length) / steps[corners - 1]
+    end = way[corners - 1] + share * (way[corners] - way[corners - 1])
+    return np.vstack([way[:corners], end])
 
 
 def _resource(floor: Floor, number: int, entrance: Entrance, queue: Array) -> Resource:

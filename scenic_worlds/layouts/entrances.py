@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,19 +9,22 @@ import shapely
 from scipy import ndimage
 from shapely.geometry import LineString, Polygon
 
-from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
-from scenic_worlds.layouts.routes import STEP, RouteMap, evenly
+from mrta_falsify.core.arrays import Array, IntArray, frozen_array
+from scenic_worlds.layouts.doorways import Doorway, find_doorways
+from scenic_worlds.layouts.enclosures import (
+    LARGEST_ROOM,
+    Enclosure,
+    enclose,
+    outline_around,
+    outline_of,
+)
+from scenic_worlds.layouts.routes import STEP, MiddleWays, RouteMap, evenly
 from scenic_worlds.layouts.stops import APRON
 from simulator_interface.formats.floor_yaml import FloorRoom
-from simulator_interface.formats.outlines import mask_outlines, outlines
+from simulator_interface.formats.outlines import outlines
 
-DOOR_WITHIN = 12.0  # m of the way out of a room that are searched for its door
-NEAR_DOOR = 4.0  # m, a narrow place this near is the door even if the room has another
-DOOR_GAP = 0.95  # m, a door's middle is at most this far from its posts
-DOOR_EDGE = 0.15  # m, floor beside a door is wider by this
+AT_EDGE = 1.0  # m from the edge of a given area, where its door lies
 OPEN_ROOM = 1.2  # m around the point of a room without door and area
-ROBOT_REACH = 0.3  # m, robots do not drive nearer to walls, and a cell
-LARGEST_ROOM = 250.0  # m^2, more is a hall
 FRONT = 0.6  # m, from the door to the point before it
 
 
@@ -37,35 +39,32 @@ class Entrance:
     front: Array  #: (2,) before the door [m]
     entry: Array  #: (K, 2) from the front to the room point [m]
     release_area: Array  #: (V, 2) [m]
+    inside: Array  #: (V, 2) what the room's doors close off [m], empty: it is open
+    cells: IntArray  #: (n,) flat indices of the cells inside, where robots can be
+    is_dead_end: bool  #: it has one door, so no way leads through it
 
 
-def find_entrance(routes: RouteMap, room: FloorRoom, way: Array, others: list[Array]) -> Entrance:
+def find_entrance(routes: RouteMap, ways: MiddleWays, room: FloorRoom, others: Array) -> Entrance:
     """Find the entrance of a room.
 
     Args:
         routes: the floor.
+        ways: over it.
         room: as the user describes it; what is given is kept.
-        way: ``(K, 2)`` the way out of the room [m], from its point on; may be empty.
-        others: points ``(2,)`` of the other rooms.
+        others: ``(K, 2)`` points of the other rooms [m].
     """
-    door, mouth, outwards = _door(routes, room, way, others)
-    area = room.area if len(room.area) else _area(routes, room.point, door, others)
-    half = float(np.hypot(*(door[1] - door[0]))) / 2.0 if len(door) else 0.4
-    reach = min(max(half + 0.2, 0.5), 0.85)
-    side = np.array([-outwards[1], outwards[0]])
-    apron = Polygon(
-        [
-            mouth - 0.3 * outwards - reach * side,
-            mouth + APRON * outwards - reach * side,
-            mouth + APRON * outwards + reach * side,
-            mouth - 0.3 * outwards + reach * side,
-        ]
-    )
-    inside = LineString([room.point, mouth]).buffer(0.5, cap_style="square", join_style="mitre")
-    whole = shapely.union_all([Polygon(area).buffer(0.05, join_style="mitre"), apron, inside])
-    if not isinstance(whole, Polygon):
-        whole = whole.buffer(0.3, join_style="mitre").buffer(-0.25, join_style="mitre")
-    parts = sorted(outlines(_filled(whole)), key=lambda ring: -Polygon(ring).area)
+    given = _given_door(room)
+    enclosure = enclose(routes, ways, room.point, others, given)
+    inside = np.zeros((0, 2)) if enclosure is None else outline_of(routes, enclosure)
+    doorway = given or (enclosure.main if enclosure else None)
+    if given is None and len(room.area):
+        doorway = _doorway_of_area(routes, ways, room, others, doorway)
+    if doorway is None:
+        mouth, outwards = _where_it_begins(ways.to_nearest(room.point, others), room)
+    else:
+        mouth, outwards = doorway.middle, doorway.outwards
+    door = doorway.posts if doorway is not None and doorway.is_door else np.zeros((0, 2))
+    area = room.area if len(room.area) else _area(routes, room.point, enclosure, inside)
     front = _front(routes, mouth, outwards)
     inner = mouth - 0.5 * outwards
     is_direct = routes.is_clear(front, room.point) or not routes.is_clear(inner, room.point)
@@ -77,8 +76,88 @@ def find_entrance(routes: RouteMap, room: FloorRoom, way: Array, others: list[Ar
         outwards=outwards,
         front=front,
         entry=frozen_array(np.vstack(entry)),
-        release_area=parts[0],
+        release_area=_release_area(room.point, area, door, mouth, outwards),
+        inside=frozen_array(inside),
+        cells=np.zeros(0, dtype=np.int64) if enclosure is None else enclosure.cells,
+        is_dead_end=enclosure is not None and len(enclosure.doorways) == 1,
     )
+
+
+def _given_door(room: FloorRoom) -> Doorway | None:
+    if len(room.door) != 2:
+        return None
+    along = room.door[1] - room.door[0]
+    across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
+    is_outwards = (room.door.mean(axis=0) - room.point) @ across >= 0.0
+    outwards = frozen_array(across if is_outwards else -across)
+    return Doorway(
+        posts=room.door,
+        outwards=outwards,
+        reach=0.0,
+        depth=0.0,
+        size=0.0,
+        at=0.0,
+        is_framed=True,
+        is_door=True,
+    )
+
+
+def _doorway_of_area(
+    routes: RouteMap, ways: MiddleWays, room: FloorRoom, others: Array, found: Doorway | None
+) -> Doorway | None:
+    """Keep a doorway at the edge of the area that the user gave, or find another one there."""
+    edge = Polygon(room.area).exterior
+    on_way = find_doorways(routes, ways.to_nearest(room.point, others))
+    near = [
+        doorway
+        for doorway in (*([found] if found else []), *on_way)
+        if edge.distance(shapely.points(doorway.middle)) <= AT_EDGE
+    ]
+    return near[0] if near else None
+
+
+def _where_it_begins(way: Array, room: FloorRoom) -> tuple[Array, Array]:
+    """Find where a room without a door begins on the way out of it, and the way's direction."""
+    if len(way) < 2:
+        return room.point + np.array([OPEN_ROOM, 0.0]), np.array([1.0, 0.0])
+    points = evenly(way)
+    heading = ndimage.uniform_filter1d(np.gradient(points, axis=0), 9, axis=0, mode="nearest")
+    heading /= np.maximum(np.hypot(*heading.T), 1e-9)[:, None]
+    k = min(round(OPEN_ROOM / STEP), len(points) - 1)
+    if len(room.area):
+        inside = shapely.contains_xy(Polygon(room.area), points)
+        k = int(np.argmin(inside)) if not inside.all() else len(points) - 1
+    return points[k], heading[k]
+
+
+def _area(routes: RouteMap, point: Array, enclosure: Enclosure | None, inside: Array) -> Array:
+    """Outline ``(V, 2)`` [m] the floor that the doors close off, or a piece around the point."""
+    if enclosure and len(enclosure.cells) * routes.resolution**2 <= LARGEST_ROOM:
+        return inside
+    angle = np.pi / 8.0 + np.arange(8) * np.pi / 4.0
+    ring = point + OPEN_ROOM * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return outline_around(routes, point, ring)
+
+
+def _release_area(point: Array, area: Array, door: Array, mouth: Array, outwards: Array) -> Array:
+    """Outline ``(V, 2)`` [m] the room with the floor before its door."""
+    half = float(np.hypot(*(door[1] - door[0]))) / 2.0 if len(door) else 0.4
+    reach = min(max(half + 0.2, 0.5), 0.85)
+    side = np.array([-outwards[1], outwards[0]])
+    apron = Polygon(
+        [
+            mouth - 0.3 * outwards - reach * side,
+            mouth + APRON * outwards - reach * side,
+            mouth + APRON * outwards + reach * side,
+            mouth - 0.3 * outwards + reach * side,
+        ]
+    )
+    inside = LineString([point, mouth]).buffer(0.5, cap_style="square", join_style="mitre")
+    whole = shapely.union_all([Polygon(area).buffer(0.05, join_style="mitre"), apron, inside])
+    if not isinstance(whole, Polygon):
+        whole = whole.buffer(0.3, join_style="mitre").buffer(-0.25, join_style="mitre")
+    parts = sorted(outlines(_filled(whole)), key=lambda ring: -Polygon(ring).area)
+    return parts[0]
 
 
 def _filled(shape: shapely.Geometry) -> shapely.Geometry:
@@ -92,108 +171,3 @@ def _front(routes: RouteMap, mouth: Array, outwards: Array) -> Array:
     points = mouth + reaches[:, None] * outwards
     gaps = np.minimum(routes.gap(points), 0.45 + routes.extra)
     return frozen_array(points[int(np.argmax(np.round(gaps, 3)))])
-
-
-def _door(
-    routes: RouteMap, room: FloorRoom, way: Array, others: list[Array]
-) -> tuple[Array, Array, Array]:
-    """Find the door segment (may be empty), its middle, and the direction out of the room."""
-    if len(room.door) == 2:
-        middle = room.door.mean(axis=0)
-        along = room.door[1] - room.door[0]
-        across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
-        outwards = across if (middle - room.point) @ across >= 0.0 else -across
-        return np.asarray(room.door), middle, outwards
-    if len(way) < 2:
-        return np.zeros((0, 2)), room.point + np.array([OPEN_ROOM, 0.0]), np.array([1.0, 0.0])
-    points = evenly(way)[: round(DOOR_WITHIN / STEP)]
-    heading = np.gradient(points, axis=0)
-    heading = ndimage.uniform_filter1d(heading, 9, axis=0, mode="nearest")
-    heading /= np.maximum(np.hypot(*heading.T), 1e-9)[:, None]
-    if len(room.area):
-        inside = shapely.contains_xy(Polygon(room.area), points)
-        k = int(np.argmin(inside)) if not inside.all() else len(points) - 1
-        return _posts(routes, points[k], heading[k]), points[k], heading[k]
-    for narrow in _narrow_places(routes.gap(points)):
-        door = _posts(routes, points[narrow], heading[narrow])
-        if not len(door):
-            continue
-        is_near = narrow * STEP <= NEAR_DOOR
-        if is_near or _closed_off(routes, room.point, door, others) is not None:
-            return door, points[narrow], heading[narrow]
-    k = min(round(OPEN_ROOM / STEP), len(points) - 1)
-    return np.zeros((0, 2)), points[k], heading[k]
-
-
-def _narrow_places(gap: Array) -> Iterator[int]:
-    """Yield samples of narrow places with wider floor on both sides, in order."""
-    last = len(gap)
-    k = 0
-    while k < last:
-        if gap[k] > DOOR_GAP:
-            k += 1
-            continue
-        end = k
-        while end < last and gap[end] <= DOOR_GAP:
-            end += 1
-        lowest = k + int(np.argmin(gap[k:end]))
-        wider_before = gap[: lowest + 1].max() >= gap[lowest] + DOOR_EDGE
-        wider_after = gap[lowest:].max() >= gap[lowest] + DOOR_EDGE
-        if wider_before and wider_after:
-            # The middle of the passage, not its first cell.
-            level = np.flatnonzero(gap[k:end] <= gap[lowest] + 0.03) + k
-            yield int(level[len(level) // 2])
-        k = end
-
-
-def _posts(routes: RouteMap, middle: Array, heading: Array) -> Array:
-    """Span a segment ``(2, 2)`` from solid to solid; empty if it is wider than a door."""
-    side = np.array([-heading[1], heading[0]])
-    reaches = np.arange(0.0, 1.5, routes.resolution / 2.0)
-    posts = []
-    for sign in (-1.0, 1.0):
-        points = middle + sign * reaches[:, None] * side
-        solid = np.flatnonzero(routes.gap(points) <= 0.0)
-        if not len(solid):
-            return np.zeros((0, 2))
-        posts.append(points[solid[0]])
-    return np.array(posts)
-
-
-def _closed_off(
-    routes: RouteMap, point: Array, door: Array, others: list[Array]
-) -> BoolArray | None:
-    """Find the cells that ``point`` reaches without the door; None if another room is there."""
-    floor = routes.free.copy()
-    along = door[1] - door[0]
-    beyond = 0.3 * along / max(float(np.hypot(*along)), 1e-9)
-    bar = routes.costmap.cells(evenly(np.vstack([door[0] - beyond, door[1] + beyond]), 0.02))
-    rows, cols = floor.shape
-    for row, col in np.unique(bar, axis=0).tolist():
-        if 0 <= row < rows and 0 <= col < cols:
-            floor[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = False
-    parts, _ = ndimage.label(floor)
-    here = parts[routes.cell(point)]
-    if not here or any(parts[routes.cell(other)] == here for other in others):
-        return None
-    return np.asarray(parts == here)
-
-
-def _area(routes: RouteMap, point: Array, door: Array, others: list[Array]) -> Array:
-    """Outline ``(V, 2)`` [m] the floor that the door closes off, or a piece around the point."""
-    closed = _closed_off(routes, point, door, others) if len(door) == 2 else None
-    if closed is not None and closed.sum() * routes.resolution**2 <= LARGEST_ROOM:
-        # Robots reach the middle of cells; the floor goes on to the walls.
-        reach = round(ROBOT_REACH / routes.resolution)
-        grown = ndimage.binary_dilation(closed, iterations=reach) & ~routes.lethal
-        rows, cols = np.flatnonzero(grown.any(axis=1)), np.flatnonzero(grown.any(axis=0))
-        corner = np.array([cols[0], rows[0]]) * routes.resolution
-        rings = mask_outlines(
-            grown[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1],
-            resolution=routes.resolution,
-            origin=routes.costmap.origin + corner,
-            smallest_hole=1e9,
-        )
-        return max(rings, key=lambda ring: Polygon(ring).area)
-    angle = np.pi / 8.0 + np.arange(8) * np.pi / 4.0
-    return np.asarray(point + OPEN_ROOM * np.stack([np.cos(angle), np.sin(angle)], axis=1))

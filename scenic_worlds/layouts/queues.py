@@ -43,14 +43,14 @@ class Sites:
 
 
 def standing_places(
-    routes: RouteMap, entrances: list[Entrance], middles: Array, part: int
+    routes: RouteMap, entrances: list[Entrance], middles: BoolArray, part: int
 ) -> Sites:
     """Find all places along walls outside rooms and door aprons.
 
     Args:
         routes: the floor.
         entrances: of all rooms.
-        middles: ``(K, 2)`` points of all middle ways [m].
+        middles: ``(rows, cols)`` cells of all middle ways.
         part: connected part of the floor that robots are on.
     """
     low, high = (gap + routes.extra for gap in SPOT_GAP)
@@ -62,7 +62,9 @@ def standing_places(
     points = routes.costmap.centers(cells)
     keep = np.ones(len(points), dtype=np.bool_)
     for entrance in entrances:
-        for ring in (entrance.release_area, entrance.area):
+        for ring in (entrance.release_area, entrance.area, entrance.inside):
+            if not len(ring):
+                continue
             low_corner, high_corner = ring.min(axis=0) - OFF_AREA, ring.max(axis=0) + OFF_AREA
             around = ((points >= low_corner) & (points <= high_corner)).all(axis=1)
             around = np.flatnonzero(around & keep)
@@ -75,7 +77,7 @@ def standing_places(
     keep = length > 0.3 * routes.resolution
     cells, points = cells[keep], points[keep]
     away = slope[keep] / length[keep][:, None]
-    traffic = routes.distance_to(middles)[cells[:, 0], cells[:, 1]]
+    traffic = routes.distance_to_cells(middles)[cells[:, 0], cells[:, 1]]
     return Sites(points, away, _free_width(routes, points, away), traffic)
 
 
@@ -111,13 +113,13 @@ def choose_queue(
         ``(S, 2)`` spots [m], S <= wanted.
     """
     farther = 2.0 * routes.extra  # between two robots
-    offset = sites.points - entrance.front
-    far = np.hypot(*offset.T) if len(offset) else np.zeros(0)
     reach = FROM_FRONT[1] + wanted * (SPOT_STEP + farther) * 1.3
+    far = np.hypot(*(sites.points - entrance.front).T)
+    sites = sites.taking((far >= FROM_FRONT[0] + farther) & (far <= reach))
     quiet = sites.traffic >= NO_TRAFFIC + farther
-    near = (far >= FROM_FRONT[0] + farther) & (far <= reach)
-    opposite = np.full(len(far), np.inf)
-    if len(taken):
+    near = np.ones(len(sites.points), dtype=np.bool_)
+    opposite = np.full(len(near), np.inf)
+    if len(taken) and len(near):
         gap = taken[None] - sites.points[:, None]
         near &= np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= LEAST_STEP + farther
         across = (gap * sites.away[:, None]).sum(axis=2)
