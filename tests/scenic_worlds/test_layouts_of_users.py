@@ -265,7 +265,7 @@ def test_ways_lead_around_a_room_with_two_doors(tmp_path):
 
 
 def test_robots_park_where_they_drive_through_no_room(tmp_path):
-    layout = passage(tmp_path, 2.3, 3.7, "point: [9, 3]")
+    layout = passage(tmp_path, 0.8, 5.2, "point: [9, 3]")
     rooms = [Polygon(room.area) for room in layout.rooms]
     assert len(layout.parking)
     assert not any(room.contains(Point(place)) for place in layout.parking for room in rooms)
