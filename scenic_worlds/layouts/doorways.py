@@ -213,7 +213,9 @@ def doorway_of(routes: RouteMap, stretch: Stretch) -> Doorway:
     outwards = frozen_array([np.cos(angle), np.sin(angle)])
     posts = posts_of(routes, middle, outwards)
     across = np.array([-outwards[1], outwards[0]])
-    jamb = float(_solid_beyond(routes, posts[None], across[None])[0])
+    # A wall's end may be ragged: beside the line counts, too.
+    beside = posts + routes.resolution * np.multiply.outer([-1.0, 0.0, 1.0], [outwards, outwards])
+    jamb = float(_solid_beyond(routes, beside, np.stack([across] * 3)).max())
     return Doorway(
         posts=posts,
         outwards=outwards,
@@ -241,14 +243,15 @@ def _straightened(
     deepest = min(depth + 0.2, DEEPEST)
     before, behind = _wider_at(routes, lines, step=routes.resolution, deepest=deepest)
     sizes = _sizes(routes, lines, before + behind)
-    if not np.isfinite(sizes).any():
-        return middle, angle, depth
-    least = np.flatnonzero(sizes <= sizes.min() + 0.25 * routes.resolution)
-    best = lines.taking(least[len(least) // 2 :][:1])
-    (before,), (behind,) = _wider_at(routes, best, step=0.25 * routes.resolution)
-    turned = float(best.angle[0])
-    shift = 0.5 * (behind - before) * np.array([np.cos(turned), np.sin(turned)])
-    return best.middle[0] + shift, turned, float(before + behind)
+    if np.isfinite(sizes).any():
+        least = np.flatnonzero(sizes <= sizes.min() + 0.25 * routes.resolution)
+        best = lines.taking(least[len(least) // 2 :][:1])
+        (before,), (behind,) = _wider_at(routes, best, step=0.25 * routes.resolution)
+        if np.isfinite(before + behind):
+            turned = float(best.angle[0])
+            shift = 0.5 * (behind - before) * np.array([np.cos(turned), np.sin(turned)])
+            return best.middle[0] + shift, turned, float(before + behind)
+    return middle, angle, depth
 
 
 def posts_of(routes: RouteMap, middle: Array, outwards: Array) -> Array:

@@ -18,6 +18,7 @@ from simulator_interface.formats.outlines import mask_outlines
 THICKEST = 0.6  # m; what is deeper is rather a gap between furniture than a door in a wall
 NEAR = 1.5  # m along the way; the smallest of the stretches so near is the door
 MOST_DOORS = 4  # of one room
+SAME_REST = 0.9  # of the largest part of the floor behind a door is as good
 LEAST_REST = 0.4  # of the floor that lies behind a room's door, at least
 AROUND = 10.0  # m around a room that are looked at first
 BEYOND = 0.4  # m beyond its posts that a doorway is closed, along the wall
@@ -121,12 +122,14 @@ def _closed_by(
     floor = int(np.count_nonzero(routes.part == routes.part[routes.cell(point)]))
     count, area, main = len(others), floor - len(cells), doorways[0]
     if len(doorways) > 1:
-        count = area = 0
-        for doorway in doorways:  # of equal ones the first, which is nearest
+        behind = []
+        for doorway in doorways:
             opened = _part(routes, point, [d for d in doorways if d is not doorway])
-            more = _holds(routes, others, opened), len(opened) - len(cells)
-            if more > (count, area):
-                (count, area), main = more, doorway
+            behind.append((_holds(routes, others, opened), len(opened) - len(cells)))
+        most = max(behind)
+        # Of doors to about the same part of the floor the first, which is nearest.
+        k = next(k for k, (n, a) in enumerate(behind) if n == most[0] and a >= SAME_REST * most[1])
+        (count, area), main = behind[k], doorways[k]
     is_rest = count >= 2 and 2 * count > len(others)
     if not is_rest and area < LEAST_REST * floor:
         return None
