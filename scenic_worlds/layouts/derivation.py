@@ -178,7 +178,9 @@ def _entrances(
     all_points = np.array(points)
     found = []
     for i, room in enumerate(floor.rooms):
-        found.append(find_entrance(routes, ways, room, np.delete(all_points, i, axis=0)))
+        others = [other for k, other in enumerate(floor.rooms) if k != i]
+        taken = [Polygon(other.area) for other in others if len(other.area)]
+        found.append(find_entrance(routes, ways, room, np.delete(all_points, i, axis=0), taken))
         steps.next()
     return found
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from scipy import ndimage
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from scenic_worlds.layouts.doorways import Doorway, doorway_of, find_doorways, find_stretches
@@ -21,6 +21,7 @@ MOST_DOORS = 4  # of one room
 SAME_REST = 0.9  # of the largest part of the floor behind a door is as good
 LEAST_REST = 0.4  # of the floor that lies behind a room's door, at least
 AROUND = 10.0  # m around a room that are looked at first
+BEFORE = 0.6  # m before a doorway, where it leads
 BEYOND = 0.4  # m beyond its posts that a doorway is closed, along the wall
 LARGEST_ROOM = 250.0  # m^2, more is a hall
 TO_WALL = 0.6  # m, over rows and columns, from where robots drive into the corner of a room
@@ -41,6 +42,7 @@ def enclose(
     point: Array,
     others: Array,
     given: Doorway | None = None,
+    taken: Sequence[Polygon] = (),
 ) -> Enclosure | None:
     """Find the doors of a room and what they close off; None: it is open.
 
@@ -50,6 +52,7 @@ def enclose(
         point: ``(2,)`` in the room [m].
         others: ``(K, 2)`` points of the other rooms [m].
         given: a door that the room is known to have.
+        taken: areas of other rooms; of several doors, the main one does not lead there.
     """
     way = ways.to_nearest(point, others)
     for doors in (True, False):
@@ -62,7 +65,7 @@ def enclose(
         if closing:
             best = _in_a_wall([e.main for e in closing])
             return next(e for e in closing if e.main is best)
-        several = _closed_by_several(routes, ways, point, others, given, openings=not doors)
+        several = _closed_by_several(routes, ways, point, others, given, taken, openings=not doors)
         if several is not None:
             return several
     return None
@@ -82,6 +85,7 @@ def _closed_by_several(
     point: Array,
     others: Array,
     given: Doorway | None,
+    taken: Sequence[Polygon],
     *,
     openings: bool,
 ) -> Enclosure | None:
@@ -102,7 +106,7 @@ def _closed_by_several(
         rest = [d for d in shut if d is not doorway]
         if doorway is not given and not _holds_any(routes, others, _part(routes, point, rest)):
             shut = rest
-    return _closed_by(routes, point, others, tuple(shut)) if shut else None
+    return _closed_by(routes, point, others, tuple(shut), taken) if shut else None
 
 
 def _closing(
@@ -113,7 +117,11 @@ def _closing(
 
 
 def _closed_by(
-    routes: RouteMap, point: Array, others: Array, doorways: tuple[Doorway, ...]
+    routes: RouteMap,
+    point: Array,
+    others: Array,
+    doorways: tuple[Doorway, ...],
+    taken: Sequence[Polygon] = (),
 ) -> Enclosure | None:
     """Find what doorways close off; None: another room is there, or it is most of the floor."""
     cells = _part(routes, point, doorways)
@@ -128,12 +136,18 @@ def _closed_by(
             behind.append((_holds(routes, others, opened), len(opened) - len(cells)))
         most = max(behind)
         # Of doors to about the same part of the floor the first, which is nearest.
-        k = next(k for k, (n, a) in enumerate(behind) if n == most[0] and a >= SAME_REST * most[1])
+        same = [k for k, (n, a) in enumerate(behind) if n == most[0] and a >= SAME_REST * most[1]]
+        k = next((k for k in same if not _leads_into(doorways[k], taken)), same[0])
         (count, area), main = behind[k], doorways[k]
     is_rest = count >= 2 and 2 * count > len(others)
     if not is_rest and area < LEAST_REST * floor:
         return None
     return Enclosure(main=main, doorways=doorways, cells=cells)
+
+
+def _leads_into(doorway: Doorway, areas: Sequence[Polygon]) -> bool:
+    before = Point(doorway.middle + BEFORE * doorway.outwards)
+    return any(area.contains(before) for area in areas)
 
 
 def _holds(routes: RouteMap, points: Array, cells: IntArray) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,13 @@ class Entrance:
     is_dead_end: bool  #: it has one door, so no way leads through it
 
 
-def find_entrance(routes: RouteMap, ways: MiddleWays, room: FloorRoom, others: Array) -> Entrance:
+def find_entrance(
+    routes: RouteMap,
+    ways: MiddleWays,
+    room: FloorRoom,
+    others: Array,
+    taken: Sequence[Polygon] = (),
+) -> Entrance:
     """Find the entrance of a room.
 
     Args:
@@ -52,9 +59,10 @@ def find_entrance(routes: RouteMap, ways: MiddleWays, room: FloorRoom, others: A
         ways: over it.
         room: as the user describes it; what is given is kept.
         others: ``(K, 2)`` points of the other rooms [m].
+        taken: areas of other rooms that the user gave.
     """
     given = _given_door(room)
-    enclosure = enclose(routes, ways, room.point, others, given)
+    enclosure = enclose(routes, ways, room.point, others, given, taken)
     inside = np.zeros((0, 2)) if enclosure is None else outline_of(routes, enclosure)
     doorway = given or (enclosure.main if enclosure else None)
     if given is None and len(room.area):
