@@ -255,6 +255,10 @@ class _Lanes:
         self._queues = queues
         self._fronts = [entrance.front for entrance in entrances]
         spots = np.vstack([np.zeros((0, 2)), *queues])
+        self._spots, self._waiting = spots, shapely.STRtree(shapely.points(spots))
+        #: of each room, its floor with that before its door
+        self._before = [Polygon(e.release_area).buffer(FRONT) for e in entrances]
+        shapely.prepare(self._before)
         taken = np.vstack([spots, *self._off])
         self._clear = routes.clearance
         if len(taken):
@@ -313,46 +317,49 @@ class _Lanes:
             way: ``(K, 2)`` along the lanes to the room's point [m].
             otherwise: the way where none leads from the lanes to the spot.
         """
-        driven = evenly(np.vstack([self._floor.rooms[start].point, way]))
-        room = Polygon(self._entrances[end].release_area).buffer(FRONT)
-        outside = np.flatnonzero(~shapely.contains_xy(room, driven))
-        driven = driven[: max(int(outside[-1]) if len(outside) else 0, 1) + 1]
+        line = np.vstack([self._floor.rooms[start].point, way])
+        driven = evenly(line)
+        step = float(np.hypot(*np.diff(line, axis=0).T).sum()) / (len(driven) - 1)
+        outside = np.flatnonzero(~shapely.contains_xy(self._before[end], driven))
+        last = max(int(outside[-1]) if len(outside) else 0, 1)
         queue = self._queues[end]
         if not len(queue):
-            return _corners(driven)[1:]
-        places = np.arange(len(driven))[::TURN_OFF_STEP]
+            return _first_part(line, last * step)[1:]
+        places = np.arange(last + 1)[::TURN_OFF_STEP]
         gaps = np.hypot(*(driven[places] - queue[-1]).T)
-        best = otherwise
-        is_behind = self._leads_through(otherwise, {start, end})
-        for k in places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS].tolist():
-            leg = np.stack([driven[k], queue[-1]])
-            if not self._routes.is_clear(*leg) or self._leads_through(leg, {start}):
-                continue
-            is_past = self._leads_past_waiting(leg)
-            if is_behind or not is_past:
-                best = _joined([_corners(driven[: k + 1])[1:], queue[-1:]])
-            is_behind = False
-            if not is_past:
-                break
-        if is_behind:
-            self._behind.add(end)
-        return best
+        places = places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS]
+        legs = np.stack([driven[places], np.tile(queue[-1], (len(places), 1))], axis=1)
+        is_free = ~self._lead_through(legs, {start}) & self._routes.are_clear(legs)
+        is_past = self._lead_past_waiting(legs, queue[-1])
+        is_behind = bool(self._lead_through(_legs(otherwise), {start, end}).any())
+        best = places[is_free & ~is_past][:1]
+        if not len(best) and is_behind:
+            best = places[is_free][:1]
+            if not len(best):
+                self._behind.add(end)
+        if not len(best):
+            return otherwise
+        return _joined([_first_part(line, int(best[0]) * step)[1:], queue[-1:]])
 
     def reaches_spots(self, room: int) -> bool:
         """Whether ways lead to a room's spots without leading through other rooms."""
         return room not in self._behind
 
-    def _leads_through(self, way: Array, own: set[int]) -> bool:
-        """Whether a way leads through rooms that are not its own."""
-        line = shapely.linestrings(np.vstack([way[:1], way]))
-        return bool(set(self._rooms.query(line, "intersects").tolist()) - own)
+    def _lead_through(self, legs: Array, own: set[int]) -> BoolArray:
+        """Whether straight legs ``(K, 2, 2)`` lead through rooms that are not their own."""
+        leg, room = self._rooms.query(shapely.linestrings(legs), "intersects")
+        through = np.zeros(len(legs), dtype=np.bool_)
+        through[leg[~np.isin(room, list(own))]] = True
+        return through
 
-    def _leads_past_waiting(self, way: Array) -> bool:
-        """Whether a way to a waiting spot leads closely past robots at others."""
-        waiting = np.vstack([np.zeros((0, 2)), *self._queues])
-        waiting = waiting[np.hypot(*(waiting - way[-1]).T) > 0.0]
-        gaps = shapely.distance(shapely.linestrings(way), shapely.points(waiting))
-        return bool(gaps.min(initial=np.inf) < LEAST_TO_LANE + 2.0 * self._routes.extra)
+    def _lead_past_waiting(self, legs: Array, spot: Array) -> BoolArray:
+        """Whether legs ``(K, 2, 2)`` to a waiting spot pass robots closely that wait at others."""
+        lines = shapely.linestrings(legs)
+        reach = LEAST_TO_LANE + 2.0 * self._routes.extra
+        leg, other = self._waiting.query(lines, "dwithin", distance=reach)
+        past = np.zeros(len(legs), dtype=np.bool_)
+        past[leg[(self._spots[other] != spot).any(axis=1)]] = True
+        return past
 
     def _middles(self, end: int, starts: list[int]) -> list[Array]:
         """Find the middle ways from the fronts of some rooms to that of another."""
@@ -427,11 +434,19 @@ def _thoroughfares(routes: RouteMap, entrances: list[Entrance], spots: Array) ->
     return floor
 
 
-def _corners(points: Array) -> Array:
-    """Reduce samples ``(K, 2)`` of a polyline to its corners."""
-    if len(points) < 2:
-        return points
-    return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.linestrings(points), 0.01)))
+def _first_part(line: Array, length: float) -> Array:
+    """Cut a polyline ``(K, 2)`` off after ``length`` [m]."""
+    steps = np.hypot(*np.diff(line, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    end = [np.interp(length, arc, line[:, axis]) for axis in (0, 1)]
+    return np.vstack([line[arc < length - 1e-6], end])
+
+
+def _legs(way: Array) -> Array:
+    """Split a polyline ``(K, 2)`` into its straight legs ``(K - 1, 2, 2)``."""
+    if len(way) < 2:
+        way = np.vstack([way[:1], way[:1]])
+    return np.stack([way[:-1], way[1:]], axis=1)
 
 
 def _joined(pieces: list[Array]) -> Array:
