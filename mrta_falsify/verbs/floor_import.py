@@ -387,8 +387,8 @@ def _place_warnings(world: World, radius: float) -> list[str]:
     if open_rooms:
         said.append(
             f"no door was found between {_listed(open_rooms)} and the rest of the floor (marked in "
-            "the picture): robots may wait and park all around (give the room its door, two "
-            "points, if there is one)"
+            "the picture): look at the area there, and give the room its door, two points, if it "
+            "has one"
         )
     closed = closed_off_by_waiting(world, radius)
     if closed:

@@ -25,6 +25,7 @@ FINE, FINE_STEP = np.deg2rad(24.0), np.deg2rad(3.0)  # the last turns of a door
 SHIFTS = np.array([0.0, -0.05, 0.05, -0.1, 0.1, -0.15, 0.15])  # m, and its last moves
 SAME_PLACE = 0.3  # m between samples of one doorway
 SAME_ANGLE = np.deg2rad(30.0)
+DEPTH_COUNTS = 0.1  # times as much as the width; more would tilt doors in thick walls
 THIN_WALL = 0.75  # cells; at first walls are this much thicker, so that no ray passes thin ones
 FRAMED = 0.12  # m of it at least; a speck is smaller
 JAMB = 0.3  # m of wall on both sides of a door, in line with it
@@ -39,7 +40,7 @@ class Doorway:
     reach: float  #: from the middle to where the stretch ends on the way out [m]
     depth: float  #: of the stretch [m]
     at: float  #: along the way [m]
-    size: float  #: width and a third of the depth, less the wall in line with it [m]
+    size: float  #: width and some of the depth, less the wall in line with it [m]
     is_framed: bool  #: in line with a wall
     is_door: bool  #: narrow enough, and wider on both sides
 
@@ -221,7 +222,7 @@ def doorway_of(routes: RouteMap, stretch: Stretch) -> Doorway:
         outwards=outwards,
         reach=0.5 * depth if is_door else 0.0,
         depth=depth,
-        size=float(np.hypot(*(posts[1] - posts[0]))) + depth / 3.0 - jamb,
+        size=float(np.hypot(*(posts[1] - posts[0]))) + DEPTH_COUNTS * depth - jamb,
         at=float(stretch.places[k]),
         is_framed=jamb >= FRAMED,
         is_door=is_door,
@@ -273,11 +274,11 @@ def _sizes(routes: RouteMap, lines: _Crossings, depth: Array) -> Array:
         lines.middle[:, None]
         + np.multiply.outer(0.5 * lines.width, [[1.0], [-1.0]]) * (across[:, None])
     )
-    return lines.width + depth / 3.0 - _solid_beyond(routes, ends, across)
+    return lines.width + DEPTH_COUNTS * depth - _solid_beyond(routes, ends, across)
 
 
 def _solid_beyond(routes: RouteMap, ends: Array, across: Array) -> Array:
-    """Measure how far ``(n,)`` [m] solid goes on beyond both ends of lines; at most ``JAMB``.
+    """Measure how much ``(n,)`` [m] is solid beyond both ends of lines, of ``JAMB``.
 
     Args:
         routes: the floor.
@@ -287,6 +288,5 @@ def _solid_beyond(routes: RouteMap, ends: Array, across: Array) -> Array:
     reaches = np.arange(1.0, JAMB / routes.resolution + 1.0) * routes.resolution
     outwards = np.stack([across, -across], axis=1)
     points = ends[:, :, None] + reaches[:, None] * outwards[:, :, None]
-    is_free = routes.gap(points.reshape(-1, 2)).reshape(points.shape[:-1]) > 0.0
-    runs = np.where(is_free.any(axis=-1), np.argmax(is_free, axis=-1), len(reaches))
-    return np.asarray(np.minimum(runs * routes.resolution, JAMB).min(axis=-1))
+    solid = routes.gap(points.reshape(-1, 2)).reshape(points.shape[:-1]) <= 0.0
+    return np.asarray(np.minimum(solid.sum(axis=-1) * routes.resolution, JAMB).min(axis=-1))
