@@ -157,7 +157,7 @@ class Program:
         return tuple(
             Outside(
                 name=driver.names[thing],
-                region=getattr(region, "name", None) or "",
+                region=_name_of(region),
                 placed=_region_of_position(thing),
                 where=_line_of(thing),
             )
@@ -192,7 +192,12 @@ class Program:
 
 def _region_of_position(thing: Any) -> str:
     region, _, _ = matchInRegion(thing.position)
-    return getattr(region, "name", None) or ""
+    return _name_of(region)
+
+
+def _name_of(region: Any) -> str:
+    name = getattr(region, "name", None)  # of a random region the name is random, too
+    return name if isinstance(name, str) else ""
 
 
 def _line_of(thing: Any) -> str:

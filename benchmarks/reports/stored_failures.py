@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import resource
+import shutil
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
@@ -66,6 +67,7 @@ class StoredFailure:
         apart = dataclasses.replace(self.campaign, directory=folder / number)
         files = apart.folder(self.record)
         files.mkdir(parents=True, exist_ok=True)
+        shutil.copy(self.campaign.directory / SETTINGS, apart.directory / SETTINGS)
         write_world(stored_world(self.campaign, self.record), files / "world.json")
         return apart
 

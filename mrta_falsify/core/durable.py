@@ -35,13 +35,15 @@ DISK = FULL | {errno.EIO, errno.ESTALE}
 
 def place_error(path: Path | str, error: OSError) -> PlaceError:
     """Say which file cannot be written, why, and what to do about that."""
-    remedy = "mend that"
+    remedy = "name another place"
     if error.errno in FULL:
         remedy = "make room"
     elif error.errno in CLOSED:
         remedy = "make it writable"
     elif error.errno == errno.ENOENT:
         remedy = "make its folder"
+    elif error.errno in DISK:
+        remedy = "mend the disk"
     reason = error.strerror or " ".join(str(error).split()) or type(error).__name__
     return PlaceError(f"{path}: cannot be written: {reason}; {remedy}")
 

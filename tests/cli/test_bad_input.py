@@ -356,8 +356,7 @@ def test_a_report_that_cannot_be_written_is_refused(cli, campaign, tmp_path, opt
     (tmp_path / "taken").mkdir()
     result = cli("report", str(campaign), option, "taken")
     assert result.exit_code == 2
-    verb = "written" if option == "-o" else "used"
-    assert result.stderr == f"error: taken: cannot be {verb}: Is a directory\n"
+    assert result.stderr == "error: taken: cannot be written: Is a directory; name another place\n"
 
 
 def test_a_comparison_is_not_written_into_a_file(cli, tmp_path):

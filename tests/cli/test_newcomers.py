@@ -339,7 +339,7 @@ CAMPAIGN = ("campaign", "my_ward.scenic", "-o", "found")
         (("run", "my_ward"), "did you mean 'my_ward.scenic'?"),
         (("run", "my_ward.scenic", "--spec", "no_deadlok"), "--spec: unknown specification"),
         ((*CAMPAIGN, "--then", "deadlnes"), "--then: unknown specification 'deadlnes'"),
-        ((*CAMPAIGN, "--then", "costly_way{factor"), "--then costly_way{factor: options must"),
+        ((*CAMPAIGN, "--then", "costly_way{factor"), "options must read NAME{opti"),
         ((*CAMPAIGN, "--against", "exec:nowhere"), "--against: there is no program 'nowhere'"),
         (
             (*CAMPAIGN, "--set", "allocator.objectives=1"),

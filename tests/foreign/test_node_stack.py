@@ -80,7 +80,7 @@ def test_two_couriers_that_meet_in_a_lane_are_found_out(branch):
         ),
         ("programs: [{name: a, target: 'a:b', nodes: 3}]", "nodes"),
         ("- a", "must be an object"),
-        ("a: [", "cannot be read"),
+        ("a: [", "is not valid YAML"),
     ],
 )
 def test_a_launch_file_that_is_none_says_why(text, words, tmp_path):

@@ -100,7 +100,7 @@ def test_lists_and_pages_count_alike(seeds, planted, tmp_path):
         assert kinds["stuck"] == int(facts["stuck"]), seed
         assert sum(kinds.values()) + outcomes.count("failure") == len(failed), seed
         assert sum(report.trials.deadlocked) == kinds["deadlock"], seed
-        named = re.search(r"first failure came in trial (\d+) of (\d+)", text)
+        named = re.search(r"first of these came in trial (\d+) of (\d+)", text)
         expected = "trial {} of {}".format(*named.groups()) if named else "none"
         assert facts["first failure"] == expected, seed
         ways = re.search(r"fail in (one|\d+)", text)

@@ -313,7 +313,7 @@ def test_what_is_not_active_is_left_out(showrooms):
         assert len(world.tasks) == 2
         assert len(world.furniture) == own + 4 + len(KINDS)
         assert {human.name for human in world.humans} - {"perhaps"} == {
-            "guest", "stander", "follower", "stroller", "visitor",
+            "guest", "stander", "follower", "stroller", "visitor", "walker",
         }  # fmt: skip
 
 
