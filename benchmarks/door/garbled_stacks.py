@@ -31,7 +31,7 @@ from simulator_interface.watched_copy import run_in_watched_copy
 ROOT = Path(__file__).resolve().parents[2]
 TICKS = 40  # of an episode that is told
 EXTREMES = (0.0, FARTHEST, -FARTHEST, 5e-324, 1e3, -1e3)
-FREE = (*EXTREMES, 1e308, -1e308)  # numbers of no unit
+FREE = (*EXTREMES, 1e100, -1e100)  # numbers of no unit
 UNKNOWN = (float("nan"), float("inf"), float("-inf"))  # allowed where nothing has to be finite
 LARGEST = 2**31 - 1
 WORDS = ("robot1", "robot2", "", "\x00", "é", "a" * 600, "<script>", "picked-up", "dropped-off")
@@ -99,7 +99,7 @@ def extreme(message: Message, random: np.random.Generator) -> Message:
         {"stops_left": [LARGEST, int(random.integers(3))], "queue": [LARGEST, -1]},
         {"leader": [1, 0], "cluster": [0, 0], "phase": random.integers(0, 4, size=2).tolist()},
         {"took": float(random.choice([0.0, 0.05, 600.0, 5e-324]))},
-        {"signals": {word(): free(), "gain": -1e308}},
+        {"signals": {word(): free(), "gain": -1e100}},
         {"waits_for": [[0, word()], [1, word()], [0, word()]]},
         {
             "events": [

@@ -332,6 +332,7 @@ def test_an_interrupted_run_keeps_what_is_finished_and_leaves_the_last_run_in_pl
     monkeypatch.setattr(running, "cells_of", lambda project: [cell])
     monkeypatch.setattr(cell_run, "open_to_run", lambda directory, trust: directory)
     monkeypatch.setattr(cell_run, "permit_rechecks", lambda *args, **options: None)
+    monkeypatch.setattr(cell_run, "on_recorded_engine", lambda campaign, config: config)
     monkeypatch.setattr(cell_run, "recheck", recheck)
     with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
         running.run_project(project, workers=1)
