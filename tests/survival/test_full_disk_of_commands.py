@@ -76,7 +76,7 @@ SLOW = {
 
 
 @pytest.mark.parametrize(
-    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.long) for name in SLOW)]
 )
 def test_a_command_on_a_full_disk_names_the_file_and_leaves_what_was_there(
     folder, monkeypatch, name
