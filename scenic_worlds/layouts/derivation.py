@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiLineString, MultiPolygon, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray, frozen_array
+from mrta_falsify.core.polyline import cut_path, path_length
 from mrta_falsify.core.world import Lane, Resource, Room, World
 from scenic_worlds.layouts.assembly import lane_travel_times
-from scenic_worlds.layouts.entrances import FRONT, Entrance, find_entrance
+from scenic_worlds.layouts.enclosures import FRONT
+from scenic_worlds.layouts.entrances import Entrance, find_entrance
 from scenic_worlds.layouts.frontages import corners
 from scenic_worlds.layouts.passing import (
+    LEAST_TO_LANE,
     Passers,
     is_outside_rooms,
     rooms_driven_through,
@@ -43,7 +46,6 @@ from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
 SPOT_DISC = 0.30  # m around a waiting robot that lanes keep away from as from a wall
 DRIVEN_THROUGH = 0.3  # share of its clearance that floor counts for in a room of others
-LEAST_TO_LANE = 0.62  # m; a spot nearer to traffic is given up
 MOST_PARKING = 12
 MOST_TURN_OFFS = 40  # places on a lane where robots may turn off to a waiting spot
 TURN_OFF_STEP = 5  # samples of the lane from one of them to the next
@@ -319,12 +321,12 @@ class _Lanes:
         """
         line = np.vstack([self._floor.rooms[start].point, way])
         driven = evenly(line)
-        step = float(np.hypot(*np.diff(line, axis=0).T).sum()) / (len(driven) - 1)
+        step = path_length(line) / (len(driven) - 1)
         outside = np.flatnonzero(~shapely.contains_xy(self._before[end], driven))
         last = max(int(outside[-1]) if len(outside) else 0, 1)
         queue = self._queues[end]
         if not len(queue):
-            return _first_part(line, last * step)[1:]
+            return _joined([cut_path(line, last * step)[1:]])
         places = np.arange(last + 1)[::TURN_OFF_STEP]
         gaps = np.hypot(*(driven[places] - queue[-1]).T)
         places = places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS]
@@ -339,7 +341,7 @@ class _Lanes:
                 self._behind.add(end)
         if not len(best):
             return otherwise
-        return _joined([_first_part(line, int(best[0]) * step)[1:], queue[-1:]])
+        return _joined([cut_path(line, int(best[0]) * step)[1:], queue[-1:]])
 
     def reaches_spots(self, room: int) -> bool:
         """Whether ways lead to a room's spots without leading through other rooms."""
@@ -434,14 +436,6 @@ def _thoroughfares(routes: RouteMap, entrances: list[Entrance], spots: Array) ->
     return floor
 
 
-def _first_part(line: Array, length: float) -> Array:
-    """Cut a polyline ``(K, 2)`` off after ``length`` [m]."""
-    steps = np.hypot(*np.diff(line, axis=0).T)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    end = [np.interp(length, arc, line[:, axis]) for axis in (0, 1)]
-    return np.vstack([line[arc < length - 1e-6], end])
-
-
 def _legs(way: Array) -> Array:
     """Split a polyline ``(K, 2)`` into its straight legs ``(K - 1, 2, 2)``."""
     if len(way) < 2:
@@ -493,16 +487,9 @@ def _segments(ways: Sequence[Array]) -> tuple[NDArray[np.object_], IntArray]:
 
 def _without_end(way: Array, length: float) -> Array:
     """Shorten a polyline ``(K, 2)`` by some metres of its end; empty: nothing is left."""
-    if len(way) < 2:
-        return way[:0]
-    steps = np.hypot(*np.diff(way, axis=0).T)
-    left = np.cumsum(steps[::-1])[::-1]  # from each corner to the end
-    corners = int((left > length).sum())
-    if not corners:
-        return way[:0]
-    share = (left[corners - 1] - length) / steps[corners - 1]
-    end = way[corners - 1] + share * (way[corners] - way[corners - 1])
-    return np.vstack([way[:corners], end])
+    way = np.array(way)
+    rest = path_length(way) - length
+    return cut_path(way, rest) if rest > 0.0 else way[:0]
 
 
 def _resource(floor: Floor, number: int, entrance: Entrance, queue: Array) -> Resource:

@@ -21,7 +21,7 @@ MOST_DOORS = 4  # of one room
 SAME_REST = 0.9  # of the largest part of the floor behind a door is as good
 LEAST_REST = 0.4  # of the floor that lies behind a room's door, at least
 AROUND = 10.0  # m around a room that are looked at first
-BEFORE = 0.6  # m before a doorway, where it leads
+FRONT = 0.6  # m, from a door to the point before it
 BEYOND = 0.4  # m beyond its posts that a doorway is closed, along the wall
 LARGEST_ROOM = 250.0  # m^2, more is a hall
 TO_WALL = 0.6  # m, over rows and columns, from where robots drive into the corner of a room
@@ -146,7 +146,7 @@ def _closed_by(
 
 
 def _leads_into(doorway: Doorway, areas: Sequence[Polygon]) -> bool:
-    before = Point(doorway.middle + BEFORE * doorway.outwards)
+    before = Point(doorway.middle + FRONT * doorway.outwards)
     return any(area.contains(before) for area in areas)
 
 

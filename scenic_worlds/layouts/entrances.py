@@ -13,6 +13,7 @@ from shapely.geometry import LineString, Polygon
 from mrta_falsify.core.arrays import Array, IntArray, frozen_array
 from scenic_worlds.layouts.doorways import Doorway, find_doorways
 from scenic_worlds.layouts.enclosures import (
+    FRONT,
     LARGEST_ROOM,
     Enclosure,
     enclose,
@@ -26,7 +27,6 @@ from simulator_interface.formats.outlines import outlines
 
 AT_EDGE = 1.0  # m from the edge of a given area, where its door lies
 OPEN_ROOM = 1.2  # m around the point of a room without door and area
-FRONT = 0.6  # m, from the door to the point before it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,9 +142,13 @@ def _area(routes: RouteMap, point: Array, enclosure: Enclosure | None, inside: A
     """Outline ``(V, 2)`` [m] the floor that the doors close off, or a piece around the point."""
     if enclosure and len(enclosure.cells) * routes.resolution**2 <= LARGEST_ROOM:
         return inside
+    return outline_around(routes, point, octagon(point, OPEN_ROOM))
+
+
+def octagon(point: Array, reach: float) -> Array:
+    """Outline ``(8, 2)`` [m] what lies within ``reach`` [m] of a point ``(2,)``."""
     angle = np.pi / 8.0 + np.arange(8) * np.pi / 4.0
-    ring = point + OPEN_ROOM * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return outline_around(routes, point, ring)
+    return frozen_array(point + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def _release_area(point: Array, area: Array, door: Array, mouth: Array, outwards: Array) -> Array:

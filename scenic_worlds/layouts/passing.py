@@ -17,7 +17,7 @@ from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array, BoolArray, frozen_array
 from mrta_falsify.core.world import Lane, Room, World
-from scenic_worlds.layouts.entrances import OPEN_ROOM, Entrance
+from scenic_worlds.layouts.entrances import OPEN_ROOM, Entrance, octagon
 from scenic_worlds.layouts.queues import OFF_AREA, PARK_APART, PARK_TO_LANE, SPOT_GAP
 from scenic_worlds.layouts.routes import ROBOT_RADIUS, RouteMap
 from simulator_interface.formats.floor_yaml import Floor, FloorLane
@@ -68,8 +68,8 @@ def move_beside_lanes(floor: Floor, *, radius: float = ROBOT_RADIUS) -> Floor:
         rooms[i] = dataclasses.replace(
             room,
             point=frozen_array(spot),
-            area=_disc(spot, BESIDE_SPACE + routes.extra),
-            release_area=_disc(spot, BESIDE_SPACE + routes.extra + 0.1),
+            area=octagon(spot, BESIDE_SPACE + routes.extra),
+            release_area=octagon(spot, BESIDE_SPACE + routes.extra + 0.1),
         )
     before = {room.name: room.point for room in floor.rooms}
     moved = {room.name: room.point for room in rooms if room.point is not before[room.name]}
@@ -232,10 +232,10 @@ def spaces_off_ways(
         stands = passers.stands_of_others(i)
         if passers.crosses(i, Polygon(area)) or _cuts_off(routes, area, stands):
             reach = min(max(passers.gap(i, point) - SPACE_TO_LANE, spot), OPEN_ROOM)
-            area = _disc(point, reach)
+            area = octagon(point, reach)
             if reach > spot and _cuts_off(routes, area, stands):
-                reach, area = spot, _disc(point, spot)
-            release_area = _disc(point, max(reach + 0.1, LET_GO))
+                reach, area = spot, octagon(point, spot)
+            release_area = octagon(point, max(reach + 0.1, LET_GO))
             found.append(dataclasses.replace(entrance, area=area, release_area=release_area))
         else:
             found.append(entrance)
@@ -286,11 +286,6 @@ def _cuts_off(routes: RouteMap, area: Array, stands: Array) -> bool:
     parts = ndimage.label(floor)[0]
     reached = {int(parts[routes.cell(place)]) for place in stands} - {0}
     return len(reached) > 1
-
-
-def _disc(point: Array, reach: float) -> Array:
-    angle = np.pi / 8.0 + np.arange(8) * np.pi / 4.0
-    return frozen_array(point + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def _gap(point: Array, lanes: Array) -> float:

@@ -103,18 +103,16 @@ class RouteMap:
 
     def is_clear(self, start: Array, end: Array) -> bool:
         """Whether a robot can drive a straight leg."""
-        least = LEAST_GAP + self.extra
-        return bool(self.gap(_samples(np.vstack([start, end]), STEP)).min() >= least)
+        return bool(self.are_clear(np.stack([start, end])[None])[0])
 
     def are_clear(self, legs: Array) -> BoolArray:
         """Whether a robot can drive each of some straight legs ``(K, 2, 2)`` [m]."""
-        if not len(legs):
-            return np.zeros(0, dtype=np.bool_)
-        along = legs[:, 1] - legs[:, 0]
-        count = int(np.ceil(np.hypot(*along.T).max() / STEP)) + 1
-        share = np.linspace(0.0, 1.0, max(count, 2))
-        x, y = (legs[:, 0, k, None] + along[:, k, None] * share for k in (0, 1))
-        return np.asarray(self.gap_at(x, y).min(axis=1) >= LEAST_GAP + self.extra)
+        points, leg = shapely.get_coordinates(
+            shapely.segmentize(shapely.linestrings(legs), STEP), return_index=True
+        )
+        least = np.full(len(legs), np.inf)
+        np.minimum.at(least, leg, self.gap(points))
+        return np.asarray(least >= LEAST_GAP + self.extra)
 
     def distance_to(self, points: Array) -> Array:
         """Measure each cell's distance ``(rows, cols)`` [m] to the nearest of ``(K, 2)`` points."""
