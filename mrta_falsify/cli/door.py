@@ -17,7 +17,7 @@ from typing import Any, TextIO
 import click
 
 from mrta_falsify.cli import stopping
-from mrta_falsify.core.durable import CLOSED, DISK, FULL, place_error, place_error_in
+from mrta_falsify.core.durable import CLOSED, DISK, place_error, place_error_in
 from mrta_falsify.core.errors import InputError, InputNote, NeedsOption, PlaceError
 from mrta_falsify.core.interruption import Interrupted, heard
 
@@ -25,8 +25,7 @@ STDOUT, STDERR = 1, 2  # file descriptors
 
 #: errors of a place that the user gave, not of the toolkit
 PLACE_ERRORS = (
-    FULL
-    | CLOSED
+    CLOSED
     | DISK
     | {errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ENOTEMPTY, errno.ELOOP, errno.ENAMETOOLONG}
 )

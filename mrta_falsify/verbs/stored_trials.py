@@ -166,21 +166,21 @@ def layer_of(campaign: Campaign, record: TrialRecord) -> str:
 
     Empty where these, or the runs of ``explain``, name none.
     """
-    if not record.failed:
-        return record.layer
-    with contextlib.suppress(InputError):  # a damaged file; `report` says what is wrong with it
-        explained = read_finding(campaign.folder(record), Explanation)
-        if explained is not None:
-            return explained.layer
-    return record.layer
+    explained = _explanation(campaign, record) if record.failed else None
+    return record.layer if explained is None else explained.layer
 
 
 def explained_reason(campaign: Campaign, record: TrialRecord) -> str:
     """Say why ``explain`` named a layer or none; empty if it was not run."""
-    with contextlib.suppress(InputError):  # a damaged file; `report` says what is wrong with it
-        explained = read_finding(campaign.folder(record), Explanation)
-        return explained.reason if explained is not None else ""
-    return ""
+    explained = _explanation(campaign, record)
+    return "" if explained is None else explained.reason
+
+
+def _explanation(campaign: Campaign, record: TrialRecord) -> Explanation | None:
+    """Read what ``explain`` found; None: it was not run, or `report` says what is wrong with it."""
+    with contextlib.suppress(InputError):  # a damaged file
+        return read_finding(campaign.folder(record), Explanation)
+    return None
 
 
 def account_of(campaign: Campaign, record: TrialRecord) -> WaitAccount | None:

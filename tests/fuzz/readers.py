@@ -125,24 +125,24 @@ def swapped_data(rnd: random.Random, folder: Path) -> None:
 
 def json_text(rnd: random.Random, folder: Path) -> None:
     """Damaged JSON is parsed and decoded, or refused."""
-    root = rnd.choice(ROOTS)
-    text, must = damaged_json(valid(root, None, rnd), rnd)
-    path = folder / "file.json"
-    path.write_text(text, encoding="utf-8")
-    read = lambda: codec.decode(root, codec.read_json(path), where="file")  # noqa: E731
-    if must:
-        refused(read, text)
-    else:
-        answered(read)
+    _text(rnd, folder / "file.json", damaged_json, codec.read_json)
 
 
 def yaml_text(rnd: random.Random, folder: Path) -> None:
     """Damaged YAML is parsed and decoded, or refused."""
+    _text(rnd, folder / "file.yaml", damaged_yaml, codec.read_yaml)
+
+
+def _text(
+    rnd: random.Random,
+    path: Path,
+    damaged: Callable[[Any, random.Random], tuple[str, bool]],
+    parsed: Callable[[Path], Any],
+) -> None:
     root = rnd.choice(ROOTS)
-    text, must = damaged_yaml(valid(root, None, rnd), rnd)
-    path = folder / "file.yaml"
+    text, must = damaged(valid(root, None, rnd), rnd)
     path.write_text(text, encoding="utf-8")
-    read = lambda: codec.decode(root, codec.read_yaml(path), where="file")  # noqa: E731
+    read = lambda: codec.decode(root, parsed(path), where="file")  # noqa: E731
     if must:
         refused(read, text)
     else:
