@@ -24,7 +24,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError, PlaceError
 from mrta_falsify.core.interruption import signals_held
-from mrta_falsify.core.modules import safe_path
+from mrta_falsify.core.modules import forget_safe_path, safe_path
 
 LOOPBACK = "127.0.0.1"
 CHILD_TIMEOUT = 1.0  # s between two looks at the child process
@@ -163,6 +163,7 @@ def run_on_worker(digest: str, settings: dict[str, Any], recycle: int, job: Job)
     Returns:
         Fields of a :class:`Finished` but its number; or ``refused`` or ``broken`` with a message.
     """
+    forget_safe_path()  # of this worker's start: its child looks for modules as any other does
     key = (digest, threading.get_ident())
     try:
         with _lock:
