@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrta_falsify.campaigns import time_limit
-from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
@@ -41,6 +40,7 @@ from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.possibility import look_at
+from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, of_copy, quick_stack
 from simulator_interface.external.told import TOLD_NAME, Told, write_told

@@ -11,11 +11,12 @@ from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import by_cause, cause_begins, leading
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
-from reports.sentences import beside_sentences
+from reports.sentences import beside_sentences, guess_text
 
 MOST_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many
 MOST_TASKS = 60  # rows of a task table that is shown unasked
@@ -30,7 +31,7 @@ def report_of_run(
     versions: Mapping[str, str],
     picture: Path,
     animation: Path | None = None,
-    layer: str = "",
+    whole: bool = False,
 ) -> ReportContents:
     """Collect what the page of one run says.
 
@@ -41,8 +42,11 @@ def report_of_run(
         versions: of the libraries that the digests depend on.
         picture: PNG to embed.
         animation: GIF to embed, if there is one.
-        layer: suspected; empty if nothing is violated.
+        whole: the stack's layers are not known.
     """
+    first = leading(view.verdicts)
+    found = guess(view.verdicts, view.trace)
+    layer = WHOLE if whole and first is not None and found.layer != WORLD else found.layer
     case = CaseContents(
         id=view.world.name,
         signature="",
@@ -53,9 +57,8 @@ def report_of_run(
         commands=(("Run it again", command),),
         costmap=view.costmap,
         layer=layer,
-        layer_evidence="A guess by rules from the trace." if layer else "",
+        layer_evidence=guess_text(found, first, view.trace) if first is not None else "",
     )
-    first = leading(view.verdicts)
     around = cause_begins(first) if first is not None else 0.0
     images = [embed(picture, "From above", "floor plan with the ways of all robots and people")]
     if animation is not None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import Claim, leading_claim
+from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
     STALLED,
@@ -19,6 +20,7 @@ from mrta_falsify.core.wait_account import (
     wait_account,
 )
 from mrta_falsify.core.words import listed
+from mrta_falsify.specs.attribution import Guess
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
 from mrta_falsify.specs.holds import main_kinds
 from reports.stack_sentences import repeated_sentence, stack_failure_sentence
@@ -357,6 +359,22 @@ def evidence_text(evidence: dict[str, Any]) -> str:
     return text if len(text) <= MOST_EVIDENCE else text[:MOST_EVIDENCE] + "\n..."
 
 
+def guess_text(found: Guess, verdict: Verdict, trace: Trace) -> str:
+    """Say what decided for a layer, or that nothing did.
+
+    Args:
+        found: the guess.
+        verdict: it is about.
+        trace: of the run.
+    """
+    if not found.robots:
+        return f"A guess by rules from the trace: {found.rule}."
+    names = list(found.robots)
+    who = listed(names) if len(names) <= MOST_NAMES else f"the {len(names)} robots"
+    until = trace.duration if verdict.violated_at is None else verdict.violated_at
+    return f"A guess by rules from the trace: {blocked_text(who, until, found.spent)}."
+
+
 def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
     """Say what had held robots up.
 
@@ -372,7 +390,7 @@ def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
         return f"at {until:.1f} s, {who} {what}"
     idle = lasting.pop(STALLED, 0.0)
     ordered = sorted(lasting.items(), key=lambda item: (-item[1], item[0]))
-    times = ", ".join(f"{time:.1f} s by {cause}" for cause, time in ordered)
-    said = [f"had been blocked for {times}"] if times else []
-    said += [f"had stood for {idle:.1f} s with nothing in the way"] if idle else []
-    return f"until {until:.1f} s, {who} {' and '.join(said) or 'had not been blocked'}"
+    times = [f"{time:.1f} s ({cause})" for cause, time in ordered]
+    times += [f"{idle:.1f} s (nothing in the way)"] if idle else []
+    stood = f"had stood for {listed(times)}" if times else "had not been blocked"
+    return f"until {until:.1f} s, {who} {stood}"

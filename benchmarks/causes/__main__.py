@@ -18,8 +18,8 @@ from pathlib import Path
 
 from benchmarks.causes.cases import Case, draw, faulty
 from benchmarks.oracle.rows import Row, cpu_seconds, run_command
-from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.core import codec
+from mrta_falsify.specs.attribution import WORLD
 from mrta_falsify.verbs.explain.explaining import explain_job
 
 

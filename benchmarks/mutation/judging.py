@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
@@ -15,6 +14,7 @@ from mrta_falsify.core.protocols import Costs
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.explain.explaining import explain_job
@@ -35,7 +35,7 @@ def run(request: dict[str, Any]) -> dict[str, Any]:
         "fate": "judged",
         "violated": [verdict.spec for verdict in judged.verdicts if verdict.violated],
         "signature": signature(judged.verdicts),
-        "guess": suspected_layer(judged.verdicts, outcome.trace) if judged.failed else "",
+        "guess": guess(judged.verdicts, outcome.trace).layer if judged.failed else "",
         "score": search_score(judged.margins),
         "objectives": judged.margins,
         "descriptors": judged.descriptors,

@@ -63,7 +63,7 @@ class Loads:
         self._keep("waiting", sum(counts.values()))
         self._keep("queue", max(_by_place(edges, counts).values(), default=0.0))
         waits = waits_of(edges)
-        self._keep("chain", max((len(awaited(waits, i)) for i in waits), default=0))
+        self._keep("chain", max((len(awaited(waits, i) - {i}) for i in waits), default=0))
 
     def _keep(self, name: str, load: float) -> None:
         self._most[name] = max(self._most[name], float(load))

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from mrta_falsify.campaigns.attribution import suspect
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import finite, later
 from mrta_falsify.core.config import StackConfig
@@ -352,7 +351,7 @@ def _write_files(
         versions=versions(),
         picture=written.picture,
         animation=written.gif,
-        layer=suspect(config, outcome.verdicts, outcome.trace),
+        whole=config.stack is not None,
     )
     page.write_page(report, written.report)
 

@@ -29,7 +29,8 @@ def number_in(value: Any) -> float | None:
     """Read a number, infinity and NaN as YAML has them included; None: it is none."""
     if not isinstance(value, str) or not _PLAIN.fullmatch(value):
         return None
-    return float(value.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    plain = value.lower().replace("_", "")  # as YAML 1.1 has 1_000
+    return float(plain.replace(".inf", "inf").replace(".nan", "nan"))
 
 
 def whole_in(value: Any) -> int | None:

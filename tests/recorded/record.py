@@ -26,11 +26,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.signature import signature_before
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import World
+from mrta_falsify.specs.attribution import guess
 from mrta_falsify.trial import Job, campaign_specifications, judge
 
 HERE = Path(__file__).parent
@@ -108,7 +108,7 @@ def outcome_of(name: str, stack: dict[str, Any], engine: str) -> dict[str, Any]:
         "trace_digest": judged.outcome.trace.digest,
         "ended": judged.outcome.ended,
         "signature": signature_before(judged.verdicts),  # the form that the rows were stored in
-        "layer": suspected_layer(judged.verdicts, judged.outcome.trace) if judged.failed else "",
+        "layer": guess(judged.verdicts, judged.outcome.trace).layer if judged.failed else "",
         "verdicts": [
             [v.spec, repr(v.robustness), v.violated_at, list(v.who)] for v in judged.verdicts
         ],

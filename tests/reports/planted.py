@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.defects.worlds import PLANTS
-from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
@@ -18,6 +17,7 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -81,7 +81,7 @@ def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
         score=search_score(judged.margins),
         signature=signature(judged.verdicts),
         signature_before=signature_before(judged.verdicts),
-        layer=suspected_layer(judged.verdicts, judged.outcome.trace),
+        layer=guess(judged.verdicts, judged.outcome.trace).layer,
         trace_file="trials/0000/trace.zip",
         trace_digest=judged.outcome.trace.digest,
         engine=config.engine.name,

@@ -54,7 +54,7 @@ def page(view, tmp_path):
         write_picture(view, picture)
         report = report_of_run(
             view, command="mrta-falsify run x", stack="planner: astar", versions={"numpy": "2"},
-            picture=picture, layer="controller",
+            picture=picture,
         )  # fmt: skip
         return render_page(report)
 

@@ -236,11 +236,11 @@ def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected
         ({}, "until 9.0 s, robot1 had not been blocked"),
         ({"stalled": 0.05}, "at 9.0 s, robot1 stood with nothing in the way"),
         ({"solid": 0.0}, "at 9.0 s, robot1 was held up by solid"),
-        ({"stalled": 2.5}, "until 9.0 s, robot1 had stood for 2.5 s with nothing in the way"),
+        ({"stalled": 2.5}, "until 9.0 s, robot1 had stood for 2.5 s (nothing in the way)"),
         (
             {"barrier": 1.0, "queue": 3.0, "stalled": 2.0, "wall": 0.01},
-            "until 9.0 s, robot1 had been blocked for 3.0 s by queue, 1.0 s by barrier and had "
-            "stood for 2.0 s with nothing in the way",
+            "until 9.0 s, robot1 had stood for 3.0 s (queue), 1.0 s (barrier) and 2.0 s "
+            "(nothing in the way)",
         ),
     ],
 )

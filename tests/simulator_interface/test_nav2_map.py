@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from simulator_interface.formats.nav2 import (
     write_nav2_map,
     write_occupancy,
 )
+from simulator_interface.formats.written import number_in
 
 TEXT = (
     "image: {image}\nmode: {mode}\nresolution: 0.05\norigin: [-1.5, 2.0, 0]\nnegate: {negate}\n"
@@ -156,6 +158,14 @@ def test_numbers_are_read_as_nav2_reads_them(tmp_path):
     grid = read_nav2_map(write_map(tmp_path, [[254, 0]], negate="yes", text=text))
     assert (grid.resolution, grid.origin.tolist(), grid.notes) == (0.05, [-1.5, 2.0], ())
     assert grid.data.tolist() == [[100, 0]]
+
+
+@pytest.mark.parametrize(
+    ("written", "number"),
+    [("1_000", 1000.0), ("1_", 1.0), ("-.INF", -math.inf), ("1e1_", None), ("_1", None)],
+)
+def test_underscores_in_numbers_are_those_of_yaml(written, number):
+    assert number_in(written) == number
 
 
 @pytest.mark.parametrize("image", ["/home/them/maps/m.pgm", "maps/m.pgm", "../m.pgm"])

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.defects import worlds
-from mrta_falsify.campaigns.attribution import suspected_layer
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Removal
+from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain import removal_text
@@ -77,8 +77,8 @@ def test_a_layer_under_test_is_replaced_by_the_reference_and_the_reference_by_ot
 
 def test_the_trace_alone_gives_a_first_guess(stalled):
     _, judged = stalled
-    assert suspected_layer(judged.verdicts, judged.outcome.trace) == "waypoint_generator"
-    assert suspected_layer((), judged.outcome.trace) == ""
+    assert guess(judged.verdicts, judged.outcome.trace).layer == "waypoint_generator"
+    assert guess((), judged.outcome.trace).layer == ""
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ import pytest
 from click.testing import CliRunner
 
 import mrta_falsify as mf
-from mrta_falsify.campaigns.attribution import WORLD, suspect
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import Progress, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
@@ -25,6 +24,7 @@ from mrta_falsify.core.config import Choice, ExternalStack, StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.objectives import objectives

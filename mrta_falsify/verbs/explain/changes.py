@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from mrta_falsify.campaigns.attribution import WHOLE
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.external import ExternalStack
+from mrta_falsify.specs.attribution import WHOLE
 
 #: layers of the stack in the order of the pipeline; people and physics are not the stack's own
 SUSPECTS = (

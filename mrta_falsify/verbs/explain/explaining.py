@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias
 
-from mrta_falsify.campaigns.attribution import WORLD, suspect
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, going_on
@@ -31,6 +30,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import Lab, course_of
+from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, Judged, judge, of_copy
 from mrta_falsify.verbs.explain.absences import absences_of

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.campaigns.attribution import WHOLE, WORLD
 from mrta_falsify.core.findings import LayerRow
 from mrta_falsify.core.task_history import last_robots, tasks_of
 from mrta_falsify.core.trace import Trace
@@ -32,6 +31,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import is_kept, tick_of
 from mrta_falsify.core.words import listed
 from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Situation, Vote, experiment_of_job
+from mrta_falsify.specs.attribution import WHOLE, WORLD
 from mrta_falsify.specs.causes import is_outcome, is_shut, primary
 from mrta_falsify.trial import Job, of_copy
 from mrta_falsify.verbs.explain.changes import Change

@@ -8,12 +8,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrta_falsify.campaigns.attribution import (
-    WHOLE,
-    blocked_time,
-    rests_on_time,
-    robots_concerned,
-)
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.claims import KIND_TEXT
@@ -22,9 +16,9 @@ from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.causes import by_cause, is_shut, kind_of
+from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
+from mrta_falsify.specs.causes import by_cause, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import NO_LAYER, decided_sentences, needs_sentences, removal_text
@@ -40,7 +34,7 @@ from mrta_falsify.verbs.stored_trials import (
 from mrta_falsify.verbs.trust import map_of
 from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, Neighbour
-from reports.sentences import blocked_text
+from reports.sentences import guess_text
 from reports.stack_sentences import coupling_facts
 
 if TYPE_CHECKING:
@@ -48,7 +42,6 @@ if TYPE_CHECKING:
 
 MOST_LOST = 20  # failures with missing files after which the others are not read
 LOST_TOLD = 5  # of them, each of which gets a sentence
-MOST_NAMED = 4  # robots that are named one by one
 
 
 def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], list[str]]:
@@ -112,7 +105,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         facts=_facts(campaign, record),
         commands=commands_of(campaign, record),
         layer=record.layer,
-        layer_evidence=_evidence_of_trace(verdicts[0], trace),
+        layer_evidence=_evidence_of_trace(record.layer, verdicts, trace),
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
@@ -187,24 +180,13 @@ def _other_case(
 # --- what other commands have found --------------------------------------------------------
 
 
-def _evidence_of_trace(verdict: Verdict, trace: Trace) -> str:
-    """Say what the trace shows of the layer that the rules point to."""
-    if is_shut(verdict):
-        return "The world shut a place during the run; no layer of the stack did."
-    until = verdict.violated_at if verdict.violated_at is not None else trace.duration
-    robots = robots_concerned(verdict, trace)
-    if rests_on_time(verdict) and robots:
-        spent = blocked_time(trace, until, robots)
-        who = listed(robots) if len(robots) <= MOST_NAMED else f"the {len(robots)} robots"
-        seen = blocked_text(who, until, spent)
-    elif rests_on_time(verdict):
-        seen = "no robot had what was late"
-    else:
-        seen = "what is violated, where and by whom"
-    return (
-        f"A guess by rules from the trace: {seen}. The command explain tests it by runs with one "
-        "layer changed."
-    )
+def _evidence_of_trace(layer: str, verdicts: Sequence[Verdict], trace: Trace) -> str:
+    """Say what in the trace made the rules name a layer, or none."""
+    found = guess(verdicts, trace)
+    asked = "The command explain tests it by runs with one layer changed."
+    if layer not in (found.layer, WHOLE):
+        return f"A guess by rules of an older version. {asked}"
+    return " ".join([guess_text(found, verdicts[0], trace), *([asked] if layer != WORLD else [])])
 
 
 def _with_explanation(case: CaseContents, found: Explanation) -> CaseContents:

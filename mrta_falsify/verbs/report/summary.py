@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mrta_falsify.campaigns.attribution import WORLD
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.defects import DEFECTS
 from mrta_falsify.core.probability import WIDEST
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
+from mrta_falsify.specs.attribution import WORLD
 from mrta_falsify.verbs.campaign_summary import (
     OTHER,
     FailureMode,

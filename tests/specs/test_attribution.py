@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mrta_falsify.campaigns.attribution import blocked_time, suspected_layer
 from mrta_falsify.core.fleet import BlockedBy, StackEvent
 from mrta_falsify.core.trace import EdgeSpan, PathChange, Trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.specs.attribution import blocked_time, guess
 
 ROBOTS = ("robot1", "robot2", "robot3")
 
@@ -85,7 +85,7 @@ def violated(spec, *who, **evidence):
 
 
 def layer(verdict, **run):
-    return suspected_layer((verdict,), trace_of(**run))
+    return guess((verdict,), trace_of(**run)).layer
 
 
 # --- deadlocks -----------------------------------------------------------------------------
@@ -225,7 +225,7 @@ def test_a_robot_that_drives_in_vain_with_nothing_in_its_way_is_not_controlled_w
 
 
 def test_nothing_violated_points_nowhere():
-    assert suspected_layer((), trace_of()) == ""
+    assert guess((), trace_of()).layer == ""
 
 
 def test_a_robot_that_two_hold_at_once_is_blocked_once_and_each_robot_for_itself():

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,16 +75,25 @@ PATH_AHEAD = 1.5  # m of path that are looked at
 STAYED = 1.0  # m from where it started; a robot as near as that may have been there from the start
 
 
+class Guess(NamedTuple):
+    """A layer, and what of the run decided for it."""
+
+    layer: str  #: empty: nothing is violated, or nothing points to one
+    rule: str = ""  #: what was seen, as a clause; empty: the time lost decided
+    robots: tuple[str, ...] = ()  #: whose time lost decided
+    spent: Mapping[str, float] = MappingProxyType({})  #: their time lost [s], by cause
+
+
 def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
-    """Name the layer of a stack to look at first; see :func:`suspected_layer`."""
+    """Name the layer of a stack to look at first; see :func:`guess`."""
     verdict = leading(verdicts)
     if config.stack is not None and verdict is not None and not is_shut(verdict):
         return WHOLE
-    return suspected_layer(verdicts, trace)
+    return guess(verdicts, trace).layer
 
 
-def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
-    """Name the layer to look at first, empty if nothing is violated or nothing points to one.
+def guess(verdicts: Sequence[Verdict], trace: Trace) -> Guess:
+    """Guess the layer to look at first.
 
     Args:
         verdicts: of the run.
@@ -90,31 +101,32 @@ def suspected_layer(verdicts: Sequence[Verdict], trace: Trace) -> str:
     """
     verdict = leading(verdicts)
     if verdict is None:
-        return ""
+        return Guess("", "nothing is violated")
     if is_shut(verdict):
-        return WORLD
+        return Guess(WORLD, "the world shut a place during the run; no layer of the stack did")
     if verdict.spec == DEADLOCK:
         return _of_standing(verdict, trace)
     if first_claim(verdict.evidence) in CLAIMS_OF_QUEUES:
-        return QUEUES
+        return Guess(QUEUES, "it claims what the queues decide")
     if verdict.spec == "exclusive_use":
         return _of_overfull(verdict, trace)
     if verdict.spec in LAYER_OF_SPECIFICATION:
-        return LAYER_OF_SPECIFICATION[verdict.spec]
+        return Guess(LAYER_OF_SPECIFICATION[verdict.spec], f"{verdict.spec} is its to keep")
     if verdict.spec == "no_robot_static_contact":
         return _of_solid(verdict, next(iter(verdict.who), ""), trace)
     if verdict.spec == "stack_runs":
-        return str(verdict.evidence.get("layer", ""))  # whose code failed
+        return Guess(str(verdict.evidence.get("layer", "")), "its code failed")
     if verdict.spec == "repeatable":
-        return LAYER_OF_ANSWER.get(str(verdict.evidence.get("field", "")), "")
+        part = str(verdict.evidence.get("field", ""))
+        return Guess(LAYER_OF_ANSWER.get(part, ""), f"{part} differs between equal runs")
     return _of_lost_time(verdict, trace)
 
 
 # --- robots that stand ---------------------------------------------------------------------
 
 
-def _of_standing(verdict: Verdict, trace: Trace) -> str:
-    """Name the layer that decides about what holds up the root.
+def _of_standing(verdict: Verdict, trace: Trace) -> Guess:
+    """Guess by what holds up the root.
 
     Robots that queue for a robot that is held up by something else wait rightly. A queue is to
     blame if all wait in it, or if one who waits in it stands in the way of another.
@@ -123,19 +135,31 @@ def _of_standing(verdict: Verdict, trace: Trace) -> str:
     waits = [wait for robot in account.holding for wait in account.of(robot)]
     reasons = [wait for wait in waits if not (wait.cause == "queue" and wait.blocked_by)]
     queued = {wait.robot for wait in waits if wait.cause == "queue"}
-    if not reasons or any(wait.blocked_by in queued and _is_body(wait) for wait in reasons):
-        return QUEUES
+    if not reasons:
+        return Guess(QUEUES, "all of them wait in queues")
+    for wait in reasons:
+        if wait.blocked_by in queued and _is_body(wait):
+            told = f"{wait.blocked_by}, which waits in a queue, stands in the way of {wait.robot}"
+            return Guess(QUEUES, told)
     root = next((w.robot for w in reasons if w.robot == account.root), reasons[0].robot)
     causes = {wait.cause for wait in reasons if wait.robot == root}
-    spent = blocked_time(trace, _until(verdict), [root] if root in trace.robots else [])
+    robots = (root,) if root in trace.robots else ()
+    spent = blocked_time(trace, _until(verdict), robots)
     cause = max(sorted(causes), key=lambda name: spent.get(name, 0.0))
     if cause == "stalled" and root == account.root and _is_at_waiting_spot(verdict):
-        return QUEUES  # the room is free, and whoever should grant it did not
+        # the room is free, and whoever should grant it did not
+        return Guess(QUEUES, f"{root} stands at a waiting spot with nothing in the way")
     if cause in ("stalled", "wall", "cluster") and _has_no_way_left(trace, root, verdict):
-        return "waypoint_generator"  # whatever stands near by, it was not told where to go on to
+        # whatever stands near by, it was not told where to go on to
+        return Guess("waypoint_generator", f"{root} has no path ahead of it")
     if cause == "wall":
         return _of_solid(verdict, root, trace)
-    return "controller" if cause == "stalled" else LAYER_OF_CAUSE.get(cause, "")
+    if cause == "stalled":
+        return Guess("controller", f"{root} has a path and stands with nothing in the way")
+    layer = LAYER_OF_CAUSE.get(cause, "")
+    if len(causes) > 1 and robots:
+        return Guess(layer, robots=robots, spent=spent)
+    return Guess(layer, f"what holds {root} up is of the kind {cause}")
 
 
 def _is_body(wait: WaitsFor) -> bool:
@@ -153,22 +177,23 @@ def _has_no_way_left(trace: Trace, robot: str, verdict: Verdict) -> bool:
     return len(ahead) * PATH_STEP <= WAY_LEFT
 
 
-def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> str:
-    """Name the layer that brought a robot to a solid.
+def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> Guess:
+    """Guess what brought a robot to a solid.
 
     A path that leaves it no room comes from a costmap that does not know the solid, or how wide
     the robot is. Otherwise the controller left the path, or does not get away from where it is.
     """
     if robot not in trace.robots or not is_kept(trace):
-        return LAYER_OF_CAUSE["wall"]
+        return Guess(LAYER_OF_CAUSE["wall"], "a solid is in the way")
     tick = tick_of(verdict, trace)
     ahead = _path_ahead(trace, robot, tick)
     points = np.asarray(trace.columns["obstacle_points"][tick, trace.robots.index(robot)])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(ahead) or not len(points):
-        return "controller"
-    gaps = np.hypot(*np.moveaxis(ahead[:, None] - points[None], -1, 0))
-    return LAYER_OF_CAUSE["wall"] if gaps.min() < TOO_NEAR else "controller"
+        return Guess("controller", f"{robot} is at a solid that no path leads it to")
+    gap = np.hypot(*np.moveaxis(ahead[:, None] - points[None], -1, 0)).min()
+    layer = LAYER_OF_CAUSE["wall"] if gap < TOO_NEAR else "controller"
+    return Guess(layer, f"the path of {robot} passes the solid at {gap:.2f} m")
 
 
 def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
@@ -191,8 +216,8 @@ def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
     return dense[nearest : nearest + round(PATH_AHEAD / PATH_STEP)]
 
 
-def _of_overfull(verdict: Verdict, trace: Trace) -> str:
-    """Name the layer that let one robot too many into a resource.
+def _of_overfull(verdict: Verdict, trace: Trace) -> Guess:
+    """Guess what let one robot too many into a resource.
 
     The queues did, unless a robot is inside that was never let in and has its goal elsewhere. Its
     path leads through the resource then.
@@ -201,31 +226,23 @@ def _of_overfull(verdict: Verdict, trace: Trace) -> str:
     told = [event for event in trace.events if event.resource == resource]
     let_in = {trace.robots[event.robot] for event in told if event.kind in ("granted", "released")}
     if not any(event.kind == "granted" for event in told) or not is_kept(trace):
-        return QUEUES
+        return Guess(QUEUES, "one robot too many is inside")
     tick = tick_of(verdict, trace)
     pose = trace.columns["pose"][:, :, :2]
     for robot in (trace.robots.index(name) for name in near if name not in let_in):
         goal = trace.columns["goal"][tick, robot]
         came = np.hypot(*(pose[tick, robot] - pose[0, robot])) > STAYED
         if came and np.hypot(*(goal - pose[tick, robot])) > PATH_AHEAD:
-            return "planner"
-    return QUEUES
-
-
-def rests_on_time(verdict: Verdict) -> bool:
-    """Whether a guess about a violation rests on how long robots were blocked."""
-    return verdict.spec == DEADLOCK or not (
-        verdict.spec in LAYER_OF_SPECIFICATION
-        or verdict.spec in ("no_robot_static_contact", "stack_runs", "repeatable")
-        or first_claim(verdict.evidence) in CLAIMS_OF_QUEUES
-    )
+            name = trace.robots[robot]
+            return Guess("planner", f"{name} was never let in and has its goal elsewhere")
+    return Guess(QUEUES, "one robot too many was let in")
 
 
 # --- lost time ---------------------------------------------------------------------
 
 
-def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
-    """Name the layer that decides about what cost the time.
+def _of_lost_time(verdict: Verdict, trace: Trace) -> Guess:
+    """Guess by what cost the time.
 
     A task that no robot was given was not allocated, or never offered to the allocator. If the
     robots concerned were held up, what held them up longest decides. A robot that drove in vain
@@ -236,11 +253,18 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> str:
     given = {event.task for event in trace.events if event.kind == "assigned"}
     forgotten = [task for task in tasks if task not in given]
     if forgotten:
-        return "allocator" if _was_asked(forgotten, trace) else DISPATCHER
-    spent = blocked_time(trace, _until(verdict), robots_concerned(verdict, trace))
+        if _was_asked(forgotten, trace):
+            return Guess("allocator", "it was asked about the task and gave it to no robot")
+        return Guess(DISPATCHER, "the task was given to no robot, and the allocator not asked")
+    robots = _robots_concerned(verdict, trace)
+    if not robots:
+        return Guess("" if is_outcome(verdict) or tasks else "controller", "no robot had the task")
+    spent = blocked_time(trace, _until(verdict), robots)
     if sum(spent.values()) < LITTLE_BLOCKING:
-        return "" if is_outcome(verdict) or tasks else "controller"
-    return LAYER_OF_CAUSE.get(max(sorted(spent), key=lambda cause: spent[cause]), "")
+        layer = "" if is_outcome(verdict) or tasks else "controller"
+    else:
+        layer = LAYER_OF_CAUSE.get(max(sorted(spent), key=lambda cause: spent[cause]), "")
+    return Guess(layer, robots=tuple(robots), spent=spent)
 
 
 def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
@@ -251,11 +275,8 @@ def _was_asked(tasks: Sequence[int], trace: Trace) -> bool:
     return refused or bool(named & set(tasks))
 
 
-def robots_concerned(verdict: Verdict, trace: Trace) -> list[str]:
-    """Name the robots whose waits count: the root of those that stand, those with late tasks."""
-    root = wait_account(verdict).root if verdict.spec == DEADLOCK else ""
-    if root in trace.robots:
-        return [root]
+def _robots_concerned(verdict: Verdict, trace: Trace) -> list[str]:
+    """Name the robots whose waits count: those named, else those with the late tasks."""
     named = [name for name in verdict.who if name in trace.robots]
     return named or robots_of(tasks_of(verdict), trace)
 
