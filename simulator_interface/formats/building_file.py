@@ -123,10 +123,8 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
         name = next(iter(levels))
     if name not in levels:
         raise UnknownNameError("level", name, levels, where=where)
-    place = f"{where}: levels.{name}"
-    level = _mapping(levels[name], place)
-    points, vertices = _vertices(level, place)
-    count = len(vertices)
+    drawn = {each: _drawn(level, f"{where}: levels.{each}") for each, level in levels.items()}
+    points, vertices, parts = drawn[name]  # the others are checked, as the file's own tools do
     if len(points):
         points = _in_metres(points, data, levels, name, where)
     return Level(
@@ -137,18 +135,26 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
             Vertex(name=text, point=point, parameters=given)
             for point, (text, given) in zip(points, vertices, strict=True)
         ),
-        walls=_entries(level, "walls", place, lambda e, w: _edge(e, w, count)),
-        doors=_entries(level, "doors", place, lambda e, w: _edge(e, w, count)),
-        lanes=_entries(level, "lanes", place, lambda e, w: _edge(e, w, count)),
-        floors=_entries(level, "floors", place, lambda e, w: _outline(e, w, count)),
-        holes=_entries(level, "holes", place, lambda e, w: _outline(e, w, count)),
-        models=_entries(level, "models", place, _model),
+        **parts,
         lifts=tuple(_mapping(_or_empty(data.get("lifts"), {}), f"{where}: lifts")),
         notes=(
             *unused_note("the building", data, BUILDING_FIELDS),
-            *unused_note(f"level {name}", level, LEVEL_FIELDS),
+            *unused_note(f"level {name}", levels[name], LEVEL_FIELDS),
         ),
     )
+
+
+def _drawn(data: Any, place: str) -> tuple[Array, list[tuple[str, Parameters]], dict[str, Any]]:
+    """Read what is drawn on a level: places and names of vertices, and fields of a Level."""
+    level = _mapping(data, place)
+    points, vertices = _vertices(level, place)
+    count = len(vertices)
+    kinds: dict[str, Callable[[Any, str], Any]] = {
+        **dict.fromkeys(("walls", "doors", "lanes"), lambda e, w: _edge(e, w, count)),
+        **dict.fromkeys(("floors", "holes"), lambda e, w: _outline(e, w, count)),
+        "models": _model,
+    }
+    return points, vertices, {k: _entries(level, k, place, read) for k, read in kinds.items()}
 
 
 # --- metres ----------------------------------------------------------------------------------

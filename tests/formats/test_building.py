@@ -203,6 +203,10 @@ def test_levels_are_named_by_the_option(file):
     file.write_text(yaml.safe_dump(data))
     with pytest.raises(InputError, match="shares 0 fiducials with 'ground'"):
         read_floor(file, level="upper")
+    data["levels"]["ground"]["walls"][0] = "x"  # of a level that is not asked for
+    file.write_text(yaml.safe_dump(data))
+    with pytest.raises(InputError, match=r"levels\.ground\.walls\[0\] is 'x'"):
+        read_floor(file, level="upper")
 
 
 def _damaged(raw: bytes, rng: random.Random) -> bytes:

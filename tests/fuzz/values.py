@@ -211,7 +211,7 @@ def _spoiled_object(cls: Any, data: Any, rnd: random.Random) -> Any:
     if not isinstance(data, dict):
         act = 2
     if act == 0 and not getattr(cls, "OPEN", False):
-        return {**data, rnd.choice(["unknown", "", "__class__", "k" * 5000, "\u202e"]): 1}
+        return {**data, rnd.choice(["no such field", "", "__class__", "k" * 5000, "\u202e"]): 1}
     if act == 1 and needed:
         left = dict(data)
         del left[rnd.choice(needed)]
