@@ -47,7 +47,7 @@ from mrta_falsify.core.durable import (
     write_atomically,
 )
 from mrta_falsify.core.errors import FormatError, InputError, InputNote, PlaceError
-from mrta_falsify.core.parsing import parse_json
+from mrta_falsify.core.parsing import parse_json, refuse_pipe
 from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.specs.causes import kind_of
 
@@ -290,6 +290,7 @@ def _records(
 
 
 def _lines(path: Path, start: int) -> Iterator[bytes]:
+    refuse_pipe(path)
     try:
         with path.open("rb") as file:
             file.seek(start)

@@ -29,14 +29,41 @@ MERGE, TEXT = "tag:yaml.org,2002:merge", "tag:yaml.org,2002:str"  # of YAML
 Doubled = Literal["refused", "first", "last"]
 
 
+def refuse_pipe(path: Path) -> None:
+    """Refuse what may never end: a named pipe, or a device, where a file should be.
+
+    What the shell hands over itself, as ``/dev/stdin`` or by ``<(command)``, is read.
+
+    Raises:
+        FormatError: it is one.
+    """
+    is_odd = path.exists() and not (path.is_file() or path.is_dir())
+    if is_odd and path.parts[1:2] not in (("dev",), ("proc",)):
+        raise FormatError(f"{path}: is a pipe, a socket or a device; it must be a file")
+
+
 def read_text(path: Path) -> str:
     """Read a text file that the user named; every failure is a :class:`FormatError`."""
     try:
+        return read_bytes(path).decode().replace("\r\n", "\n").replace("\r", "\n")
+    except ValueError as error:
+        raise FormatError(f"{path}: cannot be read: {_why_no_text(error)}") from None
+
+
+def read_bytes(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
+    """Read a file that the user named, of at most ``most`` bytes.
+
+    Raises:
+        FormatError: it is larger, no file, or cannot be read.
+    """
+    try:
+        refuse_pipe(path)
         size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            limit = MAX_FILE_BYTES // 2**20
-            raise FormatError(f"{path}: the file has {size / 2**20:.0f} MB; at most {limit} MB")
-        return path.read_text(encoding="utf-8")
+        if size > most:
+            raise FormatError(
+                f"{path}: the file has {size / 2**20:.0f} MB; at most {most // 2**20} MB"
+            )
+        return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else _why_no_text(error)
         raise FormatError(f"{path}: cannot be read: {reason}") from None

@@ -21,6 +21,7 @@ from mrta_falsify.core.columns import ColumnStore
 from mrta_falsify.core.durable import replacing
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
+from mrta_falsify.core.parsing import refuse_pipe
 
 TRACE_VERSION = 1
 MAX_TABLE = 2**30  # bytes of what stands beside the columns
@@ -355,6 +356,7 @@ def read_trace(path: str | Path) -> Trace:
     Raises:
         FormatError: not such a file, damaged, or of another version.
     """
+    refuse_pipe(Path(path))
     try:
         with zipfile.ZipFile(path) as archive:
             data = read_json_member(archive, "table.json", MAX_TABLE)

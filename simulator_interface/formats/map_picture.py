@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import BoolArray
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.parsing import refuse_pipe
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -47,6 +48,7 @@ def read_map_picture(path: Path, *, with_alpha: bool, where: str) -> MapPicture:
         raise FormatError(
             f"{where} is {path.name!r}; it must be a {', '.join(ENDINGS)} file (convert it first)"
         )
+    refuse_pipe(path)
     try:
         with warnings.catch_warnings():
             # Pillow's own limit; ours is lower, and checked before any pixel is decoded.

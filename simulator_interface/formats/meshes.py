@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import FARTHEST
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.parsing import read_bytes
 from simulator_interface.formats.collada import read_collada
 
 MAX_BYTES = 128 * 1024 * 1024
@@ -49,15 +50,7 @@ def read_mesh(path: Path) -> tuple[Array, IntArray]:
 
 def _loaded(path: Path, kind: str) -> tuple[Array, IntArray]:
     """Vertices and triangles as trimesh reads them."""
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise FormatError(
-                f"{path}: the mesh has {size / 2**20:.0f} MB; at most {MAX_BYTES // 2**20} MB"
-            )
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path, MAX_BYTES)
     try:
         # A stream without a resolver: materials and textures are not read.
         mesh: Any = trimesh.load(

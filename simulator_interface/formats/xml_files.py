@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.parsing import read_bytes
 
 MAX_BYTES = 64 * 1024 * 1024
 MAX_DEPTH = 100  # of elements
@@ -24,14 +25,7 @@ def read_xml(path: Path, root: str) -> Node:
     Raises:
         FormatError: it cannot be read, is not such a file, or has a document type.
     """
-    try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            limit = MAX_BYTES // 2**20
-            raise FormatError(f"{path}: the file has {size / 2**20:.0f} MB; at most {limit} MB")
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path, MAX_BYTES)
     builder = _GuardedBuilder(path)
     try:
         found = builder.build(content)

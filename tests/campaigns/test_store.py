@@ -3,13 +3,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 
 import numpy as np
 import pytest
 
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, StoreError, read_campaign
 from mrta_falsify.core.candidate import Candidate, Dimension, SearchSpace
-from mrta_falsify.core.errors import InputNote, PlaceError
+from mrta_falsify.core.errors import InputError, InputNote, PlaceError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from tests.campaigns.standin import settings
@@ -44,6 +45,15 @@ def test_a_torn_last_line_is_cut_off_and_all_before_it_is_kept(tmp_path):
             assert sorted(store.finished) == [0]
             store.add(_record(1))
         assert log.read_bytes() == whole
+
+
+def test_a_pipe_in_place_of_the_log_is_refused(tmp_path):
+    Store.create(tmp_path, settings()).close()
+    (tmp_path / RECORDS).unlink(missing_ok=True)
+    os.mkfifo(tmp_path / RECORDS)
+    for read in (read_campaign, Store.resume):
+        with pytest.raises(InputError, match=r"records\.jsonl: is a pipe"):
+            read(tmp_path)
 
 
 def test_damage_in_the_middle_is_named_and_nothing_is_touched(tmp_path):

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import time
+from pathlib import Path
 
 import pytest
 
 from mrta_falsify.core import codec, parsing
 from mrta_falsify.core.errors import DoubledKeyError, FormatError, InputNote
 from mrta_falsify.core.parsing import parse_json, parse_yaml
+from mrta_falsify.core.trace import read_trace
+from mrta_falsify.stack.policy.policy_file import read_perceptron
 
 
 def merge_bomb(levels: int) -> str:
@@ -103,3 +107,19 @@ def test_in_formats_of_others_one_value_counts_and_a_note_says_so(parse, doubled
 def test_numbers_are_numbers_that_can_be_computed_with(hint, data):
     with pytest.raises(codec.InputError):
         codec.decode(hint, data)
+
+
+@pytest.mark.parametrize("read", [codec.read_json, codec.read_yaml, read_trace, read_perceptron])
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path, read):
+    pipe = tmp_path / "world.json"
+    os.mkfifo(pipe)
+    with pytest.raises(FormatError, match="is a pipe, a socket or a device; it must be a file"):
+        read(pipe)
+
+
+def test_what_the_shell_hands_over_is_read():
+    read_end, write_end = os.pipe()
+    os.write(write_end, b"[1]")
+    os.close(write_end)
+    assert codec.read_json(Path(f"/dev/fd/{read_end}")) == [1]
+    os.close(read_end)

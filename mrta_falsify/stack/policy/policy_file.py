@@ -15,6 +15,7 @@ import numpy as np
 from mrta_falsify.core.archives import DAMAGE, read_array
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import FormatError
+from mrta_falsify.core.parsing import refuse_pipe
 from mrta_falsify.stack.policy.observation import ACTIONS, SIZE, Observations
 
 #: from one robot's observation ``(SIZE,)`` to its action ``(2,)``: shares of speed and turn rate
@@ -81,6 +82,7 @@ def read_perceptron(path: Path) -> Perceptron:
     Raises:
         FormatError: an array is missing, has another shape, or is not finite.
     """
+    refuse_pipe(path)
     try:
         with zipfile.ZipFile(path) as archive:
             names = [name.removesuffix(".npy") for name in archive.namelist()]
