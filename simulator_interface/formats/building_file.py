@@ -2,7 +2,8 @@
 
 Frames are those of Open-RMF. With ``coordinate_system: reference_image`` coordinates are pixels, y
 down; metres per pixel are the mean over the measurements. Other levels lie on the reference level
-by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand.
+by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand. With
+``wgs84`` they are degrees.
 
 Names may be digits without quotes, as the editor writes them: text is what was written. What is not
 read is listed, so that a misspelt field is seen.
@@ -46,7 +47,8 @@ LEVEL_FIELDS = (
     *("flattened_x_offset", "flattened_y_offset", "floors", "holes", "human_lanes", "lanes"),
     *("layers", "measurements", "models", "regions", "vertices", "walls", "x_meters", "y_meters"),
 )
-PIXELS, METRES = "reference_image", "cartesian_meters"
+PIXELS, METRES, DEGREES = "reference_image", "cartesian_meters", "wgs84"
+SEMI_MAJOR, FLATTENING = 6378137.0, 1.0 / 298.257223563  # m; of the ellipsoid WGS 84
 
 Parameters = dict[str, Any]
 
@@ -164,10 +166,13 @@ def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> 
     system = data.get("coordinate_system", PIXELS)
     if system == METRES:
         return points
+    if system == DEGREES:
+        every = [_vertices(level, f"{where}: levels.{each}")[0] for each, level in levels.items()]
+        return _from_degrees(points, np.concatenate(every).mean(axis=0), where)
     if system != PIXELS:
         raise FormatError(
-            f"{where}: coordinate_system is {shown(system)}; it must be {PIXELS} or {METRES} (let "
-            "the traffic editor write the building in one of them)"
+            f"{where}: coordinate_system is {shown(system)}; it must be {PIXELS}, {METRES} or "
+            f"{DEGREES}"
         )
     up = points * [1.0, -1.0]
     reference = _text(data.get("reference_level_name")) or next(iter(levels))
@@ -186,6 +191,29 @@ def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> 
     scale = _scale(levels[reference], f"{where}: levels.{reference}")
     source, target = (np.array([group[key] for key in shared]) for group in (ours, theirs))
     return _laid_on(up, source, target * scale, f"{where}: levels.{name}")
+
+
+def _from_degrees(points: Array, origin: Array, where: str) -> Array:
+    """Lay longitude and latitude ``(K, 2)`` [deg] on the plane that touches WGS 84 at ``origin``.
+
+    By the radii of curvature along the meridian and across it; within 1 km of the origin, and away
+    from the poles, that is right to a centimetre or two.
+
+    Returns:
+        Metres east and north of the origin, shape ``(K, 2)``.
+    """
+    if (np.abs(points) > (180.0, 85.0)).any():
+        raise FormatError(
+            f"{where}: coordinate_system is {DEGREES}, but not all vertices are longitude and "
+            "latitude, -180 to 180 and -85 to 85"
+        )
+    squared = FLATTENING * (2.0 - FLATTENING)  # of the eccentricity
+    latitude = np.radians(origin[1])
+    bent = 1.0 - squared * np.sin(latitude) ** 2
+    across = SEMI_MAJOR / np.sqrt(bent)
+    along = across * (1.0 - squared) / bent
+    metres: Array = np.radians(points - origin) * (across * np.cos(latitude), along)
+    return metres
 
 
 def _laid_on(points: Array, source: Array, target: Array, where: str) -> Array:

@@ -66,6 +66,22 @@ def test_metres_stay_as_they_are(file):
     assert _place(read_floor(file), "ward") == pytest.approx([13.0, 3.0])
 
 
+def test_degrees_become_metres_on_the_ellipsoid(file):
+    """At 45 degrees, one of longitude is 78,847 m long and one of latitude 111,132 m."""
+    data = drawn_buildings.building()
+    data["coordinate_system"] = "wgs84"
+    for vertex in data["levels"]["ground"]["vertices"]:
+        x, y = 0.05 * vertex[0], -0.05 * vertex[1]
+        vertex[:2] = [9.0 + x / 78_847.0, 45.0 + y / 111_132.0]
+    file.write_text(yaml.safe_dump(data))
+    floor = read_floor(file)
+    apart = np.subtract(_place(floor, "ward"), _place(floor, "desk"))
+    file.write_text(drawn_buildings.text())
+    plain = read_floor(file)
+    expected = np.subtract(_place(plain, "ward"), _place(plain, "desk"))
+    assert apart == pytest.approx(expected, rel=1e-4, abs=1e-3)
+
+
 def test_another_level_lies_on_the_reference_level(file):
     file.write_text(drawn_buildings.text(("ground", "upper")))
     ground, upper = (read_floor(file, level=name) for name in ("ground", "upper"))
@@ -133,7 +149,8 @@ def test_a_group_in_pieces_is_told(file):
     ("change", "words"),
     [
         (lambda d, g: d.update(levels={}), "levels is empty"),
-        (lambda d, g: d.update(coordinate_system="wgs84"), "coordinate_system is 'wgs84'"),
+        (lambda d, g: d.update(coordinate_system="mars"), "coordinate_system is 'mars'"),
+        (lambda d, g: d.update(coordinate_system="wgs84"), "not all vertices are longitude"),
         (lambda d, g: g.update(measurements=[]), "measurements is empty"),
         (lambda d, g: g["measurements"][0][2].clear(), "measurements[0].distance is None"),
         (lambda d, g: g["measurements"][0].__setitem__(1, 0), "0 pixels are 16 m"),
