@@ -2,8 +2,8 @@
 
 Frames are those of Open-RMF. With ``coordinate_system: reference_image`` coordinates are pixels, y
 down; metres per pixel are the mean over the measurements. Other levels lie on the reference level
-by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand. With
-``wgs84`` they are degrees.
+by the fiducials that both have. With ``cartesian_meters`` they are metres, y up, as they stand.
+With ``wgs84`` they are degrees.
 
 Names may be digits without quotes, as the editor writes them: text is what was written. What is not
 read is listed, so that a misspelt field is seen.
