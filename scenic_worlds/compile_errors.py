@@ -95,6 +95,8 @@ def _reason(error: BaseException, path: Path) -> str:
     wrong_model = _WRONG_MODEL.search(text)
     if wrong_model is not None:
         return text + did_you_mean(wrong_model[1], [MODEL])
+    if text == "EOF in multi-line statement":
+        return f"{text}: a bracket or a quote that was opened above is not closed"
     if isinstance(error, ScenicError):
         return text
     return f"{type(error).__name__}: {text}{_keyword_hint(text, error.__traceback__, path)}"

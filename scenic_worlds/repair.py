@@ -74,9 +74,11 @@ class RejectedScene(WorldError):  # noqa: N818 - a result of sampling, not a fau
             else "leave more room, place fewer objects, or weaken what rejects most"
         )
         times = "1 attempt" if attempts == 1 else f"{attempts} attempts"
+        drawn = sum(rejections.values())
+        parts = ", with parts drawn anew within each" if drawn > attempts else ""
         made = [f"{name} is made at {at}" for name, at in places.items() if _begins(worst, name)]
         super().__init__(
-            f"{program}: no scene accepted in {times}. Rejected by: {listing}{more}. "
+            f"{program}: no scene accepted in {times}{parts}. Rejected by: {listing}{more}. "
             f"Hint: {advice}{''.join(f'; {text}' for text in made)}"
         )
 

@@ -268,7 +268,8 @@ def _records(
                 break  # a power cut: blocks that were never written are zeros
             raise StoreError(
                 f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
-                f"{_checksum(text)!r}); restore the file, or cut the line out to run its trial anew"
+                f"{_checksum(text)!r}); restore the file, or cut the line out and run its trial "
+                f"anew by `mrta-falsify campaign --resume {path.parent}`"
             )
         sound += len(raw)
         try:
@@ -278,7 +279,8 @@ def _records(
                 warnings.warn(InputNote(f"{error}; this record is left out"), stacklevel=3)
                 continue
             raise StoreError(
-                f"{error}; restore the file, or cut the line out to run its trial anew"
+                f"{error}; restore the file, or cut the line out and run its trial "
+                f"anew by `mrta-falsify campaign --resume {path.parent}`"
             ) from None
         if record.ended == INTERRUPTED:
             continue
@@ -423,7 +425,8 @@ class Store:
         make_folder(directory)
         if (directory / SETTINGS).exists():
             raise StoreError(
-                f"{directory}: holds a campaign already; resume it by --resume {directory}"
+                f"{directory}: holds a campaign already; go on with it by "
+                f"`mrta-falsify campaign --resume {directory}`, or name another directory"
             )
         with naming(directory):
             others = sorted(p.name for p in directory.iterdir() if p.name != LOCK)

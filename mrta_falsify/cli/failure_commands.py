@@ -81,7 +81,8 @@ def explain_command(
     permit_runs(campaign, (record,), trust)  # before anything is told of what it costs
     runs = max_runs + rewinds
     is_foreign = campaign.settings.trials.stack.stack is not None  # it runs whole worlds
-    output.say_cost(runs, record.wall_s, copies=not is_foreign)
+    if record.failed:
+        output.say_cost(runs, record.wall_s, copies=not is_foreign)
     with output.progress(
         f"explain {record.id}", runs, "runs", is_most=True, first_apart=True
     ) as on_progress:
@@ -196,7 +197,8 @@ def minimize_command(
     record = campaign.record(id)
     permit_runs(campaign, (record,), trust, with_other=record.other is not None)
     most = max_runs + PERTURBED
-    output.say_cost(most, record.wall_s, expected=expected_runs(campaign, record))
+    if record.failed:
+        output.say_cost(most, record.wall_s, expected=expected_runs(campaign, record))
     with output.progress(f"minimize {record.id}", most, "runs", is_most=True) as on_progress:
         found = minimize_trial(
             directory,

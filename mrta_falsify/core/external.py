@@ -151,5 +151,7 @@ def bound_to(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack
     program = stack.command[0]
     known = (place / program).exists() if os.sep in program else shutil.which(program)
     if not known:
-        raise ConfigError(f"{where}: there is no program {program!r} in {place} or on the path")
+        raise ConfigError(
+            f"{where}.command: there is no program {program!r} in {place.resolve()} or on the path"
+        )
     return replace(stack, folder=str(place.resolve()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+SHORTEST = 3  # letters of a name that may be meant by one that holds it
 CLOSE = 0.6  # similarity of difflib, 0 to 1, from which on a name may be meant
 
 
@@ -22,6 +23,9 @@ def nearest_name(name: str, known: Iterable[str], *, cutoff: float = CLOSE) -> s
     candidates = sorted(other for other in known if other != name)
     same = [other for other in candidates if other.casefold() == name.casefold()]
     found = same or difflib.get_close_matches(name, candidates, n=1, cutoff=cutoff)
+    if not found:  # HospitalBed, where there is a Bed
+        within = (o for o in candidates if len(o) >= SHORTEST and o.casefold() in name.casefold())
+        found = sorted(within, key=lambda other: (-len(other), other))
     return found[0] if found else ""
 
 

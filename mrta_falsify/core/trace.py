@@ -369,7 +369,10 @@ def read_trace(path: str | Path) -> Trace:
             table = codec.decode(_Table, data, where=f"{path}: table.json")
             columns = {name: read_array(archive, name) for name in table.columns}
     except DAMAGE as error:
-        raise FormatError(f"{path}: is not a readable trace: {error}") from None
+        raise FormatError(
+            f"{path}: is not a readable trace: {error}; restore it, or remove it and let --run "
+            "make it again"
+        ) from None
     try:
         _check_columns(columns, table)
     except FormatError as error:

@@ -54,6 +54,8 @@ def specification_choice(text: str, *, where: str = "--spec") -> Choice:
         return Choice("stl", {"formula": text.removeprefix("stl:").strip()})
     name, brace, options = text.partition("{")
     if not brace:
+        if not set(" ()<>").isdisjoint(text):
+            raise ConfigError(f"{where} {codec.named(text)}: a formula is given as 'stl:FORMULA'")
         return Choice(text)
     place = f"{where} {codec.named(text)}"
     try:

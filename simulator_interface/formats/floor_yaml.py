@@ -180,7 +180,10 @@ def _described(path: Path) -> FloorFile:
 
 def _decoded(data: Any, path: Path) -> FloorFile:
     if not isinstance(data, dict):
-        raise FormatError(f"{path}: is not a floor file; it must have fields, such as {EXAMPLE}")
+        raise FormatError(
+            f"{path}: is not a floor file; it must have fields, such as {EXAMPLE}, or be the YAML "
+            "of a Nav2 map (image, resolution, origin), an SDF world or a *.building.yaml"
+        )
     return codec.decode(FloorFile, data, where=str(path))
 
 

@@ -17,6 +17,7 @@ from mrta_falsify.core.spelling import did_you_mean, nearest_name
         ("level_1", ("level_1", "level_2"), "level_2"),
         ("Ward", ("ward", "wards"), "ward"),
         ("x", (), ""),
+        ("HospitalBed", ("Bed", "Be", "Bookshelf"), "Bed"),
     ],
 )
 def test_the_nearest_name_is_never_the_one_that_was_given(name, known, nearest):

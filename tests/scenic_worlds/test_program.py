@@ -35,6 +35,7 @@ PRELUDE = "model scenic_worlds.model\nnew Robot with start_room 0\nparam tasks =
 #: lines after the prelude, and what the message says
 BROKEN = {
     "syntax": ("new Robot at at\n", r"broken\.scenic:4: .*syntax"),
+    "open bracket": ("x = Range(1,\n", "a bracket or a quote that was opened above is not closed"),
     "undefined name": ("new Robo with start_room 1\n", r"broken\.scenic:4: unknown name: .*Robo"),
     "specifier": ("new Bed at (0, 0), in corridors\n", r"broken\.scenic:4: .*position.*twice"),
     "no such room": ("new Bed in room('kitchen')\n", r"broken\.scenic:4: unknown room 'kitchen'"),

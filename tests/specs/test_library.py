@@ -6,7 +6,7 @@ from frames import Human, Robot, Script, drive, judge, stop_at
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import UnknownNameError
+from mrta_falsify.core.errors import ConfigError, UnknownNameError
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.world import Task
 from mrta_falsify.specs.contacts import ContactCounter
@@ -313,6 +313,8 @@ def test_stl_prefix_builds_a_formula():
 def test_unknown_specification_names_the_nearest():
     with pytest.raises(UnknownNameError, match="did you mean 'no_deadlock'"):
         build_specifications(["no_deadlok"])
+    with pytest.raises(ConfigError, match="a formula is given as 'stl:FORMULA'"):
+        build_specifications(["always (d_human > 0.5)"])
 
 
 def test_no_copies_vote_on_a_copy_of_a_failing_world_and_options_of_the_user_stay():

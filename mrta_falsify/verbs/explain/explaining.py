@@ -179,13 +179,10 @@ def _explained(
     failure = failure_of(job, *_alone(job, verdict, judged))
     at = moment_of_change(failure.verdict) if job.config.stack is None else 0.0
     changes = () if guess == WORLD else changes_of(job.config)[: max(1, max_runs // RUNS - 1)]
-    count = RunCount(max_runs, 3 + RUNS * (1 + len(changes)) + rewinds, on_done)
-    count.add()
-    count.add()
+    count = RunCount(max_runs, 1 + RUNS * (1 + len(changes)) + rewinds, on_done)
+    count.add()  # the trial again
     lab.on_run = count.add
     gone = tuple(count.each(removals_of(job, verdict, trace, count.left, removals)))
-    if gone:
-        count.add()  # the run up to the onset
     rows = _rows(job, failure, at, changes, lab, count)
     told = tuple(row for row in rows if row.at == rows[-1].at)
     absences, schedules = _changed_runs(
