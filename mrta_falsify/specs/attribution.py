@@ -159,7 +159,7 @@ def _of_standing(verdict: Verdict, trace: Trace) -> Guess:
     layer = LAYER_OF_CAUSE.get(cause, "")
     if len(causes) > 1 and robots:
         return Guess(layer, robots=robots, spent=spent)
-    return Guess(layer, f"what holds {root} up is of the kind {cause}")
+    return Guess(layer, f"{root} is held up by {cause}")
 
 
 def _is_body(wait: WaitsFor) -> bool:
