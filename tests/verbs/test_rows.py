@@ -102,6 +102,16 @@ def test_two_layers_that_both_remove_a_failure_name_none():
     assert "exchanging planner and controller removes it" in found.reason
 
 
+def test_of_several_cures_those_that_are_not_as_shipped_are_told():
+    stack, other = row("", 6), row("controller", 0)
+    shipped = row("priority_rule", 0, restores=True)
+    found = suspicion_from((stack, shipped, other), STOOD, "")
+    assert found.layer == ""
+    assert found.reason.endswith("; of these, priority rule is not as shipped")
+    alone = suspicion_from((stack, row("priority_rule", 0), other), STOOD, "")
+    assert "shipped" not in alone.reason
+
+
 def test_two_rows_of_one_layer_do_not_stand_in_each_others_way():
     rows = [row("", 6), row("allocator", 0), row("allocator", 1), row("planner", 6)]
     assert separating(rows) == ("allocator",)

@@ -330,15 +330,26 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
         own = [row for row in curing(rows) if row.layer == names[0]]
         return Suspicion(names[0], f"{told(stack)}; {'; '.join(map(told, own))}")
     if names:
-        return Suspicion("", f"{NO_LAYER}exchanging any of {_listed(names)} removes it")
+        any_of = f"{NO_LAYER}exchanging any of {_listed(names)} removes it"
+        return Suspicion("", any_of + _not_as_shipped(curing(rows)))
     cures = curing(rows)
     if cures:
         which = _listed(tuple(dict.fromkeys(row.layer for row in cures)))
         does = "makes it rarer" if any(row.failed for row in cures) else "removes it"
         return Suspicion(
-            "", f"{NO_LAYER}exchanging {which} {does}, and no row is told from all others"
+            "",
+            f"{NO_LAYER}exchanging {which} {does}, and no row is told from all others"
+            f"{_not_as_shipped(cures)}",
         )
     return Suspicion("", f"{NO_LAYER}{told(stack)}, and no exchange removes it")
+
+
+def _not_as_shipped(cures: Sequence[LayerRow]) -> str:
+    """Say which of several layers that may be exchanged is another one than the shipped."""
+    others = tuple(dict.fromkeys(row.layer for row in cures if row.restores))
+    if not others or len({row.layer for row in cures}) == 1:
+        return ""
+    return f"; of these, {_listed(others)} {'is' if len(others) == 1 else 'are'} not as shipped"
 
 
 def _of_whole(rows: Sequence[LayerRow]) -> str:
