@@ -152,6 +152,7 @@ def bound_to(stack: ExternalStack, *, where: str, folder: Path) -> ExternalStack
     known = (place / program).exists() if os.sep in program else shutil.which(program)
     if not known:
         raise ConfigError(
-            f"{where}.command: there is no program {program!r} in {place.resolve()} or on the path"
+            f"{where}: there is no program {program!r} in {place.resolve()} or on the path; it is "
+            "the first word of the command"
         )
     return replace(stack, folder=str(place.resolve()))
