@@ -149,6 +149,7 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
 def _drawn(data: Any, place: str) -> tuple[Array, list[tuple[str, Parameters]], dict[str, Any]]:
     """Read what is drawn on a level: places and names of vertices, and fields of a Level."""
     level = _mapping(data, place)
+    _fiducials(level, place)
     points, vertices = _vertices(level, place)
     count = len(vertices)
     kinds: dict[str, Callable[[Any, str], Any]] = {

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mrta_falsify.core import codec
+from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import ConfigError
 from simulator_interface.foreign.robot_topics import ROBOT, Topics
 from simulator_interface.foreign.ros_nodes.ros_programs import Launch
@@ -22,7 +23,7 @@ class ProgramEntry:
     name: str
     target: str  #: ``module:function``
     arguments: tuple[str, ...] = ()
-    parameters: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Any] = quantity(default=dict)
     remappings: dict[str, str] = field(default_factory=dict)
     namespace: str = ""
 
