@@ -56,7 +56,7 @@ def unused_note(what: str, given: Iterable[str], known: Iterable[str]) -> list[s
         known: those that are read.
     """
     known = tuple(known)
-    unused = [name for name in given if name not in known]
+    unused = [str(name) for name in given if name not in known]
     if not unused:
         return []
     hints = [nearest for name in unused if (nearest := nearest_name(name, known))]

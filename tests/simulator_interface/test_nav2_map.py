@@ -145,6 +145,7 @@ def test_a_broken_description_is_refused_in_words(tmp_path, old, new, said):
         ("sensor_height: 0.7", "sensor_height of the map is not used"),
         ("frame_id: map\nmap_frame: 1", "frame_id and map_frame of the map are not used"),
         ("mod: raw", "mod of the map is not used (did you mean mode?)"),
+        ("0: raw", "0 of the map is not used"),
     ],
 )
 def test_what_nav2_does_not_read_is_told_in_one_note(tmp_path, line, note):
