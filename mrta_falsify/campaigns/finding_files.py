@@ -64,6 +64,8 @@ def read_finding(folder: Path, kind: type[F]) -> F | None:
         if version not in (1, FINDING_VERSION):
             known = f"this toolkit reads versions 1 to {FINDING_VERSION}"
             raise FormatError(f"{path}: has format version {version}; {known}")
-        for name in derived_names(kind):
-            data.pop(name, None)
+        for name in derived_names(kind):  # found anew
+            told = data.pop(name, 0.0)
+            if isinstance(told, bool) or not isinstance(told, int | float):
+                raise FormatError(f"{path}: {name} is {codec.shown(told)}; it must be a number")
     return codec.decode(kind, data, where=str(path))

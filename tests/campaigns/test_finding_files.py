@@ -100,6 +100,12 @@ def test_programs_find_when_and_by_what_a_failure_was_decided(tmp_path):
 def test_what_follows_from_a_finding_is_written_for_readers(tmp_path):
     write_finding(tmp_path, MINIMISATION)
     assert json.loads((tmp_path / "minimize.json").read_text())["share_removed"] == 0.5
+    damaged = (tmp_path / "minimize.json").read_text().replace("0.5", '"x"')
+    (tmp_path / "minimize.json").write_text(damaged)
+    with pytest.raises(
+        FormatError, match=r"minimize\.json: share_removed is 'x'; it must be a numb"
+    ):
+        read_finding(tmp_path, Minimisation)
 
 
 def assert_says_all(now, then):
