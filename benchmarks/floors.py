@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import shutil
 import subprocess
 import sys
@@ -33,6 +32,7 @@ from scipy import ndimage
 
 from benchmarks.markdown import heads
 from benchmarks.markdown import row as line
+from benchmarks.reports.stored_failures import cpu_seconds
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -98,9 +98,9 @@ def tried(name: str, path: Path, level: str, folder: Path, trials: int) -> dict[
         folder.mkdir(parents=True, exist_ok=True)
         spread.write_text(yaml.safe_dump({"rooms": spread_places(path)}), encoding="utf-8")
         more += ["--rooms", str(spread)]
-    began = children_cpu()
+    began = cpu_seconds()
     done = said("import", path, "-o", folder, "--format", "json", *more)
-    row["import_s"] = round(children_cpu() - began, 1)
+    row["import_s"] = round(cpu_seconds() - began, 1)
     if done.returncode:
         return {**row, "error": done.stderr.strip().splitlines()[-1]}
     told = json.loads(done.stdout)
@@ -145,12 +145,6 @@ def said(*words: object) -> subprocess.CompletedProcess[str]:
     """Run a command of the toolkit."""
     command = [sys.executable, "-m", "mrta_falsify", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def children_cpu() -> float:
-    """CPU time of child processes that have ended [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def as_table(rows: Sequence[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:

@@ -11,7 +11,7 @@ from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
+from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import by_cause, cause_begins, leading
 from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
@@ -45,8 +45,7 @@ def report_of_run(
         whole: the stack's layers are not known.
     """
     first = leading(view.verdicts)
-    found = guess(view.verdicts, view.trace)
-    layer = WHOLE if whole and first is not None and found.layer != WORLD else found.layer
+    found = guess(view.verdicts, view.trace, whole=whole)
     case = CaseContents(
         id=view.world.name,
         signature="",
@@ -56,7 +55,7 @@ def report_of_run(
         facts=(),
         commands=(("Run it again", command),),
         costmap=view.costmap,
-        layer=layer,
+        layer=found.layer,
         layer_evidence=guess_text(found, first, view.trace) if first is not None else "",
     )
     around = cause_begins(first) if first is not None else 0.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections
 import itertools
 import json
+import stat
 import warnings
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
@@ -37,7 +38,11 @@ def refuse_pipe(path: Path) -> None:
     Raises:
         FormatError: it is one.
     """
-    is_odd = path.exists() and not (path.is_file() or path.is_dir())
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return  # whoever reads it says why not
+    is_odd = not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
     if is_odd and path.parts[1:2] not in (("dev",), ("proc",)):
         raise FormatError(f"{path}: is a pipe, a socket or a device; it must be a file")
 

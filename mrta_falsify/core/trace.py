@@ -370,8 +370,7 @@ def read_trace(path: str | Path) -> Trace:
             columns = {name: read_array(archive, name) for name in table.columns}
     except DAMAGE as error:
         raise FormatError(
-            f"{path}: is not a readable trace: {error}; restore it, or remove it and let --run "
-            "make it again"
+            f"{path}: is not a readable trace: {error}; restore it, or make the run again"
         ) from None
     try:
         _check_columns(columns, table)

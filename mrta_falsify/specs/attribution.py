@@ -86,19 +86,26 @@ class Guess(NamedTuple):
 
 def suspect(config: StackConfig, verdicts: Sequence[Verdict], trace: Trace) -> str:
     """Name the layer of a stack to look at first; see :func:`guess`."""
-    verdict = leading(verdicts)
-    if config.stack is not None and verdict is not None and not is_shut(verdict):
-        return WHOLE
-    return guess(verdicts, trace).layer
+    return guess(verdicts, trace, whole=config.stack is not None).layer
 
 
-def guess(verdicts: Sequence[Verdict], trace: Trace) -> Guess:
+def guess(verdicts: Sequence[Verdict], trace: Trace, *, whole: bool = False) -> Guess:
     """Guess the layer to look at first.
 
     Args:
         verdicts: of the run.
         trace: of the run, with its edges.
+        whole: the stack's layers are not known, so that none is named but ``WHOLE``.
+
+    Returns:
+        The layer, and what decided for it.
     """
+    found = _of_verdicts(verdicts, trace)
+    has_failed = leading(verdicts) is not None
+    return found._replace(layer=WHOLE) if whole and has_failed and found.layer != WORLD else found
+
+
+def _of_verdicts(verdicts: Sequence[Verdict], trace: Trace) -> Guess:
     verdict = leading(verdicts)
     if verdict is None:
         return Guess("", "nothing is violated")
@@ -256,13 +263,12 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> Guess:
         if _was_asked(forgotten, trace):
             return Guess("allocator", "it was asked about the task and gave it to no robot")
         return Guess(DISPATCHER, "the task was given to no robot, and the allocator not asked")
+    layer = "" if is_outcome(verdict) or tasks else "controller"
     robots = _robots_concerned(verdict, trace)
     if not robots:
-        return Guess("" if is_outcome(verdict) or tasks else "controller", "no robot had the task")
+        return Guess(layer, "no robot had the task")
     spent = blocked_time(trace, _until(verdict), robots)
-    if sum(spent.values()) < LITTLE_BLOCKING:
-        layer = "" if is_outcome(verdict) or tasks else "controller"
-    else:
+    if sum(spent.values()) >= LITTLE_BLOCKING:
         layer = LAYER_OF_CAUSE.get(max(sorted(spent), key=lambda cause: spent[cause]), "")
     return Guess(layer, robots=tuple(robots), spent=spent)
 

@@ -12,10 +12,10 @@ read is listed, so that a misspelt field is seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -126,18 +126,17 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
     if name not in levels:
         raise UnknownNameError("level", name, levels, where=where)
     drawn = {each: _drawn(level, f"{where}: levels.{each}") for each, level in levels.items()}
-    points, vertices, parts = drawn[name]  # the others are checked, as the file's own tools do
-    if len(points):
-        points = _in_metres(points, data, levels, name, where)
+    own = drawn[name]  # the others are checked, as the file's own tools do
+    points = _in_metres(drawn, data, levels, name, where) if len(own.points) else own.points
     return Level(
         building=_text(data.get("building_name", data.get("name", ""))) or path.name.split(".")[0],
         name=name,
         others=tuple(other for other in levels if other != name),
         vertices=tuple(
             Vertex(name=text, point=point, parameters=given)
-            for point, (text, given) in zip(points, vertices, strict=True)
+            for point, (text, given) in zip(points, own.vertices, strict=True)
         ),
-        **parts,
+        **own.parts,
         lifts=tuple(_mapping(_or_empty(data.get("lifts"), {}), f"{where}: lifts")),
         notes=(
             *unused_note("the building", data, BUILDING_FIELDS),
@@ -146,10 +145,17 @@ def level_of(data: Any, path: Path, name: str | None) -> Level:
     )
 
 
-def _drawn(data: Any, place: str) -> tuple[Array, list[tuple[str, Parameters]], dict[str, Any]]:
-    """Read what is drawn on a level: places and names of vertices, and fields of a Level."""
+class _Drawn(NamedTuple):
+    """What is drawn on a level, as it stands in the file."""
+
+    points: Array  #: (K, 2) of the vertices, in the file's coordinate system
+    vertices: list[tuple[str, Parameters]]  #: name and parameters of each
+    fiducials: dict[str, tuple[float, float]]  #: places by name [pixels], y up
+    parts: dict[str, Any]  #: fields of a Level that need no metres
+
+
+def _drawn(data: Any, place: str) -> _Drawn:
     level = _mapping(data, place)
-    _fiducials(level, place)
     points, vertices = _vertices(level, place)
     count = len(vertices)
     kinds: dict[str, Callable[[Any, str], Any]] = {
@@ -157,19 +163,22 @@ def _drawn(data: Any, place: str) -> tuple[Array, list[tuple[str, Parameters]], 
         **dict.fromkeys(("floors", "holes"), lambda e, w: _outline(e, w, count)),
         "models": _model,
     }
-    return points, vertices, {k: _entries(level, k, place, read) for k, read in kinds.items()}
+    parts = {k: _entries(level, k, place, read) for k, read in kinds.items()}
+    return _Drawn(points, vertices, _fiducials(level, place), parts)
 
 
 # --- metres ----------------------------------------------------------------------------------
 
 
-def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> Array:
+def _in_metres(drawn: Mapping[str, _Drawn], data: Any, levels: Any, name: str, where: str) -> Array:
+    """Lay the vertices of level ``name`` ``(K, 2)`` where they are [m], y up."""
+    points = drawn[name].points
     system = data.get("coordinate_system", PIXELS)
     if system == METRES:
         return points
     if system == DEGREES:
-        every = [_vertices(level, f"{where}: levels.{each}")[0] for each, level in levels.items()]
-        return _from_degrees(points, np.concatenate(every).mean(axis=0), where)
+        every = np.concatenate([each.points for each in drawn.values()])
+        return _from_degrees(points, every.mean(axis=0), where)
     if system != PIXELS:
         raise FormatError(
             f"{where}: coordinate_system is {shown(system)}; it must be {PIXELS}, {METRES} or "
@@ -181,8 +190,7 @@ def _in_metres(points: Array, data: Any, levels: Any, name: str, where: str) -> 
         raise UnknownNameError("level", reference, levels, where=f"{where}: reference_level_name")
     if reference == name:
         return up * _scale(levels[name], f"{where}: levels.{name}")
-    theirs = _fiducials(levels[reference], f"{where}: levels.{reference}")
-    ours = _fiducials(levels[name], f"{where}: levels.{name}")
+    theirs, ours = drawn[reference].fiducials, drawn[name].fiducials
     shared = [fiducial for fiducial in ours if fiducial in theirs]
     if len(shared) < 2:
         raise FormatError(

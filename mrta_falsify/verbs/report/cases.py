@@ -105,7 +105,7 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         facts=_facts(campaign, record),
         commands=commands_of(campaign, record),
         layer=record.layer,
-        layer_evidence=_evidence_of_trace(record.layer, verdicts, trace),
+        layer_evidence=_evidence_of_trace(record.layer, verdicts, trace, config),
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
         jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
@@ -180,11 +180,13 @@ def _other_case(
 # --- what other commands have found --------------------------------------------------------
 
 
-def _evidence_of_trace(layer: str, verdicts: Sequence[Verdict], trace: Trace) -> str:
+def _evidence_of_trace(
+    layer: str, verdicts: Sequence[Verdict], trace: Trace, config: StackConfig
+) -> str:
     """Say what in the trace made the rules name a layer, or none."""
-    found = guess(verdicts, trace)
+    found = guess(verdicts, trace, whole=config.stack is not None)
     asked = "The command explain tests it by runs with one layer changed."
-    if layer not in (found.layer, WHOLE):
+    if layer != found.layer:
         return f"A guess by rules of an older version. {asked}"
     return " ".join([guess_text(found, verdicts[0], trace), *([asked] if layer != WORLD else [])])
 
