@@ -1,4 +1,4 @@
-"""Samplers of VerifAI, to be compared with (see docs/campaigns.md for how to install them).
+"""A sampler of VerifAI, to be compared with (docs/campaigns.md says how to install it).
 
 VerifAI draws from the global generators of ``random`` and ``numpy``. Here each draw gets them
 seeded by the proposal's number and restores them afterwards. So nothing else is disturbed, and
@@ -26,49 +26,40 @@ from samplers.asking import Counter
 try:
     from verifai.features import Box, DiscreteBox, Struct
     from verifai.samplers.cross_entropy import CrossEntropySampler
-    from verifai.samplers.domain_sampler import SplitSampler
     from verifai.samplers.feature_sampler import default_sampler_params
-    from verifai.samplers.halton import HaltonSampler
-    from verifai.samplers.multi_armed_bandit import MultiArmedBanditSampler
-    from verifai.samplers.random_sampler import RandomSampler
-except ImportError:  # said when one of them is built
+except ImportError:  # reported when it is built
     HAS_VERIFAI = False
 else:
     HAS_VERIFAI = True
 
-STRIDE = 409  # points of Halton's sequence between the starts of two seeds
 
+class VerifaiCrossEntropy:
+    """VerifAI's cross-entropy: histograms per coordinate that lean to violations.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerifaiSamplerOptions:
-    """Options of the samplers of VerifAI; theirs are at their defaults."""
+    Discrete coordinates are discrete for it, too.
+    """
 
-    cube: Cube = Cube()
-    seed: int = quantity(low=0, default=0)
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Options of :class:`VerifaiCrossEntropy`; VerifAI's own are at their defaults."""
 
+        cube: Cube = Cube()
+        seed: int = quantity(low=0, default=0)
 
-class VerifaiSampler:
-    """What VerifAI's samplers share; discrete coordinates are discrete for them, too."""
-
-    Options = VerifaiSamplerOptions
-    name = ""  #: in VerifAI
-
-    def __init__(self, options: VerifaiSamplerOptions) -> None:
+    def __init__(self, options: Options) -> None:
         if not HAS_VERIFAI:
             raise ConfigError(
-                f"sampler verifai_{self.name} needs VerifAI: pip install --no-deps verifai==2.2.0, "
+                "sampler verifai_ce needs VerifAI: pip install --no-deps verifai==2.2.0, "
                 "and the extra mrta-falsify[verifai]"
             )
         self._options = options
-        self._counter = Counter(f"verifai_{self.name}", options.seed)
+        self._counter = Counter("verifai_ce", options.seed)
         cube = options.cube
         self._discrete = [i for i in range(cube.dimensions) if cube.level(i)]
         self._continuous = [i for i in range(cube.dimensions) if not cube.level(i)]
-        self._sampler = self._build(default_sampler_params(self.name)) if cube.dimensions else None
+        params = default_sampler_params("ce")
+        self._sampler = CrossEntropySampler(self._domain(), params) if cube.dimensions else None
         self._asked: dict[int, tuple[Any, Any]] = {}  # what VerifAI wants back, by number
-
-    def _build(self, params: Any) -> Any:
-        raise NotImplementedError
 
     def _domain(self) -> Any:
         parts: dict[str, Any] = {}
@@ -104,39 +95,6 @@ class VerifaiSampler:
             return
         sample, note = asked
         self._sampler.update(sample, note, feedback.score)
-
-
-class VerifaiCrossEntropy(VerifaiSampler):
-    """VerifAI's ``ce``: histograms per coordinate that lean to violations."""
-
-    name = "ce"
-
-    def _build(self, params: Any) -> Any:
-        return CrossEntropySampler(self._domain(), params)
-
-
-class VerifaiBandit(VerifaiSampler):
-    """VerifAI's ``mab``: one bandit per coordinate, over five buckets."""
-
-    name = "mab"
-
-    def _build(self, params: Any) -> Any:
-        return MultiArmedBanditSampler(self._domain(), params)
-
-
-class VerifaiHalton(VerifaiSampler):
-    """VerifAI's ``halton``: the plain sequence, begun elsewhere for each seed."""
-
-    name = "halton"
-
-    def _build(self, params: Any) -> Any:
-        params.sample_index = STRIDE * self._options.seed
-        return SplitSampler.fromPredicate(
-            self._domain(),
-            lambda domain: domain.standardizedDimension > 0,
-            lambda domain: HaltonSampler(domain, params),
-            RandomSampler,
-        )
 
 
 @contextlib.contextmanager

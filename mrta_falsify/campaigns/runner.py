@@ -167,12 +167,10 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         fate="judged" if judged else "rejected",
         score=record.score if record.jittered is None else ROBUST_SHARE + record.score,
         objectives={n: told for n, told in _margins_told(record).items() if n not in last},
-        noise=record.jittered.noise if record.jittered is not None else {},
         descriptors=record.descriptors,
         failed=record.is_sought,
         signature=_kind(record) if record.is_sought else "",
         mode=record.signature if record.is_sought else "",
-        situations=record.situations,
         blamed=cube.blocks_of(record.blamed),
     )
 

@@ -139,12 +139,10 @@ class Feedback:
     fate: Fate = "judged"
     score: float = 0.0  #: smaller is closer to a violation; meaningless unless judged
     objectives: dict[str, float] = field(default_factory=dict)  #: by specification
-    noise: dict[str, float] = field(default_factory=dict)  #: variance of an objective, absent: 0
     descriptors: dict[str, float] = field(default_factory=dict)  #: in [0, 1], what happened
     failed: bool = False  #: a specification is violated that the search is for
     signature: str = ""  #: of the failure mode, told apart by its copies; empty: no failure
     mode: str = ""  #: of the failure, whatever its copies do
-    situations: tuple[str, ...] = ()  #: what happened, by name
     blamed: tuple[
         int, ...
     ] = ()  #: blocks of the cube that took part when it was nearest to failing

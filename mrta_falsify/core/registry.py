@@ -38,6 +38,16 @@ EXTENSION_POINTS = (
     "executor",
 )
 
+#: components that are gone, by extension point, and what does their work now
+REMOVED = {
+    "sampler": {
+        **dict.fromkeys(("annealing", "local_search", "nsga2"), "evolution"),
+        **dict.fromkeys(("surrogate", "demanding", "situations"), "auto"),
+        **dict.fromkeys(("cross_entropy", "verifai_mab", "verifai_halton"), "verifai_ce or halton"),
+    }
+}
+LAST_WITH_THEM = "2c5e851"  #: the last commit that has them
+
 OUTSIDE = "simulator_interface.external.layers"  #: module of layers that run by ``exec:``
 
 
@@ -72,6 +82,11 @@ def load(point: str, name: str, *, where: str = "") -> Any:
     known = _entry_points(point)
     if name.startswith(EXEC):
         return importlib.import_module(OUTSIDE).external_layer(point, name)
+    if name not in known and name in REMOVED.get(point, {}):
+        raise ConfigError(
+            f"{f'{where}: ' if where else ''}the {point} {name!r} has been removed; use "
+            f"{REMOVED[point][name]}, or commit {LAST_WITH_THEM}, which resumes campaigns of it"
+        )
     if name not in known and ":" not in name:
         raise UnknownNameError(point, name, known, where=where)
     target = known.get(name, name)

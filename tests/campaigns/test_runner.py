@@ -93,7 +93,7 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
 
 
 def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
-    for name, expected in (("auto", True), ("surrogate", True), ("random", None)):
+    for name, expected in (("auto", True), ("random", None)):
         chosen = settings(sampler=Choice(name), jittered=2)
         assert sampler_options(chosen).get("robust") is expected
         assert not sampler_options(settings(sampler=Choice(name))).get("robust")

@@ -9,7 +9,6 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
 from samplers.asking import BLAMED, Mutator
 from samplers.auto import AutoSampler
-from samplers.situations import SituationsSampler
 
 CUBE = Cube(dimensions=6, groups=(0, 0, 1, 1, 2, 2), owners=("a", "b", "c"))
 
@@ -79,20 +78,3 @@ def test_without_rehearsals_all_but_uniform_proposals_are_of_the_model():
     sampler = auto()
     proposed = [sampler._next() for _ in range(40)]
     assert set(proposed) == {sampler._model}
-
-
-def test_scenes_that_showed_what_few_did_have_more_children():
-    sampler = SituationsSampler(SituationsSampler.Options(cube=CUBE, initial=20, step=0.01))
-    rare = None
-    for _ in range(20):
-        proposal = sampler.ask()
-        assert proposal.uniform
-        situations = ("common", "rare") if proposal.number == 7 else ("common",)
-        rare = proposal.u if proposal.number == 7 else rare
-        sampler.tell(told(proposal, situations=situations))
-    near = 0
-    for _ in range(20):
-        child = sampler.ask()
-        near += (np.abs(child.u - rare) < 0.2).sum() >= 4
-        sampler.tell(told(child, situations=("common",)))
-    assert near >= 6  # evenly drawn it were one

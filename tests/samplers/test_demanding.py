@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrta_falsify.core import registry
-from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
 from mrta_falsify.core.protocols import RehearsingSampler
 from samplers.asking import Mutator
 from samplers.auto import AutoSampler
 from samplers.demanding import DemandingSampler
+from samplers.random import RandomSampler
 from samplers.rehearsals import Rehearsals, standardised
 from samplers.surrogate import SurrogateSampler
 
 K = 12
 CUBE = Cube(dimensions=K)
-ARMS = ("demanding", "surrogate", "auto")
+ARMS = {"demanding": DemandingSampler, "surrogate": SurrogateSampler, "auto": AutoSampler}
 
 
 def rehearsal(u):
@@ -35,7 +34,8 @@ VARYING = (0, 1, 3)
 
 
 def built(name, seed=3, cube=CUBE, by=rehearsal):
-    sampler = registry.build("sampler", Choice(name, {"cube": {"dimensions": K}, "seed": seed}))
+    made = ARMS[name]
+    sampler = made(made.Options(cube=cube, seed=seed))
     if by is not None:
         sampler.rehearse_by(by)
     return sampler
@@ -53,7 +53,7 @@ def uniform_demands(count=2000):
 @pytest.mark.parametrize("name", ARMS)
 def test_who_rehearses_says_so(name):
     assert isinstance(built(name), RehearsingSampler)
-    assert not isinstance(registry.build("sampler", Choice("random", {})), RehearsingSampler)
+    assert not isinstance(RandomSampler(RandomSampler.Options()), RehearsingSampler)
 
 
 def test_all_demands_that_vary_are_driven_up_about_equally_often():

@@ -59,7 +59,9 @@ def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypa
     monkeypatch.setattr(
         scene_rehearsal, "rehearse", lambda world: looked_at.append(plain(world)) or looked_at[-1]
     )
-    result = campaign(program, tmp_path / "c", sampler="demanding", budget=4, workers=1)
+    result = campaign(
+        program, tmp_path / "c", sampler="samplers.demanding:DemandingSampler", budget=4, workers=1
+    )
     assert len(result.campaign.records) == 4
     known = np.array(looked_at)
     assert len(known) > 4 * len(result.campaign.records)
