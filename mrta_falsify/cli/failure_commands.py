@@ -17,6 +17,7 @@ from mrta_falsify.cli.options import (
     FiniteRange,
     count_option,
     format_option,
+    removed_option,
     run_option,
     setting_option,
     stack_options,
@@ -248,15 +249,8 @@ def minimize_command(
     help="Work and sleep of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
 )
 @click.option("--only", multiple=True, metavar="ID", help="Run this failure. Repeatable.")
-@click.option(
-    "--bisect",
-    metavar="GOOD..BAD",
-    help="Find the commit of the stack's git repository that brought a failure.",
-)
-@click.option(
-    "--build",
-    metavar="CMD",
-    help="With --bisect: build the stack by this command in each commit's worktree.",
+@removed_option(
+    "--bisect", "`git bisect run` calls `mrta-falsify corpus DIR --only ID` (docs/every-day.md)"
 )
 @click.option(
     "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
@@ -271,30 +265,19 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     timeout. Without --stack and --set the campaign's own stack is run. The recorded engine is
     kept unless --stack or --set names one.
 
-    With --bisect the commit of the stack's repository that brought a failure is looked for, for
-    the first failure of each mode: each commit is checked out into a temporary worktree. A stack
-    that is built from its sources is built there by --build CMD.
-
     `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
     kinematic engine unless told otherwise. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 
-    span, build = options.pop("bisect"), options.pop("build")
-    if build is not None and span is None:
-        raise click.UsageError("--build goes with --bisect GOOD..BAD only")
     if is_zoo(directory):
         about_stored = [options.pop(name) for name in ("only", "pictures", "run", "trust")]
-        if span or any(about_stored):
+        if any(about_stored):
             raise click.UsageError(
-                "--only, --bisect, --pictures, --run and --trust are about stored failures"
+                "--only, --pictures, --run and --trust are about stored failures"
             )
         return _zoo(directory, style, options)
-    if span is None:
-        return _corpus(Path(directory), style, options)
-    if options.pop("pictures") or options.pop("run"):
-        raise click.UsageError("--pictures and --run cannot go with --bisect")
-    return _bisect(Path(directory), span, style, {**options, "build": build})
+    return _corpus(Path(directory), style, options)
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
@@ -325,32 +308,6 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
         _print_rechecks(rows)
         output.stdout().print(", ".join(f"{count} {fate}" for fate, count in counts.items()))
     return ExitCode.DONE if counts["fixed"] == len(rows) else ExitCode.VIOLATED
-
-
-def _bisect(directory: Path, span: str, style: str, options: dict[str, Any]) -> int:
-    from mrta_falsify.core import codec
-    from mrta_falsify.verbs.bisect.bisecting import CommitRuns, bisect_failures
-
-    def on_commit(commit: str, runs: CommitRuns) -> None:
-        output.say(f"{commit[:12]}  {runs.why or f'{runs.failed} of {runs.runs} runs fail'}")
-
-    found = bisect_failures(directory, span, on_commit=on_commit, **options)
-    if style == "json":
-        output.print_json({"bisected": codec.encode(found)})
-        return ExitCode.DONE
-    out = output.stdout()
-    for one in found:
-        out.print(f"{one.id}  {one.signature}")
-        if one.commit:
-            out.print(f"      since {one.commit[:12]} {one.subject}")
-        else:
-            names = ", ".join(commit[:12] for commit in one.candidates)
-            out.print(f"      since one of {names}: {one.skipped} commits tell nothing")
-        out.print(
-            f"      {one.failed_at_good} runs fail at GOOD, {one.failed_at_bad} at BAD; "
-            f"{one.tried} commits tried, {one.runs} runs"
-        )
-    return ExitCode.DONE
 
 
 def _print_rechecks(rows: tuple[Recheck, ...]) -> None:

@@ -328,6 +328,16 @@ def workers_option(command: Command) -> Command:
     )(command)
 
 
+def removed_option(flag: str, instead: str) -> Callable[[Command], Command]:
+    """Make ``flag VALUE`` a usage error that says what does its work now."""
+
+    def refuse(context: click.Context, _: click.Parameter, value: object) -> None:
+        if value is not None:
+            raise click.UsageError(f"{flag} has been removed: {instead}", context)
+
+    return click.option(flag, hidden=True, expose_value=False, callback=refuse)
+
+
 def count_option(
     flag: str, low: int, high: int, *, default: int, text: str
 ) -> Callable[[Command], Command]:

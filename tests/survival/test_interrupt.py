@@ -22,7 +22,6 @@ import pytest
 
 from mrta_falsify.core.seeding import stream
 from tests.quick_program import PROGRAM
-from tests.verbs.test_bisect import git
 
 SIGNALS, SHARES = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL), (0.6, 0.2, 0.2)
 LIMIT = 2.0  # s from the signal to the end of the process, asserted in the long tier only
@@ -40,40 +39,10 @@ corpus: [c]
 jittered: 1
 keep: kept
 """
-CONTROLLER = """
-import dataclasses
-
-from mrta_falsify.core.fleet import Command
-from mrta_falsify.stack.control.cluster import ClusterCbf
-
-SHARE = {share}  # of the speed
-
-
-class Controller(ClusterCbf):
-    def control(self, view):
-        found = super().control(view)
-        slower = Command(twist=found.command.twist * SHARE)
-        return dataclasses.replace(found, command=slower)
-"""
 
 
 def _write_project(folder: Path) -> None:
     (folder / "mrta-falsify.yaml").write_text(PROJECT)
-
-
-def _write_repository(folder: Path) -> None:
-    """Commit a controller that gets too slow, and search with it: trial 0001 fails by that."""
-    git(folder, "init", "--quiet")
-    for share in (1.0, 0.2, 0.19):
-        (folder / "slow.py").write_text(CONTROLLER.format(share=share))
-        git(folder, "add", "slow.py")
-        git(folder, "commit", "--quiet", "-m", f"{share} of the speed")
-    begun = _call(
-        folder,
-        ("campaign", "small.scenic", "-o", "b", "--budget", "2", "--seed", "4", "--workers", "1",
-         "--sampler", "random", *STACK, "--set", "controller=slow:Controller"),
-    )  # fmt: skip
-    assert json.loads(begun.stdout)["modes"][0]["ids"] == ["0001"], begun.stderr
 
 
 @dataclass(frozen=True)
@@ -117,11 +86,6 @@ CASES = {
         ("kept/report.html",),
         prepare=_write_project,
         over="kept/last.json",
-    ),
-    "bisect": Case(
-        ("corpus", "b", "--bisect", "HEAD~2..HEAD", "--workers", "1", "--jittered", "0",
-         "--build", "sleep 0.2"),
-        prepare=_write_repository,
     ),
 }  # fmt: skip
 

@@ -1,1 +1,0 @@
-"""Which commit of a stack's repository brought a failure."""
