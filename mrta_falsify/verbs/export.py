@@ -138,7 +138,6 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
         PlaceError: a file cannot be written.
     """
     from simulator_interface.formats import (  # noqa: PLC0415
-        lichtblick_layout,
         mcap,
         mrta_sim_files,
         open_rmf,
@@ -161,9 +160,7 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
     trace, verdicts = _run_of(subject)
     if kind == "mcap":
         mcap.write_mcap(world, trace, _map_of(subject), path)
-        layout = path.with_suffix(".layout.json")
-        lichtblick_layout.write_layout(world, layout)
-        return (path, layout)
+        return (path,)
     from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
 
     costmap = map_of(world, subject.config) if subject.only_ours else _map_of(subject)
