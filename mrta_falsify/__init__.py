@@ -48,7 +48,6 @@ VERBS = {
 }
 
 _NAMES_OF = {
-    "mrta_falsify.verbs.bisect.bisecting": ("bisect_failures",),
     "mrta_falsify.verbs.campaign": ("CampaignResult", "resume_campaign"),
     "mrta_falsify.verbs.campaign_settings": ("new_settings",),
     "mrta_falsify.verbs.campaign_summary": ("summarise_campaign",),

@@ -174,6 +174,7 @@ class ReportContents:
     warnings: tuple[str, ...] = ()  #: what a reader must know first
     tables: tuple[Table, ...] = ()  #: further tables
     images: tuple[EmbeddedImage, ...] = ()  #: pictures and animations
+    refresh: int = 0  #: after how many seconds an open page loads itself again; 0: never
 
     @property
     def unjudged(self) -> bool:

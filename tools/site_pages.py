@@ -7,19 +7,21 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 import mrta_falsify as mf
 from mrta_falsify.cli import main
+from mrta_falsify.cli.door import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
-from mrta_falsify.cli.reference import Command, Parameter, describe
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -165,36 +167,46 @@ def _api(title: str, text: str, homes: dict[str, str]) -> str:
 
 def options_page() -> str:
     """Write the page of all options, from the parser."""
-    told = describe(main)
-    codes = "\n".join(f"| {code} | {text} |" for code, text in told.exit_codes.items())
+    context = click.Context(main, info_name=main.name)
+    codes = "\n".join(f"| {code} | {text} |" for code, text in MEANINGS.items())
     begin = (
         "# Options of all commands\n\nMade from the parser, as `mrta-falsify --help-json` is. What "
         "commands are for, and the fields of their JSON: [commands](commands.md).\n\n"
         f"| Exit code | Means |\n|---|---|\n{codes}\n"
     )
-    return "\n".join([begin, *map(_section, told.commands)])
+    return "\n".join([begin, *(_section(name, context) for name in main.list_commands(context))])
 
 
-def _section(command: Command) -> str:
-    lines = [f"## {command.name}", "", f"```\n{command.usage}\n```", "", command.text, ""]
-    if command.options:
-        lines += ["| Option | | Default |", "|---|---|---|", *map(_row, command.options), ""]
-    listed = COMMANDS[command.name]
+def _section(name: str, parent: click.Context) -> str:
+    command = main.get_command(parent, name)
+    assert command is not None
+    context = click.Context(command, info_name=name, parent=parent)
+    usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
+    texts = [inspect.cleandoc(text) for text in (command.help, command.epilog) if text]
+    lines = [f"## {name}", "", f"```\n{usage}\n```", "", "\n\n".join(texts), ""]
+    options = [param for param in command.params if isinstance(param, click.Option)]
+    if options:
+        rows = (_row(option, context) for option in options)
+        lines += ["| Option | | Default |", "|---|---|---|", *rows, ""]
+    listed = COMMANDS[name]
     own = {1: listed.violated, 3: listed.failed}
     lines += [f"Exit code {code}: {text}.\n" for code, text in own.items() if text]
     return "\n".join(lines)
 
 
-def _row(option: Parameter) -> str:
-    value = f" {option.value}".replace("|", "\\|") if option.value else ""
-    flags = ", ".join(f"`{flag}`" for flag in option.flags)
-    notes = [option.text, _range(option), "Required." if option.required else ""]
-    default = "" if option.default is None else f"`{option.default}`"
+def _row(option: click.Option, context: click.Context) -> str:
+    told = option.to_info_dict()
+    value = "" if option.is_flag else f" {option.make_metavar(context)}".replace("|", "\\|")
+    flags = ", ".join(f"`{flag}`" for flag in option.opts)
+    notes = [option.help or "", _range(told["type"]), "Required." if option.required else ""]
+    has_default = not option.is_flag and told["default"] not in (None, (), [])
+    default = f"`{told['default']}`" if has_default else ""
     text = " ".join(note for note in notes if note).replace("|", "\\|")
     return f"| {flags}{value} | {text} | {default} |"
 
 
-def _range(option: Parameter) -> str:
-    low = "" if option.low is None else f"{'above' if option.low_open else 'from'} {option.low:g}"
-    high = "" if option.high is None else f"to {option.high:g}"
-    return f"{low} {high}".strip().capitalize() + ("." if low or high else "")
+def _range(kind: dict[str, Any]) -> str:
+    low, high = kind.get("min"), kind.get("max")
+    begin = "" if low is None else f"{'above' if kind.get('min_open') else 'from'} {low:g}"
+    end = "" if high is None else f"to {high:g}"
+    return f"{begin} {end}".strip().capitalize() + ("." if begin or end else "")

@@ -223,31 +223,17 @@ def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:CHECKSUM_LENGTH]
 
 
-def read_records(directory: Path, start: int = 0) -> tuple[list[TrialRecord], int]:
-    """Read the records that stand in a campaign's log from a place on.
-
-    Args:
-        directory: of the campaign, which may be running.
-        start: where to begin [bytes]; what an earlier call returned.
-
-    Returns:
-        The records, in the order they ended, and where the next call begins.
-
-    Raises:
-        StoreError: damage anywhere but in a torn last line.
-    """
-    records, sound = _records(directory / RECORDS, start, leaves_out=True)
-    return records, start + sound
+def log_size(directory: Path) -> int:
+    """Size of a campaign's log [bytes], which grows with every trial; 0: there is none yet."""
+    path = directory / RECORDS
+    return path.stat().st_size if path.is_file() else 0
 
 
-def _records(
-    path: Path, start: int = 0, *, leaves_out: bool = False
-) -> tuple[list[TrialRecord], int]:
-    """Read the records of a log from ``start`` on, and the length [bytes] of its sound part.
+def _records(path: Path, *, leaves_out: bool = False) -> tuple[list[TrialRecord], int]:
+    """Read the records of a log, and the length [bytes] of its sound part.
 
     Args:
         path: of the log.
-        start: where to begin [bytes].
         leaves_out: a record that is whole, but has content that no record has, is left out, and
             an :class:`~mrta_falsify.core.errors.InputNote` names it.
 
@@ -257,14 +243,14 @@ def _records(
     records: list[TrialRecord] = []
     seen: set[int] = set()
     sound = 0
-    for number, raw in enumerate(_lines(path, start), start=1):
+    for number, raw in enumerate(_lines(path), start=1):
         where = f"{path}:{number}"
         torn = not raw.endswith(b"\n")
         checksum, _, text = raw.rstrip(b"\n").decode("utf-8", "replace").partition("\t")
         if torn:
             break
         if checksum != _checksum(text):
-            if b"\0" in raw and start + sound + len(raw) >= path.stat().st_size:
+            if b"\0" in raw and sound + len(raw) >= path.stat().st_size:
                 break  # a power cut: blocks that were never written are zeros
             raise StoreError(
                 f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
@@ -291,11 +277,10 @@ def _records(
     return records, sound
 
 
-def _lines(path: Path, start: int) -> Iterator[bytes]:
+def _lines(path: Path) -> Iterator[bytes]:
     refuse_pipe(path)
     try:
         with path.open("rb") as file:
-            file.seek(start)
             yield from file
     except FileNotFoundError:
         return

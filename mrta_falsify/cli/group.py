@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from typing import NamedTuple
+import json
+from importlib import metadata
+from typing import Any, NamedTuple
 
 import click
 
@@ -82,10 +84,12 @@ COMMANDS = {
         violated="a violation was found",
     ),
     "sample": Listed("program_commands", "Write worlds sampled from a Scenic program."),
-    "serve": Listed("serve_command", "Show a campaign in the browser while it runs."),
     "show": Listed("trial_commands", "Show one trial: verdicts, evidence, digests."),
     "travel-times": Listed("run_commands", "Measure how long a robot takes from room to room."),
 }
+
+#: commands that are gone: what to do instead
+REMOVED = {"serve": "`mrta-falsify report DIR --watch 5 --open` rewrites the page while it runs"}
 
 
 def exit_codes(name: str) -> dict[int, str]:
@@ -133,6 +137,8 @@ class LazyDoor(Door):
         Raises:
             click.UsageError: there is none of that name.
         """
+        if args and args[0] in REMOVED:
+            raise click.UsageError(f"{args[0]} is gone: {REMOVED[args[0]]}", ctx)
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             raise click.UsageError(str(UnknownNameError("command", args[0], COMMANDS)), ctx)
         return super().resolve_command(ctx, args)
@@ -149,11 +155,19 @@ class LazyDoor(Door):
         formatter.write_text(f"Exit codes: {told}.")
 
 
-def _print_reference(context: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        from mrta_falsify.cli import output, reference
+def described() -> dict[str, Any]:
+    """Describe all commands and options as click does, each command with its exit codes."""
+    context = click.Context(main, info_name=main.name)
+    told = main.to_info_dict(context)
+    for name, command in told["commands"].items():
+        command["exit_codes"] = exit_codes(name)
+    codes = {int(code): text for code, text in MEANINGS.items()}
+    return {"version": metadata.version("mrta-falsify"), "exit_codes": codes, **told}
 
-        output.print_json(reference.describe(main))
+
+def _print_described(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        click.echo(json.dumps(described(), indent=2, default=str))
         context.exit()
 
 
@@ -163,7 +177,7 @@ def _print_reference(context: click.Context, _: click.Parameter, wanted: bool) -
     is_flag=True,
     is_eager=True,
     expose_value=False,
-    callback=_print_reference,
+    callback=_print_described,
     help="Print all commands, options and exit codes as one JSON object.",
 )
 @click.version_option(package_name="mrta-falsify", message="mrta-falsify %(version)s")

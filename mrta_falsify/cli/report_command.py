@@ -11,7 +11,14 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.door import ExitCode
 from mrta_falsify.cli.group import main
-from mrta_falsify.cli.options import FILE, count_option, output_option, run_option, trust_option
+from mrta_falsify.cli.options import (
+    FILE,
+    FiniteRange,
+    count_option,
+    output_option,
+    run_option,
+    trust_option,
+)
 
 
 @main.command("report")
@@ -36,17 +43,26 @@ from mrta_falsify.cli.options import FILE, count_option, output_option, run_opti
 )
 @run_option("Make the worlds and traces of failures again that were not kept.")
 @trust_option
+@click.option(
+    "--watch",
+    type=FiniteRange(0.5, 3600.0),
+    metavar="SECONDS",
+    help="Write the page again while the campaign runs, at most this often, as 5.",
+)
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
-def report_command(directory: Path, opens: bool, **options: Any) -> int:
+def report_command(directory: Path, watch: float | None, opens: bool, **options: Any) -> int:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
     Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
     """
-    from mrta_falsify.verbs.stored_failures import write_reports
+    from mrta_falsify.verbs.stored_failures import watch_reports, write_reports
 
-    files = write_reports(directory, **options)
+    written = watch_reports(directory, seconds=watch, **options) if watch else None
+    files = next(written) if written else write_reports(directory, **options)
     for file in files:
         click.echo(str(file))
     if opens and not webbrowser.open(files[0].resolve().as_uri()):
         output.say(f"no browser was found; open {files[0]} yourself")
+    for _ in written or ():
+        output.say(f"written again: {files[0]}")
     return ExitCode.DONE

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from mrta_falsify.campaigns.store import Campaign, StoreError
+from mrta_falsify.campaigns.store import Campaign, StoreError, log_size, owner_of
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
@@ -193,6 +196,7 @@ def write_reports(
     beside: bool = False,
     run: bool = False,
     trust: Trust = False,
+    refresh: int = 0,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -208,6 +212,7 @@ def write_reports(
         run: make the worlds and traces of failures again that were not kept.
         trust: with ``beside`` or ``run``, run what is not ours, though somebody else has made the
             campaign.
+        refresh: after how many seconds an open page loads itself again; 0: never.
 
     Returns:
         The files written, the page first.
@@ -228,9 +233,41 @@ def write_reports(
     if beside:
         firsts = [campaign.record(mode.ids[0]) for mode in modes(campaign)]
         keep_neighbours(campaign, firsts, trust)
-    write_report(campaign, page, against=other, cases=cases)
+    write_report(campaign, page, against=other, cases=cases, refresh=refresh)
     if junit is not None:
         write_atomically(Path(junit), junit_report(campaign).encode())
     if markdown is not None:
         write_atomically(Path(markdown), markdown_report(campaign, against=other).encode())
     return tuple(places)
+
+
+def watch_reports(
+    directory: Place, output: Place | None = None, *, seconds: float, **options: Any
+) -> Iterator[tuple[Path, ...]]:
+    """Write the report of a running campaign again whenever it has grown, until it has ended.
+
+    A page that is open in a browser loads itself again; the last page does not.
+
+    Args:
+        directory: of the campaign.
+        output: as of :func:`write_reports`.
+        seconds: between two looks, > 0.
+        options: as of :func:`write_reports`.
+
+    Yields:
+        The files written, after each time.
+
+    Raises:
+        InputError: as of :func:`write_reports`.
+    """
+    seen = -1
+    while True:
+        runs = bool(owner_of(Path(directory)))
+        size = log_size(Path(directory))
+        if size != seen or not runs:
+            refresh = math.ceil(seconds) if runs else 0
+            yield write_reports(directory, output, refresh=refresh, **options)
+            seen = size
+        if not runs:
+            return
+        time.sleep(seconds)

@@ -45,7 +45,7 @@ def test_help_lists_every_command_with_what_it_does(cli):
         "door-test",
         "explain", "export", "import", "init", "issue", "list", "minimize", "plugins",
         "replay", "report",
-        "run", "sample", "serve", "show", "travel-times",
+        "run", "sample", "show", "travel-times",
     ]  # fmt: skip
 
 
@@ -294,3 +294,9 @@ def test_bench_has_the_fields_of_the_contract(cli):
         assert data[key] > 0.0
     assert data["engine_real_time_factor"]["6"] > 1.0
     assert data["machine"]["cores"] >= 1
+
+
+def test_a_command_that_is_gone_says_what_to_do_instead(cli):
+    result = cli("serve", "runs/x")
+    assert result.exit_code == 2
+    assert "report DIR --watch" in result.stderr

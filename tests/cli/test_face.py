@@ -25,13 +25,12 @@ ONLY_OPTIONS = {
     "check": {"everything", "scenarios"},
     "import": {"floor", "stack", "settings"},  # import_log
     "ci": {"fail_on", "opens"},
-    "report": {"opens"},
-    "corpus": {"bisect", "build"},  # bisect_failures
+    "report": {"opens", "watch"},
 }
 #: what only Python needs
 ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}
 #: for a shell, or for someone who looks on: Python has no use for them
-OF_THE_SHELL = {"completion", "serve"}
+OF_THE_SHELL = {"completion"}
 NAMES = sorted(set(COMMANDS) - OF_THE_SHELL)
 ANY = inspect.Parameter("any", inspect.Parameter.KEYWORD_ONLY)
 

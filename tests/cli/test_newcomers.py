@@ -203,10 +203,10 @@ def test_the_table_of_a_comparison_fits_80_columns(capsys, monkeypatch):
         )
         for i in range(12)
     ]
-    compare_command._print_samplers(sampler_rows({"local_search": one, "cross_entropy": one}, 100))
+    compare_command._print_samplers(sampler_rows({"evolution": one, "cma_es": one}, 100))
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
-    assert any(line.startswith("local_search") and "4 of 12" in line for line in lines)
+    assert any(line.startswith("evolution") and "4 of 12" in line for line in lines)
 
 
 def test_a_pipe_gets_a_line_of_progress_now_and_then_with_the_time_left(capsys, monkeypatch):

@@ -11,14 +11,22 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.cli import main, reference
 from mrta_falsify.cli.door import MEANINGS
-from mrta_falsify.cli.group import COMMANDS
+from mrta_falsify.cli.group import COMMANDS, described
 from scenic_worlds.shipped import scenario_names
 
 PAGE = (Path(__file__).parents[2] / "docs" / "commands.md").read_text()
-COMMAND_LINE = reference.describe(main)
-BY_NAME = {command.name: command for command in COMMAND_LINE.commands}
+COMMAND_LINE = json.loads(json.dumps(described(), default=str))
+OPTIONS = {
+    name: [
+        param
+        for param in command["params"]
+        if param["param_type_name"] == "option"
+        and not param["hidden"]
+        and "--help" not in param["opts"]
+    ]
+    for name, command in COMMAND_LINE["commands"].items()
+}
 
 
 def synopses(name: str) -> list[str]:
@@ -37,31 +45,31 @@ def options_of(text: str) -> dict[str, bool]:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_page_of_commands_names_every_option_and_no_other(name):
-    known = {flag: option for option in BY_NAME[name].options for flag in option.flags}
+    known = {flag: option for option in OPTIONS[name] for flag in option["opts"]}
     texts = synopses(name)
     assert texts, f"docs/commands.md has no block with `mrta-falsify {name}`"
     named = {flag: need for text in texts for flag, need in options_of(text).items()}
     assert set(named) <= set(known), "options that the command does not have"
-    told = {known[flag].name for flag in named}
-    missing = [option.flags for option in BY_NAME[name].options if option.name not in told]
+    told = {known[flag]["name"] for flag in named}
+    missing = [option["opts"] for option in OPTIONS[name] if option["name"] not in told]
     assert missing == [], "options that the page does not name"
     if len(texts) == 1:
         assert {flag for flag, need in named.items() if need} == {
-            flag for flag in named if known[flag].required
+            flag for flag in named if known[flag]["required"]
         }
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_choices_that_the_page_names_are_those_of_the_option(name):
-    known = {flag: option for option in BY_NAME[name].options for flag in option.flags}
+    known = {flag: option for option in OPTIONS[name] for flag in option["opts"]}
     for text in synopses(name):
         for flag, values in re.findall(r"(--[a-z-]+) ([a-z][a-z0-9]*(?:\|[a-z][a-z0-9]*)+)", text):
-            assert tuple(values.split("|")) == known[flag].choices, flag
+            assert values.split("|") == known[flag]["type"]["choices"], flag
 
 
 def test_the_page_and_the_commands_say_the_same_of_exit_codes():
     rows = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
-    assert set(rows) == set(COMMAND_LINE.exit_codes)
+    assert set(rows) == set(COMMAND_LINE["exit_codes"])
     for code, text in MEANINGS.items():
         assert rows[str(int(code))].startswith(text), code
     for code, word in (("1", "violated"), ("3", "failed")):
@@ -78,16 +86,15 @@ def test_the_whole_command_line_is_one_json_object(cli):
     result = cli("--help-json")
     assert result.exit_code == 0
     told = json.loads(result.stdout)
-    assert [command["name"] for command in told["commands"]] == sorted(COMMANDS)
-    campaign = next(command for command in told["commands"] if command["name"] == "campaign")
-    options = {option["name"]: option for option in campaign["options"]}
+    assert sorted(told["commands"]) == sorted(COMMANDS)
+    campaign = told["commands"]["campaign"]
+    options = {option["name"]: option for option in campaign["params"]}
     assert options["budget"]["default"] == 100
-    assert options["budget"]["kind"] == "integer"
-    assert options["budget"]["low"] == 1
+    assert options["budget"]["type"]["min"] == 1
     assert options["seed"]["default"] == 0
-    assert options["tick_limit"]["low_open"]
-    assert options["mode"]["choices"] == ["repair", "exact"]
-    assert options["specs"]["repeatable"]
+    assert options["tick_limit"]["type"]["min_open"]
+    assert options["mode"]["type"]["choices"] == ["repair", "exact"]
+    assert options["specs"]["multiple"]
     assert campaign["exit_codes"]["1"] == "a violation was found"
 
 

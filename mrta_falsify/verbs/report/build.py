@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -46,7 +47,12 @@ CASE_BYTES = 225_000  # of the page for each case that is asked for: 20 make 4.5
 
 
 def write_report(
-    campaign: Campaign, path: Path, *, against: Campaign | None = None, cases: int = MOST_CASES
+    campaign: Campaign,
+    path: Path,
+    *,
+    against: Campaign | None = None,
+    cases: int = MOST_CASES,
+    refresh: int = 0,
 ) -> Path:
     """Write the HTML report of a campaign.
 
@@ -55,6 +61,7 @@ def write_report(
         path: the HTML file.
         against: a campaign with another stack on the same scenario, to compare with.
         cases: failures to show in full at most.
+        refresh: after how many seconds an open page loads itself again; 0: never.
 
     Returns:
         ``path``.
@@ -63,6 +70,7 @@ def write_report(
         PlaceError: the file cannot be written.
     """
     report = build_report(campaign, against=against, cases=cases)
+    report = dataclasses.replace(report, refresh=refresh)
     write_page(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
     return path
 
