@@ -233,7 +233,6 @@ class _Search:
             u=u,
             fate="judged",
             descriptors=run.descriptors,
-            situations=run.situations,
             blamed=lane.cube.blocks_of(run.blamed),
             failed=bool(run.violated),
             **known,
@@ -247,7 +246,6 @@ def told_of_copies(run: Run, copies: Sequence[Run]) -> dict[str, Any]:
     assert jittered is not None
     return {
         "objectives": jittered.objectives,
-        "noise": jittered.noise,
         "score": ROBUST_SHARE - jittered.chance.mean,
         "signature": run.signature if jittered.robust else f"{jittered}: {run.signature}",
     }
