@@ -34,7 +34,6 @@ REQUIRED = {
     "jinja2": "jinja2",
     "matplotlib": "matplotlib",
     "msgpack": "msgpack",
-    "networkx": "networkx",
     "numba": "numba",
     "numpy": "numpy",
     "ompl": "ompl",
