@@ -28,7 +28,7 @@ ONLY_OPTIONS = {
     "report": {"opens", "watch"},
 }
 #: what only Python needs
-ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}}
+ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}, "report": {"refresh"}}
 #: for a shell, or for someone who looks on: Python has no use for them
 OF_THE_SHELL = {"completion"}
 NAMES = sorted(set(COMMANDS) - OF_THE_SHELL)
@@ -59,7 +59,8 @@ def test_every_command_is_a_function_and_every_function_a_command():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_command_and_its_function_have_the_same_options(name):
-    options = {param.name for param in command(name).params} - {"style"}
+    shown = (p for p in command(name).params if not getattr(p, "hidden", False))
+    options = {param.name for param in shown} - {"style"}
     known = set(parameters(name))
     assert options - known == ONLY_OPTIONS.get(name, set())
     assert known - options == ONLY_PARAMETERS.get(name, set())
