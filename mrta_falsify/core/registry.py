@@ -46,7 +46,7 @@ REMOVED = {
         **dict.fromkeys(("cross_entropy", "verifai_mab", "verifai_halton"), "verifai_ce or halton"),
     }
 }
-LAST_WITH_THEM = "2c5e851"  #: the last commit that has them
+LAST_WITH_THEM = "45907df"  #: the last commit that has them
 
 OUTSIDE = "simulator_interface.external.layers"  #: module of layers that run by ``exec:``
 
