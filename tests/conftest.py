@@ -162,8 +162,8 @@ def _intent(robots: int, path: tuple, phase: Phase, ends: np.ndarray) -> Intent:
 @pytest.fixture(scope="session")
 def stalled():
     """A world and its judged run in which one robot stalls for good (a planted defect)."""
-    from benchmarks.defects import worlds
     from mrta_falsify.core.config import StackConfig
+    from mrta_falsify.testing import planted as worlds
     from mrta_falsify.trial import Job, judge, quick_stack
 
     world = worlds.same_room_twice_stalls(0)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from benchmarks.defects.worlds import EXCLUSIVE_USE, PLANTS
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.defects import DEFECTS
@@ -18,8 +17,9 @@ from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.core.world import Resource, RobotSpec
 from mrta_falsify.specs.exclusive import ExclusiveUse
 from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.testing.planted import EXCLUSIVE_USE, PLANTS
+from mrta_falsify.testing.wards import ward_layout
 from simulator_interface.simulate import simulate
-from tests.scenes.ward import ward_layout
 
 BESIDE = np.array([0.7, 0.0])  # m, where a second robot stands in a room
 

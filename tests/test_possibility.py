@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon, box
 
-from benchmarks.oracle.floors import robot, two_rooms
 from mrta_falsify.core.directives import Push
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.world import Blockage, Furniture, HumanSpec, Room, Task, Wall, World
 from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.books import ROOM_REACH, Books, stop_area
+from mrta_falsify.testing.floors import robot, two_rooms
 
 BOTH = ("deadlines", "all_tasks_done")
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import robot, two_rooms
 from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
 from mrta_falsify.rehearsal import _Fleet, _ring, _soonest, _Stop, _Visit, _ways, rehearse
+from mrta_falsify.testing.floors import robot, two_rooms
 from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.zoo import load_scene, scene_names
 

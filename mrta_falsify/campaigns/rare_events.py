@@ -105,7 +105,7 @@ def mean_interval(estimates: Sequence[float], level: float = 0.95) -> tuple[floa
     Estimates of splitting are products of shares, hence nearly log-normal, and few: Student's
     interval is too low then. This is the smallest interval that holds two others. One is Cox's
     for the mean of a log-normal law (Land 1972; Zhou and Gao 1997, with Student's quantile), the
-    other Student's on the logarithm by the delta method. `benchmarks/campaign/rare.py` measures
+    other Student's on the logarithm by the delta method. `experiments/campaign/rare.py` measures
     its coverage.
 
     Estimates that are 0 have no logarithm. Then means of pairs, triples, ... are taken, in groups

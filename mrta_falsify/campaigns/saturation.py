@@ -51,7 +51,7 @@ class Saturation:
 
         The interval is Wilson's for a number of trials that has the variance of the estimate, to
         which situations shown twice add (Esty, Annals of Statistics 11, 1983).
-        ``benchmarks.campaign.unseen`` measures how often it covers.
+        ``experiments.campaign.unseen`` measures how often it covers.
         """
         shown_by = self._shown_by.values()
         alone = len({trials[0] for trials in shown_by if len(trials) == 1})

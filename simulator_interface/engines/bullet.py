@@ -37,7 +37,7 @@ class BulletEngine(PhysicsEngine):
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """Tuned by ``benchmarks/engine/tune.py``."""
+        """Tuned by ``experiments/engine/tune.py``."""
 
         step_size: float = quantity(above=0.0, high=0.05, unit="s", default=0.0125)
         solver_iterations: int = quantity(low=1, high=1000, default=8)

@@ -13,7 +13,7 @@ from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.world import HumanSpec, RobotSpec, Task, World, write_world
-from tests.scenes.ward import ward_layout
+from mrta_falsify.testing.wards import ward_layout
 
 
 @pytest.fixture

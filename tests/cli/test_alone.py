@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import mrta_falsify as mf
-from tests.scenes.ward import ward_layout
+from mrta_falsify.testing.wards import ward_layout
 
 
 @pytest.mark.parametrize("module", ["mrta_falsify", "mrta_falsify.cli"])

@@ -8,7 +8,7 @@ import pytest
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.protocols import WaypointGenerator
-from tests.scenes.ward import ward_layout
+from mrta_falsify.testing.wards import ward_layout
 
 LAYOUT = ward_layout(rooms=4, two_sided=True)
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.door.marked import marked
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
@@ -26,6 +25,7 @@ from simulator_interface.external.process import named_in
 from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
 from simulator_interface.watched_copy import run_in_watched_copy
+from tests.external.marked import marked
 
 ROOT = Path(__file__).resolve().parents[2]
 BAD = Path(__file__).with_name("bad_stack.py")

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from benchmarks.door import fuzz
+from tests.external.garbled import fuzz
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux")
 

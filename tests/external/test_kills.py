@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from benchmarks.door.kills import VICTIMS, disturb
+from tests.external.kills import VICTIMS, disturb
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux"),

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.door.rightful import hall
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.difference import first_difference
 from mrta_falsify.core.external import ExternalStack
 from simulator_interface.simulate import simulate
+from tests.external.garbled.rightful import hall
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = 6  # of which two differ; each has a hundred races

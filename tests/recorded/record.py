@@ -39,7 +39,7 @@ RUNS = HERE / "runs.json"
 WORLDS = HERE / "worlds"
 CAMPAIGNS = HERE / "campaigns"
 ENGINES = ("kinematic", "bullet")
-SCENARIOS = ROOT / "benchmarks" / "falsification" / "scenarios"
+SCENARIOS = HERE / "scenarios"
 
 #: name, scenario, number of the candidate, changes of the stack
 SAMPLED = (
@@ -69,7 +69,7 @@ SEARCHES = {
 
 def new_cases() -> Iterator[tuple[str, World, StackConfig]]:
     """Twelve planted defects, and twelve worlds that campaigns sample."""
-    from benchmarks.defects.worlds import PLANTS
+    from mrta_falsify.testing.planted import PLANTS
     from scenic_worlds.program import compile_program, scenario_path
 
     for defect, plant in PLANTS.items():

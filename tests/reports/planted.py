@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.defects.worlds import PLANTS
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
@@ -19,6 +18,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
+from mrta_falsify.testing.planted import PLANTS
 from mrta_falsify.trial import Job, Judged, judge, quick_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 

@@ -19,11 +19,11 @@ from mrta_falsify.core.world import (
     Task,
     World,
 )
+from mrta_falsify.testing.wards import ward_layout
 from reports import contact_sheet, schedule_plot
 from reports.colours import PAINTS, robot_colour
 from reports.floor_scene import Extent, Role
 from reports.moving_scene import start_of
-from tests.scenes.ward import ward_layout
 
 
 def world_with_bed_at(x: float, **changes) -> World:

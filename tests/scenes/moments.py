@@ -10,9 +10,9 @@ import numpy as np
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
+from mrta_falsify.testing.watching import AT_REST, events, first_time, path_at, speed, tick_of, when
 from tests.scenes import worlds
 from tests.scenes.test_paper_scenes import PAPERS_RULE
-from tests.scenes.watching import AT_REST, events, first_time, path_at, speed, tick_of, when
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.polyline import look_along
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import Blockage, World
+from mrta_falsify.testing.watching import path_at, tick_of, watch
 from reports.colours import INK, robot_colour
 from reports.floor_plot import draw_floor
 from reports.moving_scene import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
-from tests.scenes.watching import path_at, tick_of, watch
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures" / "scenes"
 TRAIL = 6.0  # s

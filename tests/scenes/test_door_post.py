@@ -10,8 +10,8 @@ import pytest
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import RobotSpec, Task, World
+from mrta_falsify.testing.wards import ward_layout
 from mrta_falsify.trial import Job, judge, quick_stack
-from tests.scenes.ward import ward_layout
 
 NOSE = 0.22 + 0.1  # m, from the robot's centre to its nose, and on to the post
 CORRIDOR = 4.0  # m, width; the posts are the ends of its northern wall

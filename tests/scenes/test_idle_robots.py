@@ -7,8 +7,8 @@ from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.world import Resource
+from mrta_falsify.testing.watching import events, tick_of, violations, watch, went_well
 from tests.scenes import worlds
-from tests.scenes.watching import events, tick_of, violations, watch, went_well
 
 EVEN = ((0, 1), (2, 3), (4, 5))
 ODD = ((1, 2), (3, 4), (5, 0))

@@ -10,8 +10,7 @@ import pytest
 
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.core.world import LINKS
-from tests.scenes import worlds
-from tests.scenes.watching import (
+from mrta_falsify.testing.watching import (
     AT_REST,
     events,
     first_time,
@@ -23,6 +22,7 @@ from tests.scenes.watching import (
     went_well,
     when,
 )
+from tests.scenes import worlds
 
 CUT, BACK = worlds.OUTAGE
 LIFETIME = 0.25  # s, a remote command older than this is not followed

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.fleet import Phase
-from tests.scenes import worlds
-from tests.scenes.watching import (
+from mrta_falsify.testing.watching import (
     AT_REST,
     events,
     first_time,
@@ -23,6 +22,7 @@ from tests.scenes.watching import (
     went_well,
     when,
 )
+from tests.scenes import worlds
 
 PAPERS_RULE = "controller.followers=brake"  # all but the leader of a cluster stand still
 

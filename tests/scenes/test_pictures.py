@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from mrta_falsify.testing.watching import watch, went_well
 from tests.scenes.moments import SCENES
 from tests.scenes.pictures import FOLDER
-from tests.scenes.watching import watch, went_well
 
 QUICK = ("idle_robots_make_room", "queue_tail_then_place")
 PAGE = Path(__file__).parents[2] / "docs" / "scenes.md"

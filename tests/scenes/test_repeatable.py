@@ -11,11 +11,11 @@ import pytest
 
 from mrta_falsify.core.config import StackConfig, apply_setting
 from mrta_falsify.core.world import World
+from mrta_falsify.testing.watching import watch
 from mrta_falsify.trial import Job, run_job
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from tests.scenes import worlds
-from tests.scenes.watching import watch
 
 
 def digest_of(world: World, engine: str) -> str:

@@ -4,7 +4,7 @@ from shapely import unary_union
 from shapely.geometry import LineString, Point, Polygon
 
 from mrta_falsify.core.errors import ConfigError
-from tests.scenes.ward import ward_layout
+from mrta_falsify.testing.wards import ward_layout
 
 WARDS = [{}, {"rooms": 6, "two_sided": True, "room_width": 7.0}, {"rooms": 1}, {"door_width": 1.0}]
 

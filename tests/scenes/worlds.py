@@ -25,8 +25,8 @@ from mrta_falsify.core.world import (
     Task,
     World,
 )
+from mrta_falsify.testing.wards import ward_layout
 from scenic_worlds.layouts import load_layout
-from tests.scenes.ward import ward_layout
 
 SOUTH = -np.pi / 2  # rad
 LATE = 900.0  # s, a deadline that is never missed

@@ -11,7 +11,7 @@ import pytest
 from mrta_falsify.verbs.programs import draw_candidates, open_scenario
 from simulator_interface.costmap_layers import CostmapOptions, build_costmap
 
-BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "scenic" / "costmap_agreement.py"
+BENCHMARK = Path(__file__).parents[2] / "experiments" / "scenic" / "costmap_agreement.py"
 
 PROGRAM = """\
 param layout = localPath('floor.yaml')

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.defects import worlds
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.testing import planted as worlds
 from mrta_falsify.trial import quick_stack
 from simulator_interface.continuation import run_to
 

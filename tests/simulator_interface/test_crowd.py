@@ -9,10 +9,10 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec
 from mrta_falsify.specs.deadlock.rest import longest_pause
+from mrta_falsify.testing.wards import ward_layout
 from simulator_interface.episode import Episode
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.simulate import simulate
-from tests.scenes.ward import ward_layout
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 

@@ -23,6 +23,7 @@ from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError, 
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, World
+from mrta_falsify.testing.wards import ward_layout
 from scenic_worlds.layouts import load_layout
 from simulator_interface.costmap_layers import build_costmap
 from simulator_interface.engines.bullet import BulletEngine
@@ -31,7 +32,6 @@ from simulator_interface.engines.mujoco import MujocoEngine
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
 from simulator_interface.staging import Stage
-from tests.scenes.ward import ward_layout
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 BULLET = StackConfig()

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import robot, two_rooms
-from benchmarks.oracle.stacks import IN_TURN, SYMMETRIC, stack
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.testing.floors import robot, two_rooms
+from mrta_falsify.testing.stacks import IN_TURN, SYMMETRIC, stack
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import EpisodeForecast
 from simulator_interface.simulate import simulate

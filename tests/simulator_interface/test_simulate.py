@@ -7,9 +7,9 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.world import RobotSpec
+from mrta_falsify.testing.wards import ward_layout
 from simulator_interface.scenic_bridge.scene_contract import places_of_scene
 from simulator_interface.simulate import frames_of, simulate
-from tests.scenes.ward import ward_layout
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
 

@@ -14,8 +14,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import Frame, StackEvent
 from mrta_falsify.core.world import Resource, RobotSpec, Task, World
 from mrta_falsify.stack.mission import StackState
+from mrta_falsify.testing.wards import ward_layout
 from simulator_interface.episode import Episode
-from tests.scenes.ward import ward_layout
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
 

@@ -289,7 +289,7 @@ def test_smt_needs_no_search_to_prove_that_nobody_can_reach_a_task_in_time():
 
 def test_a_second_solver_agrees_about_what_is_possible():
     pytest.importorskip("ortools")
-    from benchmarks.allocation.second_opinion import can_be_covered
+    from tests.stack.second_opinion import can_be_covered
 
     seen = set()
     for seed in range(12):

@@ -10,7 +10,6 @@ from scipy import ndimage
 from shapely import unary_union
 from shapely.geometry import box
 
-from benchmarks.oracle.floors import floor, robot, two_rooms
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.costmap import INSCRIBED
@@ -18,6 +17,7 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.world import Resource, Task
 from mrta_falsify.stack.resources.clear_ways import APART, AT_ROOM, ClearWays
+from mrta_falsify.testing.floors import floor, robot, two_rooms
 from simulator_interface.simulate import simulate
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))

@@ -13,8 +13,8 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.fleet import FleetState, Phase
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Wall
+from mrta_falsify.testing.wards import ward_layout
 from simulator_interface.episode import Episode
-from tests.scenes.ward import ward_layout
 
 NOBODY = frozen_array(np.zeros((0, 2)))
 

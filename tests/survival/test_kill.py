@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.campaign.survival import disturb
+from tests.survival.kills import disturb
 
 
 @pytest.mark.parametrize(

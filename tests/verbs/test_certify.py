@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.certificates import EDITS, edited, is_refused
 from mrta_falsify.cli import main
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError
@@ -26,6 +25,7 @@ from mrta_falsify.verbs.certify.certifying import FREE_WAYS, certify
 from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
 from scenic_worlds.zoo import load_scene
 from tests.reports.planted import stored
+from tests.verbs.edited_certificates import EDITS, edited, is_refused
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import RobotSpec, Task
 from mrta_falsify.stack.pipeline import Stack
+from mrta_falsify.testing.wards import ward_layout
 from mrta_falsify.trial import Job, run_job
-from tests.scenes.ward import ward_layout
 
 pytestmark = pytest.mark.slow  # whole missions
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.defects import worlds
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Removal
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.causes import leading
+from mrta_falsify.testing import planted as worlds
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.explain.changes import changes_of

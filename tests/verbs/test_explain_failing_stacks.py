@@ -7,10 +7,10 @@ import os
 
 import pytest
 
-from benchmarks.defects import worlds
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.lab import Lab
 from mrta_falsify.stack.resources.policies import DeadlineFirst
+from mrta_falsify.testing import planted as worlds
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.explain.changes import Change
 from mrta_falsify.verbs.explain.rows import experiment_of, failure_of, fate_of

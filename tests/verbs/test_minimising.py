@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.defects import worlds
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
@@ -13,6 +12,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
 from mrta_falsify.lab import Lab
+from mrta_falsify.testing import planted as worlds
 from mrta_falsify.trial import Job, judge, quick_stack
 from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
 from mrta_falsify.verbs.minimize.reruns import PERTURBED

@@ -9,6 +9,7 @@ import pytest
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.lab import RunResult
+from mrta_falsify.testing.wards import ward_layout
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain import decided_sentences, rewinding
 from mrta_falsify.verbs.explain.changes import Change
@@ -16,7 +17,6 @@ from mrta_falsify.verbs.explain.explaining import explain_job
 from mrta_falsify.verbs.explain.rewinding import Branch, branches_of, rewind
 from mrta_falsify.verbs.explain.rows import Failure
 from tests.reports.planted import BROKEN
-from tests.scenes.ward import ward_layout
 
 FOUND = 40.0  # s
 VERDICT = Verdict(spec="no_deadlock", robustness=-1.0, violated=True, violated_at=FOUND)

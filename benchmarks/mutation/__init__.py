@@ -1,1 +1,0 @@
-"""Automatic mutants of the stack: which of them can be killed, and which does a search kill?"""

@@ -1,0 +1,1 @@
+"""What measures the product; neither the product nor its tests import it."""

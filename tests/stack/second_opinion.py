@@ -1,0 +1,99 @@
+"""A second, independent judge of cores: sets by dynamic programming, covering by CP-SAT.
+
+Nothing of the allocators is used: what one robot can serve in time is worked out level by
+level over (tasks done, tasks on board, room), and CP-SAT decides whether the robots' largest
+sets cover all tasks.
+"""
+
+from __future__ import annotations
+
+from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
+
+MOST_STATES = 600_000  # of one robot, kept at once; more: not decided
+EFFORT = 60.0  # CP-SAT's deterministic time
+
+
+class TooLargeError(Exception):
+    """More states than this judge looks at."""
+
+
+def can_be_covered(problem: AllocationProblem) -> bool | None:
+    """Whether robots without load can have all tasks in time; None if that was not decided."""
+    try:
+        sets = [largest_sets(problem, plan) for plan in problem.robots]
+    except TooLargeError:
+        return None
+    return _cover(sets, len(problem.tasks))
+
+
+def largest_sets(problem: AllocationProblem, plan: RobotPlan) -> list[int]:
+    """Largest sets of tasks, as bits, that a robot can pick up and drop in time."""
+    tasks, travel = problem.tasks, problem.travel_times.tolist()
+    begin = max(plan.free_at, problem.now)
+    level: dict[tuple[int, int, int], float] = {(0, 0, plan.room): begin}
+    served = {0}
+    while level:
+        following: dict[tuple[int, int, int], float] = {}
+        for (done, aboard, room), time in level.items():
+            for k, task in enumerate(tasks):
+                bit = 1 << k
+                if done & bit:
+                    continue
+                if aboard & bit:
+                    ready = time + travel[room][task.end] + task.dropoff_time
+                    if ready > task.deadline:
+                        continue
+                    state = (done | bit, aboard ^ bit, task.end)
+                elif aboard.bit_count() < plan.capacity:
+                    ready = max(time, task.arrival) + travel[room][task.start] + task.pickup_time
+                    if not _can_be_dropped(tasks, travel, aboard | bit, task.start, ready):
+                        continue
+                    state = (done, aboard | bit, task.start)
+                else:
+                    continue
+                if ready < following.get(state, float("inf")):
+                    following[state] = ready
+        if len(following) > MOST_STATES:
+            raise TooLargeError
+        level = following
+        served.update(done for done, aboard, _ in level if not aboard)
+    return [s for s in served if not any(s != t and s & t == s for t in _above(served, s))]
+
+
+def _above(served: set[int], tasks: int) -> list[int]:
+    """Sets with one task more: leaving a task out of a set never makes it impossible."""
+    most = max(served).bit_length()
+    return [tasks | 1 << k for k in range(most) if not tasks >> k & 1 and tasks | 1 << k in served]
+
+
+def _can_be_dropped(
+    tasks: tuple[OpenTask, ...], travel: list[list[float]], aboard: int, room: int, time: float
+) -> bool:
+    return all(
+        time + travel[room][task.end] + task.dropoff_time <= task.deadline
+        for k, task in enumerate(tasks)
+        if aboard >> k & 1
+    )
+
+
+def _cover(sets: list[list[int]], m: int) -> bool | None:
+    from ortools.sat.python import cp_model
+
+    model = cp_model.CpModel()
+    covers: list[list[object]] = [[] for _ in range(m)]
+    for r, group in enumerate(sets):
+        takes = [model.new_bool_var(f"{r}_{tasks}") for tasks in group]
+        model.add_at_most_one(takes)
+        for variable, tasks in zip(takes, group, strict=True):
+            for k in range(m):
+                if tasks >> k & 1:
+                    covers[k].append(variable)
+    for options in covers:
+        model.add_bool_or(options)
+    solver = cp_model.CpSolver()
+    solver.parameters.num_workers = 1
+    solver.parameters.max_deterministic_time = EFFORT
+    status = solver.solve(model)
+    if status in (cp_model.OPTIMAL, cp_model.FEASIBLE):
+        return True
+    return False if status == cp_model.INFEASIBLE else None
