@@ -40,9 +40,6 @@ class CostmapOptions:
     inflation_radius: float = quantity(low=0.0, high=5.0, unit="m", default=0.5)
     cost_scaling: float = quantity(low=0.0, unit="1/m", default=3.0)
     robot_radius: float = quantity(above=0.0, high=5.0, unit="m", default=0.22)
-    defects: tuple[
-        str, ...
-    ] = ()  #: planted defects; ``costmap_blind_to_furniture`` is this layer's
 
 
 Options = CostmapOptions
@@ -69,8 +66,7 @@ class BoundCostmap:
         self._prices = _costs_by_squared_distance(options)
         self._blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._static = _static_costmap(world, options)
-        movable = world.movable_furniture() if self._sees_furniture else ()
-        self._furniture = tuple(item.polygon for item in movable)
+        self._furniture = tuple(item.polygon for item in world.movable_furniture())
         self._maps: OrderedDict[tuple[tuple[int, ...], bytes, bytes], Costmap] = OrderedDict()
 
     def costmap(self, time: float, parked: Array = NO_ROBOTS) -> Costmap:
@@ -98,7 +94,7 @@ class BoundCostmap:
 
     def furnish(self, outlines: tuple[Array, ...]) -> None:
         """See :class:`simulator_interface.staging.StagedSource`."""
-        self._furniture = outlines if self._sees_furniture else ()
+        self._furniture = outlines
 
     def add_blockage(self, blockage: Blockage) -> None:
         """See :class:`simulator_interface.staging.StagedSource`."""
@@ -107,10 +103,6 @@ class BoundCostmap:
     def forget_after(self, time: float) -> None:
         """See :class:`simulator_interface.staging.ForgettingPart`."""
         self._blockages = without_later(self._blockages, time)
-
-    @property
-    def _sees_furniture(self) -> bool:
-        return "costmap_blind_to_furniture" not in self._options.defects
 
     def _overlay(self, polygons: Sequence[Array], places: Array) -> Costmap:
         options, static = self._options, self._static
@@ -151,7 +143,7 @@ def build_costmap(
         world: walls, furniture and blockages.
         time: [s]; a blockage stands from its start up to, not including, its end.
         parked: ``(P, 2)`` [m] robots at rest, map frame.
-        options: resolution, inflation and planted defects; the defaults if None.
+        options: resolution and inflation; the defaults if None.
 
     Returns:
         A costmap whose origin is the south-west corner of ``world.bounds`` and that covers
@@ -167,8 +159,7 @@ def build_costmap(
 def _static_costmap(world: World, options: CostmapOptions) -> Costmap:
     """Build the costmap of what never changes; worlds are frozen, so one serves each world."""
     solids = [wall.polygon for wall in world.walls]
-    if "costmap_blind_to_furniture" not in options.defects:
-        solids += [item.polygon for item in world.furniture if not item.movable]
+    solids += [item.polygon for item in world.furniture if not item.movable]
     grid = _empty_grid(world, options.resolution)
     mark_polygons(grid, solids)
     inflate(grid.cost, whole(grid.cost), _costs_by_squared_distance(options))

@@ -52,7 +52,9 @@ COMMANDS = {
     "scenic specifiers": ["scenic.specifiers --count 10"],
     "scenic speed": ["scenic.speed hot_room --count 2"],
     "engines judge": ["validity.engines draw TMP/worlds.json --of 0"],
-    "motion": ["validity.motion experiments/validity/worlds.json -o TMP/m.json --count 1 --until 3"],
+    "motion": [
+        "validity.motion experiments/validity/worlds.json -o TMP/rows.json --count 1 --until 3"
+    ],
     "shut rooms": [
         "validity.shut_rooms run TMP/rows.jsonl --count 1 --called 2",
         "validity.shut_rooms table TMP/rows.jsonl",

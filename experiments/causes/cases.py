@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import defect as planted
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.library import default_specifications
@@ -90,7 +90,7 @@ def faulty(case: Case) -> Iterator[None]:
         own = {
             name
             for name in case.defects
-            if getattr(config, DEFECTS[name].layer) == getattr(shipped, DEFECTS[name].layer)
+            if getattr(config, planted(name).layer) == getattr(shipped, planted(name).layer)
         }
         config = dataclasses.replace(config, defects=tuple(sorted({*config.defects, *own})))
         build(self, world, config, *more, **named)  # type: ignore[arg-type]
@@ -118,8 +118,8 @@ def draw(seed: int, each: int) -> Iterator[Case]:
     """Draw failures: ``each`` of every defect and kind, then those without a cause."""
     random = np.random.default_rng(seed)
     for kind in ("visible", "hidden"):
-        for defect in DEFECTS:
-            layer = DEFECTS[defect].layer
+        for defect in PLANTS:
+            layer = planted(defect).layer
             if kind == "hidden" and layer in ONE_IMPLEMENTATION:
                 continue
             found = 0
@@ -144,7 +144,7 @@ def draw(seed: int, each: int) -> Iterator[Case]:
         family = families[int(random.integers(len(families)))]
         other = families[int(random.integers(len(families)))]
         number = int(random.integers(MOST_SEEDS))
-        if DEFECTS[family].layer == DEFECTS[other].layer:
+        if planted(family).layer == planted(other).layer:
             continue
         case = _case("two", family, number, tuple(sorted((family, other))), "")
         alone = [_case("two", family, number, (name,), "") for name in (family, other)]

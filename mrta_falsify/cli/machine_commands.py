@@ -101,7 +101,7 @@ def _print_figures(data: dict[str, Any], indent: str = "") -> None:
 @format_option
 def plugins_command(style: str) -> int:
     """List the components of every extension point, and the planted defects."""
-    from mrta_falsify.core.defects import DEFECTS
+    from mrta_falsify.core.defects import defect
     from mrta_falsify.verbs.plugins import plugins
 
     found = plugins()
@@ -116,7 +116,8 @@ def plugins_command(style: str) -> int:
     click.echo("planted defects, switched on by --set defects=[name]:")
     table = output.new_table("defect", "what it does", headings=False)
     for name in found.defects:
-        table.add_row(name, f"{DEFECTS[name].layer}: {DEFECTS[name].what}")
+        planted = defect(name)
+        table.add_row(name, f"{planted.layer}: {planted.what}")
     output.print_table(table)
     return ExitCode.DONE
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later, quantity
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import check_defect
 from mrta_falsify.core.errors import ConfigError, FormatError, UnknownNameError
 from mrta_falsify.core.external import ExternalStack, bound_to, parse_stack
 from mrta_falsify.core.fleet import Tells
@@ -63,8 +63,7 @@ class StackConfig:
             if name not in Tells._fields:
                 raise UnknownNameError("part", name, Tells._fields, where="withheld")
         for name in self.defects:
-            if name not in DEFECTS:
-                raise UnknownNameError("defect", name, DEFECTS, where="defects")
+            check_defect(name)
 
     def __repr__(self) -> str:
         """Write in one line what is not as shipped."""

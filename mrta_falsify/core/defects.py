@@ -1,12 +1,27 @@
-"""Planted defects: faults of published systems that can be switched on to test the search.
+"""Planted defects: parts of the stack that are exchanged for faulty ones, to test the search.
 
-All are off by default. ``defects: [name]`` in the stack YAML switches them on; each layer
-receives the names through the ``defects`` field of its ``Options``.
+All are off by default. ``defects: [name]`` in the stack YAML switches them on. A defect is an entry
+point of the group ``mrta_falsify.defect``; ours are in :mod:`mrta_falsify.testing.faults`::
+
+    [project.entry-points."mrta_falsify.defect"]
+    my_fault = "my_package.my_module:MY_FAULT"
+
+Where the stack builds a part that a defect concerns, it builds the faulty one instead; the part
+knows nothing of it.
 """
 
 from __future__ import annotations
 
+import functools
+import importlib.metadata
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from mrta_falsify.core.errors import ConfigError, UnknownNameError
+
+GROUP = "mrta_falsify.defect"
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,37 +30,71 @@ class Defect:
 
     layer: str  #: layer that is to blame
     what: str  #: what goes wrong
+    #: class of the stack, and the class derived from it that takes its place
+    parts: Mapping[type, type]
 
 
-DEFECTS: dict[str, Defect] = {
-    "cluster_rows_wrong_robot": Defect(
-        "controller", "barrier rows of a cluster use another robot's state"
-    ),
-    "follower_zero_command": Defect(
-        "controller", "a follower's own zero command fights its leader's remote command"
-    ),
-    "queue_release_loses_exclusion": Defect(
-        "queue_policy", "any release grants the room again, although another robot holds it"
-    ),
-    "room_freed_while_parked": Defect(
-        "queue_policy", "a robot that finished frees the room while still parked in it"
-    ),
-    "same_room_twice_stalls": Defect(
-        "waypoint_generator", "two consecutive stops in one room leave the robot without a way"
-    ),
-    "costmap_blind_to_furniture": Defect("costmap", "furniture is missing from the costmap"),
-    "humans_unseen_beyond_two": Defect("controller", "only the first two humans are avoided"),
-    "planner_failure_blocks_all": Defect(
-        "planner", "one unreachable goal holds up the plans of all robots"
-    ),
-    "fourth_waiter_dropped": Defect("queue_policy", "the fourth robot in a queue is forgotten"),
-    "fixed_priority_starves": Defect(
-        "priority_rule", "a boxed-in leader keeps the lead, so its neighbours never move"
-    ),
-    "late_feedback_unsat": Defect(
-        "allocator", "once a robot ends a committed stop late, no later batch has a plan"
-    ),
-    "no_plan_when_infeasible": Defect(
-        "allocator", "no plan at all if one deadline cannot be met; the dispatcher stops for good"
-    ),
-}
+@functools.cache
+def _entry_points() -> dict[str, importlib.metadata.EntryPoint]:
+    found = importlib.metadata.entry_points(group=GROUP)
+    return {entry.name: entry for entry in sorted(found, key=lambda entry: entry.name)}
+
+
+def defect_names() -> tuple[str, ...]:
+    """List the registered defects, sorted."""
+    return tuple(_entry_points())
+
+
+def check_defect(name: str, *, where: str = "defects") -> None:
+    """Refuse a name that is not registered.
+
+    Raises:
+        UnknownNameError: it is not.
+    """
+    if name not in _entry_points():
+        raise UnknownNameError("defect", name, defect_names(), where=where)
+
+
+@functools.cache
+def defect(name: str) -> Defect:
+    """Load a defect.
+
+    Raises:
+        UnknownNameError: the name is not registered.
+        ConfigError: what is registered is no defect, or cannot be imported.
+    """
+    check_defect(name)
+    try:
+        loaded = _entry_points()[name].load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"defects: {name!r} cannot be loaded: {error}") from error
+    if not isinstance(loaded, Defect):
+        raise ConfigError(f"defects: {name!r} is {type(loaded).__name__}; it must be a Defect")
+    return loaded
+
+
+def with_defects(part: type[Part], names: Collection[str]) -> type[Part]:
+    """Give the class of a part with defects planted; the class itself if none concerns it.
+
+    Args:
+        part: class that the stack is about to build.
+        names: defects switched on.
+    """
+    if not names:
+        return part
+    sound: Any = part
+    made: type[Part] = _faulty(sound, tuple(sorted(names)))
+    return made
+
+
+@functools.cache
+def _faulty(part: type, names: tuple[str, ...]) -> type:
+    faults = tuple(
+        faulty
+        for name in names
+        for sound, faulty in defect(name).parts.items()
+        if issubclass(part, sound)
+    )
+    if not faults:
+        return part
+    return type(part.__name__, (*faults, part), {"__module__": part.__module__})

@@ -17,6 +17,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.errors import ConfigError, UnknownNameError
 from mrta_falsify.core.external import EXEC
 from mrta_falsify.core.modules import look_here_for
@@ -116,8 +117,8 @@ def build(
         point: extension point.
         choice: registered name and options.
         where: what error messages begin with.
-        defects: planted defects switched on; given to components whose options have
-            a field ``defects``.
+        defects: planted defects switched on; a component whose options have a field ``defects``
+            is told them, too.
 
     Raises:
         UnknownNameError: unknown name.
@@ -125,7 +126,7 @@ def build(
     """
     # An option names the component by itself; elsewhere the layer says which one is meant.
     place = where if where.startswith("--") else f"{where}.{point}"
-    component = load(point, choice.name, where=place)
+    component = with_defects(load(point, choice.name, where=place), defects)
     options = codec.decode(component.Options, choice.options, where=f"{where}.{point}")
     if defects and any(f.name == "defects" for f in dataclasses.fields(component.Options)):
         options = dataclasses.replace(options, defects=defects)

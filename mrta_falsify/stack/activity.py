@@ -9,7 +9,7 @@ Parking       idle, on the way to its parking spot    PARKING
 Heading       on the way to its room, which it holds  DRIVING
 Waiting       waits for its room, or drives to where  QUEUEING, or DRIVING
 Serving       loads or unloads                        SERVING
-Stalled       a planted defect keeps it there         DRIVING
+Stalled       stays, with no way to its stop          DRIVING
 ============  ======================================  =======================
 
 The room of ``Heading``, ``Waiting`` and ``Serving`` is the one of the robot's first stop.
@@ -78,7 +78,7 @@ class Serving:
 
 @dataclass(frozen=True, slots=True)
 class Stalled:
-    """Stays where it is for good: what the planted defect `same_room_twice_stalls` does."""
+    """Has a stop and no way to it; stays where it is until it is told otherwise."""
 
     phase: ClassVar[Phase] = _DRIVING
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import bisect
 import dataclasses
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -53,7 +53,7 @@ class DispatcherState:
     due: list[tuple[float, int]] = field(default_factory=list)  #: deadlines to watch, sorted
     look_at: float = 0.0  #: next look at waiting tasks and late robots [s]
     replan_at: float = 0.0  #: no re-plan for late robots before this [s]
-    gave_up: str = ""  #: why nothing is allocated any more; by planted defects only
+    gave_up: str = ""  #: why nothing is allocated until the next task arrives
 
     def deliver(self, task: int) -> None:
         """Take in that ``task`` has been dropped off."""
@@ -86,15 +86,13 @@ NO_ORDERS = Orders(itineraries={}, events=())  #: nothing changed, and nothing h
 class Dispatcher:
     """Calls the allocator when tasks arrive or robots run late."""
 
-    def __init__(self, world: World, allocator: Allocator, defects: Collection[str] = ()) -> None:
+    def __init__(self, world: World, allocator: Allocator) -> None:
         """Serve a world.
 
         Args:
             world: tasks, robots, rooms and travel times.
             allocator: asked for itineraries.
-            defects: planted defects switched on.
         """
-        self._defects = frozenset(defects)
         self._tasks = world.tasks
         self._order = sorted(range(len(world.tasks)), key=lambda i: (world.tasks[i].arrival, i))
         self._allocator = allocator
@@ -192,7 +190,7 @@ class Dispatcher:
     ) -> Orders:
         problem = self._problem(state, time, fleet, robots, keep_plans=True)
         answer = self._ask(problem)
-        fault = self._planted_fault(state, time, fleet, answer) or fault_of(problem, answer)
+        fault = self._fault_of(state, time, fleet, problem, answer)
         if fault:
             # Nothing is lost: the robots keep what they have, the new tasks wait.
             state.look_at = time + REPLAN_PERIOD
@@ -242,23 +240,17 @@ class Dispatcher:
         right = timed_allocation(problem, answer.itineraries, reason=answer.reason)
         return dataclasses.replace(right, infeasible=answer.infeasible)
 
-    def _planted_fault(
-        self, state: DispatcherState, time: float, fleet: Sequence[RobotReport], answer: Allocation
+    def _fault_of(
+        self,
+        state: DispatcherState,
+        time: float,
+        fleet: Sequence[RobotReport],
+        problem: AllocationProblem,
+        answer: Allocation,
     ) -> str:
-        """Say why a planted defect has no plan; empty without such a defect.
-
-        SMrTa for simulation asserts planned and actual times of the same stop: unsatisfiable
-        from the first late robot on. Its dispatcher does not expect an answer without a plan.
-        """
-        late = any(
-            report.itinerary and max(time, report.first_ends) - report.itinerary[0].time >= 1.0
-            for report in fleet
-        )
-        if "late_feedback_unsat" in self._defects and late:
-            state.gave_up = state.gave_up or "unsatisfiable since a robot was late"
-        if "no_plan_when_infeasible" in self._defects and answer.status != "plan":
-            state.gave_up = state.gave_up or "no plan since a deadline cannot be met"
-        return state.gave_up
+        """Say why an answer cannot be carried out; empty if it can."""
+        del state, time, fleet
+        return fault_of(problem, answer)
 
     def _cost(self, answer: Allocation) -> float:
         drops = [s for plan in answer.itineraries for s in plan if s.action == "dropoff"]

@@ -49,16 +49,12 @@ class ItineraryFollower:
         world: of the episode.
         rooms: are asked for.
         dispatcher: knows travel times.
-        stalls: the planted defect `same_room_twice_stalls` is on.
     """
 
-    def __init__(
-        self, world: World, rooms: RoomTraffic, dispatcher: Dispatcher, *, stalls: bool
-    ) -> None:
+    def __init__(self, world: World, rooms: RoomTraffic, dispatcher: Dispatcher) -> None:
         self._world = world
         self._rooms = rooms
         self._dispatcher = dispatcher
-        self._stalls = stalls
         self._table = MissionTable(STOP_RECORD, self._stop_of)
 
     def step(
@@ -133,10 +129,14 @@ class ItineraryFollower:
             is_parking = isinstance(activity, Parking)
             is_resting = isinstance(activity, Idle) and not mission.way.is_going
             return mission if is_parking or is_resting else mission.rest(), events
-        if isinstance(activity, Serving) or (self._stalls and isinstance(activity, Stalled)):
+        if self._is_busy(mission):
             return mission, events
         mission, asked = self._rooms.head_for_stop(robot, mission, state.queues, fleet)
         return mission, events + asked
+
+    def _is_busy(self, mission: Mission) -> bool:
+        """Whether a robot with a stop stays where it is."""
+        return isinstance(mission.activity, Serving)
 
     def _stop_of(
         self, robot: int, mission: Mission, memories: Sequence[QueueState]
@@ -153,8 +153,6 @@ class ItineraryFollower:
             return NOTHING_TO_DO if rests or isinstance(activity, Parking) else SOMETHING_TO_DO
         if isinstance(activity, Serving):
             return False, activity.until, NOWHERE, NOWHERE, -1
-        if isinstance(activity, Stalled) and self._stalls:
-            return NOTHING_TO_DO
         queue = self._rooms.queue_of_room.get(mission.itinerary[0].room, -1)
         memory = memories[queue] if queue >= 0 else None
         if isinstance(activity, Heading) and (memory is None or robot in memory.holders):
@@ -205,13 +203,11 @@ class ItineraryFollower:
             if stop.action == "pickup"
             else tuple(task for task in mission.onboard if task != stop.task)
         )
-        again = bool(rest) and rest[0].room == stop.room
-        activity = Stalled() if again and self._stalls else Idle()
         return replace(
             mission,
             itinerary=rest,
             onboard=onboard,
-            activity=activity,
+            activity=Idle(),
             has_delivered=mission.has_delivered or stop.action == "dropoff",
         )
 

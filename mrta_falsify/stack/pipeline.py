@@ -17,6 +17,7 @@ import numpy as np
 from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import (
@@ -66,16 +67,13 @@ class Stack:
         defects = config.defects
         self._world = world
         allocator = registry.build("allocator", config.allocator, defects=defects)
-        self._dispatcher = Dispatcher(world, metered(allocator), defects)
+        self._dispatcher = with_defects(Dispatcher, defects)(world, metered(allocator))
         self._links = LinkTimetable(world)
         ways = ClearWays(world, costmaps.costmap(0.0, NO_POINTS))
-        self._rooms = RoomTraffic(world, config, ways)
-        self._follower = ItineraryFollower(
-            world, self._rooms, self._dispatcher, stalls="same_room_twice_stalls" in defects
-        )
-        self._parking = ParkingTraffic(
-            world, self._rooms, ways, is_careless="room_freed_while_parked" in defects
-        )
+        self._rooms = with_defects(RoomTraffic, defects)(world, config, ways)
+        follower = with_defects(ItineraryFollower, defects)
+        self._follower = follower(world, self._rooms, self._dispatcher)
+        self._parking = with_defects(ParkingTraffic, defects)(world, self._rooms, ways)
         self._replanning = Replanning(world, config, costmaps)
         self._corridors = corridor_traffic(self._rooms.queues)
         self._joins_at = [robot.joins_at for robot in world.robots]

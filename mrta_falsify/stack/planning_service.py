@@ -24,7 +24,6 @@ DETOURS = 10  # ways around what is on the way, before one through it is taken
 BESIDE_SELF = 0.5  # m of the path's beginning that are not checked: the robot is there already
 COMES_BACK = 1.0  # m back along the same line; a robot nearer to a waypoint than that drops it
 SAME_LINE = 0.25  # m, half a robot beside a line is on it
-FAILURE_BLOCKS = 10.0  # s, MRTA-Sim: 100 retries, 0.1 s each; `planner_failure_blocks_all` only
 
 
 class Flaw(IntEnum):
@@ -51,7 +50,7 @@ class ServiceState:
 
     parked: dict[int, Array] = field(default_factory=dict)  #: robots at rest, place (2,) [m]
     parked_number: int = 0  #: changes with ``parked``
-    blocked_until: float = 0.0  #: until then `planner_failure_blocks_all` holds up all robots
+    blocked_until: float = 0.0  #: nothing is planned until then [s]
 
     def note_parked(self, position: Array, parked_for: Array) -> None:
         """Make robots that are at rest for some seconds obstacles of the map.
@@ -86,7 +85,6 @@ class PlanningService:
         source: CostmapSource,
         *,
         rooms: Sequence[Array] = (),
-        failure_blocks: bool,
     ) -> None:
         """Plan for a fleet.
 
@@ -94,12 +92,10 @@ class PlanningService:
             planner: of all robots.
             source: of maps.
             rooms: outlines ``(V, 2)`` [m] of rooms that robots must ask for; empty: not a room.
-            failure_blocks: planted defect, a failure holds up all robots.
         """
         self._planner = planner
         self._source = source
         self._detours = Detours(rooms)
-        self._failure_blocks = failure_blocks
 
     def plan(
         self,
@@ -122,11 +118,8 @@ class PlanningService:
             not_held: numbers of rooms that the robot does not hold.
 
         Returns:
-            The way with a path, or with the reason why there is none; the same way if the
-            service is blocked.
+            The way with a path, or with the reason why there is none.
         """
-        if state.blocked_until > time:
-            return way
         route = way.halt if len(way.halt) else way.route
         tries: list[tuple[_Found, bool]] = []
         for with_parked in (True, False) if state.parked else (False,):
@@ -146,8 +139,6 @@ class PlanningService:
                 through_parked=bool(state.parked) and not with_parked,
                 parked_number=state.parked_number,
             )
-        if self._failure_blocks:
-            state.blocked_until = time + FAILURE_BLOCKS
         return replace(
             way,
             path=NO_POINTS,

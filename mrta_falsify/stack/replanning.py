@@ -12,6 +12,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import NO_POINTS, is_near
 from mrta_falsify.core.polyline import look_along
@@ -55,14 +56,13 @@ class Replanning:
     def __init__(self, world: World, config: StackConfig, costmaps: CostmapSource) -> None:
         defects = config.defects
         planner = registry.build("planner", config.planner, defects=defects)
-        self._service = PlanningService(
+        self._service = with_defects(PlanningService, defects)(
             planner,
             costmaps,
             rooms=[
                 np.asarray(r.release_area if r.room is not None else NO_POINTS)
                 for r in world.resources
             ],
-            failure_blocks="planner_failure_blocks_all" in defects,
         )
         blockages = [event for event in world.events if isinstance(event, Blockage)]
         self._map_changes = sorted({t for event in blockages for t in (event.start, event.end)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrta_falsify.core import registry
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import defect_names
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,5 +20,5 @@ def plugins() -> Plugins:
     """List the components of every extension point, and the planted defects."""
     return Plugins(
         {point: registry.names(point) for point in registry.EXTENSION_POINTS},
-        tuple(sorted(DEFECTS)),
+        defect_names(),
     )

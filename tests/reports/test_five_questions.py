@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import defect as planted
 from mrta_falsify.verbs import report as reporting
 from tests.reports import newcomer
 from tests.reports.planted import planted_campaign
@@ -68,7 +68,7 @@ def test_who_waits_for_whom_and_why(case):
 
 def test_which_layer_is_suspected_and_on_what_evidence(case):
     defect, campaign, answers = case
-    assert answers.layer == DEFECTS[defect].layer
+    assert answers.layer == planted(defect).layer
     # the evidence names the robot, and what blocked it or how near its path comes to that
     (robot,) = TRUTH[defect][0]
     (verdict,) = campaign.records[0].verdicts

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, Furniture, Wall, World
@@ -166,7 +167,8 @@ def test_the_planted_defect_leaves_out_furniture_and_nothing_else():
     walls, furniture = [rectangle(0.3, 0.3, (-1.0, 0.0))], [rectangle(0.3, 0.3, (1.0, 0.0))]
     event = Blockage(name="b", polygon=rectangle(0.2, 0.2, (0.0, 0.8)), start=0.0, end=9.0)
     world = world_with(walls, furniture, [event])
-    blind = build_costmap(world, options=Options(defects=("costmap_blind_to_furniture",)))
+    layer = with_defects(LayeredCostmap, ("costmap_blind_to_furniture",))(Options())
+    blind = layer.bind(world).costmap(0.0)
     without = build_costmap(dataclasses.replace(world, furniture=()))
     np.testing.assert_array_equal(blind.cost, without.cost)
     assert build_costmap(world).cost_at(np.array([1.0, 0.0])) == LETHAL

@@ -50,9 +50,7 @@ def planned(
     parked: Sequence[tuple[float, float]] = (),
 ) -> Way:
     """The way from ``start`` through ``route``, planned by A*; robots are at rest at ``parked``."""
-    service = PlanningService(
-        AStar(AStar.Options()), _Map(costmap), rooms=rooms, failure_blocks=False
-    )
+    service = PlanningService(AStar(AStar.Options()), _Map(costmap), rooms=rooms)
     way = Way().head_for(np.array(route, dtype=float))
     state = ServiceState()
     if parked:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from control_course import NO_PATH, Course, box, line
 
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.specs.contacts import DRIVING_SPEED
 from mrta_falsify.stack.control.cluster import ClusterCbf
 from mrta_falsify.stack.control.decentralised import DecentralisedCbf
@@ -18,8 +19,8 @@ CORRIDOR = [(-9, -1.25, 9, -1.25), (-9, 1.25, 9, 1.25)]
 CONTACT = 0.48  # m between centres; farther apart two bodies cannot touch
 
 
-def cluster(**options):
-    return ClusterCbf(ClusterCbf.Options(**options))
+def cluster(*, defects=(), **options):
+    return with_defects(ClusterCbf, defects)(ClusterCbf.Options(**options))
 
 
 def decentralised(**options):

@@ -9,6 +9,7 @@ import pytest
 
 from mrta_falsify.core.allocation_problem import Allocation, Stop
 from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.world import RobotSpec, Room, Task, World
 from mrta_falsify.stack.allocation.insertion import Insertion
 from mrta_falsify.stack.dispatcher import Dispatcher, DispatcherState, RobotReport
@@ -254,7 +255,8 @@ def test_a_deadline_about_to_be_lost_is_planned_again_at_the_same_look():
 def test_planted_defects_give_up_where_the_default_goes_on(defect):
     tasks = [(0.0, 0, 1, 5.0), (30.0, 1, 2, 200.0)]
     for planted in ((), (defect,)):
-        dispatcher, state = Dispatcher(world(*tasks), INSERTION, planted), DispatcherState()
+        dispatcher = with_defects(Dispatcher, planted)(world(*tasks), INSERTION)
+        state = DispatcherState()
         first = dispatcher.dispatch(state, 0.0, Fleet(report(room=0), report(room=1)))
         late = report(itinerary=first.itineraries.get(0, ()), room=0, ends=90.0)
         orders = dispatcher.dispatch(state, 30.0, Fleet(late, report(room=1)))

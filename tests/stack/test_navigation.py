@@ -49,9 +49,7 @@ class Straight:
 
 def service(planner=None, bare=None, crowded=None):
     bare = bare or grid()
-    return PlanningService(
-        planner or Straight(), Source(bare, crowded or bare), failure_blocks=False
-    )
+    return PlanningService(planner or Straight(), Source(bare, crowded or bare))
 
 
 def way_to(*xs):

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrta_falsify.core.arrays import frozen_array
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.plane import inside
 from mrta_falsify.core.polyline import point_before_end
@@ -29,7 +30,7 @@ def queue(*defects, policy=FIFO, **fields):
         spots=frozen_array(SPOTS),
         **fields,
     )
-    return Queue(resource, policy, defects)
+    return with_defects(Queue, defects)(resource, policy)
 
 
 def waiter(robot, since=0.0, deadline=np.inf):
@@ -120,10 +121,11 @@ def test_the_defect_forgets_the_fourth_waiter_for_good():
 def test_the_defect_admits_whenever_anybody_leaves():
     asked = queue("queue_release_loses_exclusion")
     state = fill(asked, range(3))
-    asked.withdraw(state, 1)
-    assert asked.careless_admission(state) == (2,)
+    (event,) = asked.turn_away(state, 1, 5.0)
+    assert (event.kind, event.robot) == ("granted", 2)
     assert state.holders == [0, 2]
-    assert queue().careless_admission(fill(queue(), range(3))) == ()
+    assert [event.kind for event in asked.let_go(state, 0, 6.0, np.zeros(2))] == ["released"]
+    assert queue().turn_away(fill(queue(), range(3)), 1, 5.0) == []
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from mrta_falsify.stack.resources.right_of_way import OUT_OF_THE_WAY, coming_out
 def queue_at(x: float) -> Queue:
     area = rectangle(2.0, 2.0, (x, 0.0))
     resource = Resource(name="lane", kind="corridor", request_area=area, release_area=area)
-    return Queue(resource, Fifo(Fifo.Options()), ())
+    return Queue(resource, Fifo(Fifo.Options()))
 
 
 def left(asked: Queue, robot: int, at: float, time: float = 0.0) -> QueueState:

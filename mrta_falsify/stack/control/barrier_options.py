@@ -29,4 +29,3 @@ class CbfOptions:
     reaction_time: float = quantity(low=0.0, unit="s", default=0.1)  #: beyond one period
     braking_share: float = quantity(above=0.0, high=1.0, default=0.8)  #: of the acceleration limit
     reverse_speed: float = quantity(low=0.0, unit="m/s", default=0.25)
-    defects: tuple[str, ...] = ()

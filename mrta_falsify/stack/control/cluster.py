@@ -30,7 +30,7 @@ from mrta_falsify.stack.control.state import (
     people_in,
     remember_points,
 )
-from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
+from mrta_falsify.stack.control.steering import Scene, Steering
 from mrta_falsify.stack.control.wishes import Wishes, fill_wishes
 
 
@@ -72,7 +72,7 @@ class ClusterCbf:
     def __init__(self, options: Options) -> None:
         self.steering = Steering(options)
         self._state: ControllerState | None = None
-        braking = options.followers == "brake" or "fixed_priority_starves" in options.defects
+        braking = options.followers == "brake"
         self._rules = Rules(
             neighbour_distance=options.neighbour_distance,
             obstacle_memory=options.obstacle_memory,
@@ -84,20 +84,16 @@ class ClusterCbf:
             backs_up=options.recovery and options.dynamics != "holonomic",
         )
         self._clearances = clearances_of(options)
-        self._sees_two_people = "humans_unseen_beyond_two" in options.defects
-        self._followers_disobey = "follower_zero_command" in options.defects
 
     def control(self, view: ControlView) -> ControlResult:
         """See :class:`~mrta_falsify.core.protocols.Controller`."""
-        if self._sees_two_people:
-            view = without_later_humans(view)
         state = self._state
         if state is None or len(state.crew) != len(view.pose):
             state = self._state = ControllerState.fresh(view.pose, view.time)
         scene, wishes = self._decide(view, state)
         answer, twist = self.steering.steer(view, scene)
         state.tick += 1
-        _fill_orders(twist, state.crew, self._followers_disobey and state.tick % 2 == 0)
+        _fill_orders(twist, state.crew, not self._obeys(state))
         _, cluster, leader = wishes.numbers
         return ControlResult(
             command=Command(twist=twist),
@@ -107,10 +103,13 @@ class ClusterCbf:
             fallback=~answer.usable,
         )
 
+    def _obeys(self, state: ControllerState) -> bool:
+        """Whether followers carry out their leader's command at this tick."""
+        del state
+        return True
+
     def scene(self, view: ControlView) -> Scene:
         """Give what :meth:`control` would steer at this tick; nothing of it is remembered."""
-        if self._sees_two_people:
-            view = without_later_humans(view)
         state = copy.deepcopy(self._state)
         if state is None or len(state.crew) != len(view.pose):
             state = ControllerState.fresh(view.pose, view.time)
@@ -209,7 +208,7 @@ def _decide_crew(
 def _fill_orders(twist: Array, crew: Crew, disobeys: bool) -> None:
     """Repeat commands, stop robots that are not there, and remember what was sent.
 
-    ``disobeys``: planted defect, followers' own zero commands fight the leader's.
+    ``disobeys``: followers stop instead of what their leader commands.
     """
     for i in range(twist.shape[0]):
         robot = crew[i]

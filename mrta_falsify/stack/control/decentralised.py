@@ -18,7 +18,7 @@ from mrta_falsify.stack.control.state import (
     hear_robots,
     remember_points,
 )
-from mrta_falsify.stack.control.steering import Scene, Steering, without_later_humans
+from mrta_falsify.stack.control.steering import Scene, Steering
 
 TURN_FIRST = np.pi / 4  # rad, heading error above which a robot turns on the spot, MRTA-Sim's
 
@@ -66,8 +66,6 @@ class DecentralisedCbf:
     def _decide(self, view: ControlView) -> tuple[ControlView, ControllerState, Scene]:
         """Give what is seen, what is to be remembered, and what is to be steered."""
         options = self._options
-        if "humans_unseen_beyond_two" in options.defects:
-            view = without_later_humans(view)
         n = len(view.pose)
         last = self._state
         if last is None or len(last.crew) != n:

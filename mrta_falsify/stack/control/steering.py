@@ -45,7 +45,6 @@ TIGHT_RADIUS = 0.6  # m, turning radius that swings the rear corners out by 0.03
 TIGHT_SPEED = 0.15  # m/s
 TIGHT_TURN = 0.05  # rad/s, where there is no room to drive either
 TURNING = 0.05  # rad/s, slower turns are none
-HUMANS_OF_THE_DEFECT = 2  # people whom `humans_unseen_beyond_two` leaves in view
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,7 +73,7 @@ class InputLimits(NamedTuple):
 
 
 #: what is kept clear of, and how: (3,) of KIND, the fields of Clearances and of SpeedMargins, and
-#: whether rows are of the wrong robot, which is a planted defect
+#: whether rows are of the wrong robot (a fault that can be planted, see ``obstacles``)
 Law = tuple[Kinds, tuple[Any, ...], tuple[Any, ...], bool]
 
 
@@ -99,7 +98,7 @@ class BarrierProgram:
 class Steering:
     """Dynamics, distances and solver of a controller; has no memory."""
 
-    def __init__(self, options: CbfOptions) -> None:
+    def __init__(self, options: CbfOptions, *, crosses_rows: bool = False) -> None:
         self._dynamics: Dynamics = registry.build(
             "dynamics",
             Choice(options.dynamics, dict(options.dynamics_options)),
@@ -109,7 +108,7 @@ class Steering:
             kind_table(options),
             tuple(clearances_of(options)),
             tuple(margins_of(options)),
-            "cluster_rows_wrong_robot" in options.defects,
+            crosses_rows,
         )
         self._solver = options.solver
         self._slack_weight = options.slack_weight
@@ -278,14 +277,3 @@ def _fill_restraint(twist: Array, tight: BoolArray, halt: BoolArray, drives_alon
             twist[i, 2] = min(max(twist[i, 2], -turn), turn)
         if halt[i]:
             twist[i, :] = 0.0
-
-
-def without_later_humans(view: ControlView) -> ControlView:
-    """Planted defect: MRTA-Sim has room for two people."""
-    n = HUMANS_OF_THE_DEFECT
-    return dataclasses.replace(
-        view,
-        human_position=view.human_position[:n],
-        human_velocity=view.human_velocity[:n],
-        human_radius=view.human_radius[:n],
-    )

@@ -40,7 +40,6 @@ class AStarOptions:
     allow_unknown: bool = True
     tolerance: float = quantity(low=0.0, high=5.0, unit="m", default=0.25)  #: blocked goals only
     goal_cache: int = quantity(low=1, high=1000, default=16)  #: fields kept, 5 bytes a cell each
-    defects: tuple[str, ...] = ()
 
 
 Options = AStarOptions

@@ -52,7 +52,6 @@ class OmplOptions:
     resolution: float = quantity(above=0.0, high=1.0, unit="m", default=0.05)
     allow_unknown: bool = True
     tolerance: float = quantity(low=0.0, high=5.0, unit="m", default=0.25)  #: blocked goals only
-    defects: tuple[str, ...] = ()
 
 
 Options = OmplOptions

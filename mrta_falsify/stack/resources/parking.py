@@ -17,7 +17,7 @@ from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.resources.clear_ways import APART, ClearWays
 from mrta_falsify.stack.resources.parking_spots import choose_spot, parking_spots_of
-from mrta_falsify.stack.resources.queue import QueueState
+from mrta_falsify.stack.resources.queue import Queue, QueueState
 from mrta_falsify.stack.resources.rooms import RoomTraffic
 from mrta_falsify.stack.route import LOOK_AHEAD, RETRY, SPOT_REACHED
 
@@ -27,7 +27,7 @@ CLEARED = 1.5  # m of a stuck robot's path that idle robots have to clear
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reason:
+class Reason:
     """Why an idle robot has to leave."""
 
     other: int  #: robot that wants the resource, or the way; -1: any that comes
@@ -38,22 +38,17 @@ class _Reason:
 class ParkingTraffic:
     """The rule by which idle robots are sent to parking spots; has no memory of its own."""
 
-    def __init__(
-        self, world: World, rooms: RoomTraffic, ways: ClearWays, *, is_careless: bool
-    ) -> None:
+    def __init__(self, world: World, rooms: RoomTraffic, ways: ClearWays) -> None:
         """Serve a world.
 
         Args:
             world: parking, waiting spots and lanes.
             rooms: tells which queue guards a room.
             ways: tells where a robot at rest closes the only way between two rooms.
-            is_careless: robots ignore one that parks in a room it has freed, or on their way
-                (the planted defect `room_freed_while_parked`).
         """
         self._rooms = rooms
         self._ways = ways
         self._spots = parking_spots_of(world, ways)
-        self._is_careless = is_careless
 
     def step(
         self, missions: Sequence[Mission], state: StackState, fleet: FleetState
@@ -115,21 +110,22 @@ class ParkingTraffic:
         wanted: dict[int, int],
         robot: int,
         position: Array,
-    ) -> _Reason | None:
+    ) -> Reason | None:
         """Find a resource that a robot occupies and another one wants."""
         for index, other in wanted.items():
             queue = self._rooms.queues[index]
-            stands_there = not self._is_careless and not queue.is_left_at(position)
-            if robot in memories[index].holders or stands_there:
-                return _Reason(other, queue.resource.name, NO_POINTS)
+            if robot in memories[index].holders or self._stands_in(queue, position):
+                return Reason(other, queue.resource.name, NO_POINTS)
         return None
+
+    def _stands_in(self, queue: Queue, position: Array) -> bool:
+        """Whether a robot at rest here is in the way of those who ask for the resource."""
+        return not queue.is_left_at(position)
 
     def _blocked(
         self, missions: Sequence[Mission], headway: Headway, robot: int, fleet: FleetState
-    ) -> _Reason | None:
+    ) -> Reason | None:
         """Find a robot whose destination an idle robot covers, or that is stuck before it."""
-        if self._is_careless:
-            return None
         position = fleet.pose[robot, :2]
         for other, mission in enumerate(missions):
             way = mission.way
@@ -142,19 +138,19 @@ class ParkingTraffic:
                 x, y, _ = fleet.pose[other]
                 ahead = cut_path(look_along(way.path, x, y, LOOK_AHEAD)[0], CLEARED)
             if distance_of(end, position) < APART or is_within(ahead, position, APART):
-                return _Reason(other, "", np.vstack([ahead, end[None, :]]))
+                return Reason(other, "", np.vstack([ahead, end[None, :]]))
         return None
 
-    def _in_crossing(self, position: Array) -> _Reason | None:
+    def _in_crossing(self, position: Array) -> Reason | None:
         """Whether a robot at rest here would close the only way between two rooms."""
-        if self._is_careless or self._ways.leaves_open(position[None, :]):
+        if self._ways.leaves_open(position[None, :]):
             return None
-        return _Reason(-1, "", NO_POINTS)
+        return Reason(-1, "", NO_POINTS)
 
     # --- where it goes ----------------------------------------------------------------------------
 
     def _send_away(
-        self, missions: Sequence[Mission], robot: int, fleet: FleetState, reason: _Reason
+        self, missions: Sequence[Mission], robot: int, fleet: FleetState, reason: Reason
     ) -> tuple[Mission, list[StackEvent]]:
         mission = missions[robot]
         reserved = {m.parking.spot for m in missions if m.parking.spot is not None}

@@ -20,8 +20,6 @@ from mrta_falsify.core.polyline import point_before_end
 from mrta_falsify.core.protocols import QueuePolicy, Waiter
 from mrta_falsify.core.world import Resource
 
-FORGOTTEN_FROM = 3  # waiters that the planted defect `fourth_waiter_dropped` keeps
-
 
 class Departure(NamedTuple):
     """When and where a robot let go of a resource."""
@@ -41,7 +39,7 @@ class QueueState:
     waiters: list[Waiter] = field(default_factory=list)  #: in the order they asked
     entered: dict[int, float] = field(default_factory=dict)  #: holders: start of the visit [s]
     left: dict[int, Departure] = field(default_factory=dict)  #: who let go and is still near
-    forgotten: list[int] = field(default_factory=list)  #: by the defect `fourth_waiter_dropped`
+    ignored: list[int] = field(default_factory=list)  #: robots whose requests are not heard
 
 
 class WaitingSpots(NamedTuple):
@@ -58,7 +56,6 @@ class Queue:
         self,
         resource: Resource,
         policy: QueuePolicy,
-        defects: Sequence[str],
         spots: WaitingSpots | None = None,
     ) -> None:
         """Serve a resource.
@@ -66,7 +63,6 @@ class Queue:
         Args:
             resource: as the world describes it.
             policy: order of those who wait.
-            defects: planted defects switched on.
             spots: where robots wait; the resource's own spots if None.
         """
         self.resource = resource
@@ -74,7 +70,6 @@ class Queue:
         self.spots = chosen.points  #: (S, 2) waiting spots [m], head first
         self._own_spots = chosen.own
         self._policy = policy
-        self._defects = frozenset(defects)
 
     def is_asked_from(self, position: Array) -> bool:
         """Whether a robot at ``position`` ``(2,)`` [m] is near enough to ask."""
@@ -90,7 +85,7 @@ class Queue:
 
     def ask(self, state: QueueState, waiter: Waiter) -> bool:
         """Enter the queue, or renew what it knows; True if the robot was not in it before."""
-        if waiter.robot in state.holders or waiter.robot in state.forgotten:
+        if waiter.robot in state.holders:
             return False
         for place, known in enumerate(state.waiters):
             if known.robot == waiter.robot:
@@ -102,10 +97,6 @@ class Queue:
                         deadline=waiter.deadline,
                     )
                 return False
-        forgets = "fourth_waiter_dropped" in self._defects
-        if forgets and len(state.waiters) >= FORGOTTEN_FROM:
-            state.forgotten.append(waiter.robot)
-            return False
         state.waiters.append(waiter)
         return True
 
@@ -150,15 +141,6 @@ class Queue:
         state.entered.pop(robot, None)
         return True
 
-    def careless_admission(self, state: QueueState) -> tuple[int, ...]:
-        """Admit the head of the queue, full or not.
-
-        The planted defect `queue_release_loses_exclusion` does so whenever a robot leaves.
-        """
-        if "queue_release_loses_exclusion" not in self._defects or not state.waiters:
-            return ()
-        return (self.admit(state, self.order(state)[0]),)
-
     def is_off_lane(self, place: int) -> bool:
         """Whether the robot at ``place`` stands somewhere that no lane leads to."""
         return self._own_spots <= place < len(self.spots)
@@ -200,8 +182,13 @@ class Queue:
         self.release(state, robot)
         if self.is_left_at(position):
             state.left[robot] = Departure(time, position.copy())
-        released = self.event(time, robot, kind="released")
-        return [released, *self.grants(self.careless_admission(state), time)]
+        return [self.event(time, robot, kind="released")]
+
+    def turn_away(self, state: QueueState, robot: int, time: float) -> list[StackEvent]:
+        """Take a robot out of the queue that heads elsewhere now."""
+        del time
+        self.withdraw(state, robot)
+        return []
 
     def grants(self, robots: Sequence[int], time: float) -> list[StackEvent]:
         """Tell that ``robots`` became holders."""

@@ -12,6 +12,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.defects import with_defects
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import NO_POINTS, distance_of, inside, is_within
 from mrta_falsify.core.polyline import Polylines
@@ -51,8 +52,9 @@ class RoomTraffic:
     def __init__(self, world: World, config: StackConfig, ways: ClearWays) -> None:
         defects = config.defects
         policy = registry.build("queue_policy", config.queue_policy, defects=defects)
+        queue_class = with_defects(Queue, defects)
         self.queues = [
-            Queue(resource, policy, defects, _waiting_spots(resource, world, ways))
+            queue_class(resource, policy, _waiting_spots(resource, world, ways))
             for resource in world.resources
         ]
         areas = Polylines.of([np.asarray(queue.resource.request_area) for queue in self.queues])
@@ -75,7 +77,6 @@ class RoomTraffic:
         self._points = [np.asarray(room.point) for room in world.rooms]
         self._tasks = world.tasks
         self._table = MissionTable(ROOM_RECORD, _room_of)
-        self._frees_early = "room_freed_while_parked" in defects
 
     def start(self, positions: Sequence[Array]) -> tuple[list[Mission], list[QueueState]]:
         """Begin at time 0: robots hold the rooms they stand in, and know which those are."""
@@ -269,8 +270,7 @@ class RoomTraffic:
                     events += queue.let_go(memory, robot, fleet.time, fleet.pose[robot, :2])
             for waiter in tuple(memory.waiters):
                 if next_room[waiter.robot] != room:
-                    queue.withdraw(memory, waiter.robot)
-                    events += queue.grants(queue.careless_admission(memory), fleet.time)
+                    events += queue.turn_away(memory, waiter.robot, fleet.time)
         return missions, events
 
     def _may_let_go(
@@ -285,9 +285,6 @@ class RoomTraffic:
                 return replace(mission, activity=Idle()), True
             if not isinstance(mission.activity, _OUTSIDE):
                 return mission, False
-        has_finished = not mission.itinerary and isinstance(mission.activity, (Idle, Parking))
-        if has_finished and self._frees_early:
-            return mission, True
         if queue.resource.hold == "until_served" and robot in memory.entered:
             return mission, True
         return mission, queue.is_left_at(position)

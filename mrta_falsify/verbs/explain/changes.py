@@ -10,7 +10,7 @@ from typing import Any
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import defect
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.attribution import WHOLE
 
@@ -62,7 +62,7 @@ def _changes_of_whole(config: StackConfig, stack: ExternalStack) -> Iterator[Cha
 def _changes_of_layer(config: StackConfig, layer: str) -> Iterator[Change]:
     choice: Choice = getattr(config, layer)
     shipped: Choice = getattr(StackConfig(), layer)
-    kept = tuple(name for name in config.defects if DEFECTS[name].layer != layer)
+    kept = tuple(name for name in config.defects if defect(name).layer != layer)
     if choice != shipped or kept != config.defects:
         text = f"{spaced(layer)}: the shipped {shipped.name} instead of the one under test"
         changed = dataclasses.replace(_with_layer(config, layer, shipped), defects=kept)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
-from mrta_falsify.core.defects import DEFECTS
+from mrta_falsify.core.defects import defect
 from mrta_falsify.core.probability import WIDEST
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
@@ -60,9 +60,9 @@ def _stack_sentences(stack: StackConfig) -> list[str]:
     if stack.stack is not None:
         return []
     told = [
-        f"A fault is planted in the stack under test: {DEFECTS[name].what} ({name}, "
-        f"{DEFECTS[name].layer.replace('_', ' ')})."
-        for name in stack.defects
+        f"A fault is planted in the stack under test: {planted.what} ({name}, "
+        f"{planted.layer.replace('_', ' ')})."
+        for name, planted in ((name, defect(name)) for name in stack.defects)
     ]
     shipped = StackConfig()
     other = [

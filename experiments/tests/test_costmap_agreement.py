@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import sys
 from pathlib import Path
@@ -9,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from mrta_falsify.verbs.programs import draw_candidates, open_scenario
-from simulator_interface.costmap_layers import CostmapOptions, build_costmap
+from simulator_interface.costmap_layers import build_costmap
 
-BENCHMARK = Path(__file__).parents[2] / "experiments" / "scenic" / "costmap_agreement.py"
+EXPERIMENT = Path(__file__).parents[1] / "scenic" / "costmap_agreement.py"
 
 PROGRAM = """\
 param layout = localPath('floor.yaml')
@@ -39,7 +40,7 @@ rooms:
 @pytest.fixture(scope="module")
 def agreement():
     """The benchmark's module."""
-    spec = importlib.util.spec_from_file_location("costmap_agreement", BENCHMARK)
+    spec = importlib.util.spec_from_file_location("costmap_agreement", EXPERIMENT)
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
@@ -77,10 +78,10 @@ def test_every_generated_object_is_lethal_cell_by_cell_and_free_cells_hold_no_bo
 def test_a_costmap_that_is_blind_to_furniture_is_found_out(
     agreement, program, worlds, monkeypatch, capsys
 ):
-    blind = CostmapOptions(defects=("costmap_blind_to_furniture",))
-    monkeypatch.setattr(
-        agreement, "build_costmap", lambda world: build_costmap(world, options=blind)
-    )
+    def blind(world):
+        return build_costmap(dataclasses.replace(world, furniture=()))
+
+    monkeypatch.setattr(agreement, "build_costmap", blind)
     total = agreement.Agreement()
     agreement.compare(worlds[0], agreement.fixed_furniture(program), total)
     assert total.object_cells_not_lethal > 200
