@@ -36,6 +36,7 @@ from mrta_falsify.core.arrays import Array
 from scenic_worlds.checking import FastChecker
 from scenic_worlds.primitives.driver import Driver, Sample
 from scenic_worlds.primitives.plan import NodeRejected
+from simulator_interface.solids import Box, Boxes
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 #: places drawn for one object, so many at a time, until others make way for it: 60 in all
@@ -72,17 +73,10 @@ class Placed:
 class _Floor:
     """Where everything stands at the moment; rows are pieces."""
 
-    outlines: NDArray[np.object_]
-    low: Array  #: (n,) z of the bottom [m]
-    high: Array  #: (n,) z of the top [m]
-    solid: NDArray[np.bool_]  #: (n,) can be collided with
+    boxes: list[Box]
+    collides: list[bool]  #: can be collided with
+    solid: Boxes = field(default_factory=Boxes)  #: those that are where they shall be
     changed: set[int] = field(default_factory=set)
-
-    def neighbours(self, row: int) -> NDArray[np.intp]:
-        """List the rows that ``row`` would collide with if their outlines met."""
-        near = self.solid & (self.low <= self.high[row]) & (self.high >= self.low[row])
-        near[row] = False
-        return np.flatnonzero(near)
 
 
 class Placing:
@@ -126,7 +120,8 @@ class Placing:
         """
         floor = self._floor(sample)
         wrong = self._standing_wrong(sample, floor, draws, rejections)
-        floor.solid[wrong] = False
+        for row in wrong:
+            floor.solid.take(row)
         left = EJECTIONS * len(self._pieces)
         is_stuck = False
         while wrong:
@@ -135,12 +130,14 @@ class Placing:
             if ejected is None:
                 is_stuck = True
                 continue
-            floor.solid[row] = self._pieces[row].collides
+            if self._pieces[row].collides:
+                floor.solid.put(row, floor.boxes[row])
             left -= len(ejected)
             if left < 0:
                 is_stuck = True
                 break
-            floor.solid[ejected] = False
+            for other in ejected:
+                floor.solid.take(other)
             wrong += ejected
         units = 0
         for row in floor.changed:
@@ -148,19 +145,14 @@ class Placing:
         return Placed(units, is_stuck)
 
     def _floor(self, sample: Sample) -> _Floor:
-        count = len(self._pieces)
+        things = [sample.values[piece.thing] for piece in self._pieces]
         floor = _Floor(
-            outlines=np.full(count, None, dtype=object),
-            low=np.zeros(count),
-            high=np.zeros(count),
-            solid=np.zeros(count, dtype=np.bool_),
+            boxes=[_box_of(thing) for thing in things],
+            collides=[
+                piece.collides and not thing.allowCollisions
+                for piece, thing in zip(self._pieces, things, strict=True)
+            ],
         )
-        for row, piece in enumerate(self._pieces):
-            thing = sample.values[piece.thing]
-            floor.outlines[row] = thing._boundingPolygon
-            middle, reach = thing.position.z, thing.height / 2.0
-            floor.low[row], floor.high[row] = middle - reach, middle + reach
-            floor.solid[row] = piece.collides and not thing.allowCollisions
         return floor
 
     def _standing_wrong(
@@ -169,18 +161,18 @@ class Placing:
         """List the rows that must move: outside their region, or one of each colliding pair."""
         wrong: set[int] = set()
         for row, piece in enumerate(self._pieces):
-            if piece.units and not _is_inside(sample.values[piece.container], floor.outlines[row]):
+            outline = sample.values[piece.thing]._boundingPolygon
+            if piece.units and not _is_inside(sample.values[piece.container], outline):
                 rejections[f"{piece.name} is not inside its region"] += 1
                 wrong.add(row)
-        rows = np.array([row for row in np.flatnonzero(floor.solid) if row not in wrong], dtype=int)
-        if len(rows) < 2:
-            return sorted(wrong)
-        outlines = floor.outlines[rows]
-        pairs = shapely.STRtree(outlines).query(outlines, predicate="intersects")
-        for a, b in sorted(zip(*rows[pairs].tolist(), strict=True)):
-            apart = floor.low[a] > floor.high[b] or floor.low[b] > floor.high[a]
+        pairs = []
+        for row, box in enumerate(floor.boxes):
+            if floor.collides[row] and row not in wrong:
+                pairs += [(other, row) for other in floor.solid.met_by(box)]
+                floor.solid.put(row, box)
+        for a, b in sorted(pairs):
             movable = [row for row in (a, b) if self._pieces[row].units]
-            if a < b and not apart and movable and not {a, b} & wrong:
+            if movable and not {a, b} & wrong:
                 rejections[self._collision(a, b)] += 1
                 wrong.add(movable[int(draws.integers(len(movable)))])
         return sorted(wrong)
@@ -202,19 +194,19 @@ class Placing:
         piece = self._pieces[row]
         floor.changed.add(row)
         draw: list[float] = []
-        best: tuple[int, list[float], Any, list[int]] | None = None
+        best: tuple[int, list[float], Box, list[int]] | None = None
         for size in BATCHES:
             before = draws.bit_generator.state
             batch = draws.random((size, len(piece.places))).tolist()
-            for number, (outline, hits) in enumerate(self._try(row, floor, sample, batch)):
+            for number, (box, hits) in enumerate(self._try(row, floor, sample, batch)):
                 draw = batch[number]
-                if hits is None:
+                if box is None or hits is None:
                     rejections[f"{piece.name} is not inside its region"] += 1
                     continue
                 for other in hits:
                     rejections[self._collision(row, other)] += 1
                 if not hits:
-                    u[piece.places], floor.outlines[row] = draw, outline
+                    u[piece.places], floor.boxes[row] = draw, box
                     # as if what was tried beyond this place had never been drawn
                     draws.bit_generator.state = before
                     draws.random((number + 1, len(piece.places)))
@@ -223,43 +215,39 @@ class Placing:
                 if all(self._pieces[other].units for other in hits) and (
                     best is None or len(hits) < best[0]
                 ):
-                    best = (len(hits), draw, outline, hits)
+                    best = (len(hits), draw, box, hits)
         if best is None:
             u[piece.places] = draw
             return None
-        _, u[piece.places], floor.outlines[row], hits = best
+        _, u[piece.places], floor.boxes[row], hits = best
         return hits
 
     def _try(
         self, row: int, floor: _Floor, sample: Sample, batch: list[list[float]]
-    ) -> Iterator[tuple[Any, list[int] | None]]:
-        """Outline a piece at each of a batch of places, and list the rows that it would hit.
+    ) -> Iterator[tuple[Box | None, list[int] | None]]:
+        """Find a piece's box at each of a batch of places, and list the rows that it would hit.
 
-        No rows (None) where it has no outline, or is not inside its region.
+        No rows (None) where it has no box, or is not inside its region.
         """
         piece = self._pieces[row]
-        corners, containers = [], []
+        boxes, containers = [], []
         for draw in batch:
-            corners.append(self._corners(piece, sample, draw))
+            boxes.append(self._box(piece, sample, draw, floor.boxes[row]))
             containers.append(sample.values[piece.container])
-        there = [i for i, four in enumerate(corners) if four is not None]
-        outlines = np.full(len(batch), None, dtype=object)
+        there = [i for i, box in enumerate(boxes) if box is not None]
+        placed = [box for box in boxes if box is not None]
         is_inside = np.zeros(len(batch), dtype=np.bool_)
         if there:
-            outlines[there] = shapely.polygons(np.array([corners[i] for i in there]))
-            is_inside[there] = _are_inside([containers[i] for i in there], outlines[there])
-        inside = np.flatnonzero(is_inside)
-        found: dict[int, list[int]] = {i: [] for i in inside.tolist()}
-        if piece.collides and len(inside):
-            rows = floor.neighbours(row)
-            meets = shapely.intersects(floor.outlines[rows][None, :], outlines[inside][:, None])
-            found = {i: rows[m].tolist() for i, m in zip(inside.tolist(), meets, strict=True)}
-        return ((outlines[i], found.get(i)) for i in range(len(batch)))
+            outlines = shapely.polygons(np.array([_corners(box) for box in placed]))
+            is_inside[there] = _are_inside([containers[i] for i in there], outlines)
+        for box, inside in zip(boxes, is_inside.tolist(), strict=True):
+            if box is None or not inside:
+                yield box, None
+            else:
+                yield box, floor.solid.met_by(box) if piece.collides else []
 
-    def _corners(
-        self, piece: _Piece, sample: Sample, draw: list[float]
-    ) -> list[tuple[float, float]] | None:
-        """Compute a piece's corners with its coordinates at ``draw``; None if it has no place."""
+    def _box(self, piece: _Piece, sample: Sample, draw: list[float], before: Box) -> Box | None:
+        """Compute a piece's box with its coordinates at ``draw``; None if it has no place."""
         try:
             sample.nudge(piece.places, draw, piece.steps)
         except NodeRejected:
@@ -268,13 +256,24 @@ class Placing:
         turn = values[piece.heading]
         yaw = turn if isinstance(turn, (float, int)) else turn.yaw
         x, y, _ = values[piece.position].coordinates
-        width, length = values[piece.width] / 2.0, values[piece.length] / 2.0
-        across = (width * math.cos(yaw), width * math.sin(yaw))
-        along = (-length * math.sin(yaw), length * math.cos(yaw))
-        return [
-            (x + a * across[0] + b * along[0], y + a * across[1] + b * along[1])
-            for a, b in _CORNERS
-        ]
+        size = (values[piece.width], values[piece.length], before.height)
+        return Box(x, y, before.z, yaw, *size)
+
+
+def _box_of(thing: Any) -> Box:
+    """Find the box of an object of a sample."""
+    x, y, z = thing.position.coordinates
+    return Box(x, y, z, thing.yaw, thing.width, thing.length, thing.height)
+
+
+def _corners(box: Box) -> list[tuple[float, float]]:
+    width, length = box.width / 2.0, box.length / 2.0
+    across = (width * math.cos(box.yaw), width * math.sin(box.yaw))
+    along = (-length * math.sin(box.yaw), length * math.cos(box.yaw))
+    return [
+        (box.x + a * across[0] + b * along[0], box.y + a * across[1] + b * along[1])
+        for a, b in _CORNERS
+    ]
 
 
 def _are_inside(containers: list[Any], outlines: NDArray[np.object_]) -> NDArray[np.bool_]:

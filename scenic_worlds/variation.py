@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from shapely import STRtree
-from shapely.geometry import Point
 
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import RobotSpec, World
+from simulator_interface.solids import Solids
 
 JITTER_START = 0.02  # m, how exactly a robot is put down on a real floor
 START_OFFSET = 0.2  # m, robots start within this of their place
@@ -114,17 +112,17 @@ def _moved_starts(
 ) -> tuple[RobotSpec, ...]:
     """Move every robot's start within ``reach`` [m], never into anything solid."""
     outlines = [*world.solid_polygons(), *(item.polygon for item in world.movable_furniture())]
-    tree = STRtree(polygons(outlines))
+    solids = Solids(outlines)
     placed: list[RobotSpec] = []
     for robot in world.robots:
-        placed.append(_moved_start(robot, placed, tree, random, reach))
+        placed.append(_moved_start(robot, placed, solids, random, reach))
     return tuple(placed)
 
 
 def _moved_start(
     robot: RobotSpec,
     placed: list[RobotSpec],
-    tree: STRtree,
+    solids: Solids,
     random: np.random.Generator,
     reach: float,
 ) -> RobotSpec:
@@ -132,7 +130,7 @@ def _moved_start(
         angle, share = random.uniform(0.0, 2.0 * np.pi), np.sqrt(random.uniform())
         offset = reach * share * np.array([np.cos(angle), np.sin(angle)])
         pose = np.append(robot.pose[:2] + offset, robot.pose[2])
-        if _is_free(pose, robot.radius, placed, tree):
+        if _is_free(pose, robot.radius, placed, solids):
             return dataclasses.replace(robot, pose=frozen_array(pose))
     raise WorldError(
         f"robots.{robot.name}.pose is {robot.pose.tolist()}; within {reach} m of it there "
@@ -140,10 +138,8 @@ def _moved_start(
     )
 
 
-def _is_free(pose: Array, radius: float, placed: list[RobotSpec], tree: STRtree) -> bool:
+def _is_free(pose: Array, radius: float, placed: list[RobotSpec], solids: Solids) -> bool:
     for other in placed:
         if np.hypot(*(pose[:2] - other.pose[:2])) <= radius + other.radius:
             return False
-    point = Point(pose[:2])
-    near = tree.query(point, predicate="dwithin", distance=radius)
-    return len(near) == 0
+    return not solids.met_by_disc(float(pose[0]), float(pose[1]), radius)

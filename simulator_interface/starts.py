@@ -8,13 +8,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from shapely import STRtree
-from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import WorldError
-from mrta_falsify.core.shapes import polygons
-from mrta_falsify.core.world import Blockage, RobotSpec, World
+from mrta_falsify.core.world import Blockage, World
+from simulator_interface.solids import Solids
 
 
 def check_starts(world: World) -> None:
@@ -28,15 +26,19 @@ def check_starts(world: World) -> None:
         WorldError: the first such robot, with the place and what is in the way.
     """
     solids = named_solids(world)
-    tree = STRtree(polygons([outline for _, outline in solids]))
+    standing = Solids([outline for _, outline in solids])
+    blockages = _blockages(world)
+    blocking = Solids([event.polygon for _, event in blockages])
     for i, robot in enumerate(world.robots):
         x, y = float(robot.pose[0]), float(robot.pose[1])
         given = f"robots[{i}].pose of {robot.name} is ({x:g}, {y:g}) m"
         _check_within_bounds(world, x, y, given)
-        point = Point(x, y)
-        hits = tree.query(point, predicate="dwithin", distance=robot.radius)
-        blocked = [solids[int(hit)][0] for hit in sorted(hits)]
-        blocked += _blockages_met(world, robot, point)
+        blocked = [solids[hit][0] for hit in standing.met_by_disc(x, y, robot.radius)]
+        blocked += [
+            blockages[hit][0]
+            for hit in blocking.met_by_disc(x, y, robot.radius)
+            if blockages[hit][1].start <= robot.joins_at < blockages[hit][1].end
+        ]
         if blocked:
             raise WorldError(
                 f"{given}; it must keep its radius of {robot.radius:g} m clear of {blocked[0]}"
@@ -64,14 +66,12 @@ def _check_within_bounds(world: World, x: float, y: float, given: str) -> None:
         )
 
 
-def _blockages_met(world: World, robot: RobotSpec, point: Point) -> list[str]:
-    """Names of the blockages on a robot's disc when it joins."""
+def _blockages(world: World) -> list[tuple[str, Blockage]]:
+    """List the blockages with their names in messages."""
     return [
-        f"events[{j}] ({event.name})"
+        (f"events[{j}] ({event.name})", event)
         for j, event in enumerate(world.events)
         if isinstance(event, Blockage)
-        and event.start <= robot.joins_at < event.end
-        and Polygon(event.polygon).distance(point) <= robot.radius
     ]
 
 

@@ -12,8 +12,8 @@ from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.geometry import transform
 from mrta_falsify.core.world import Blockage, RobotSpec, World
 from simulator_interface import starts
-from simulator_interface.engines import gaps, rays
 from simulator_interface.engines.robot_models import RobotModel, find_model
+from simulator_interface.solids import Solids
 
 OUTSIDE = 50.0  # m; beyond any sensor's reach
 
@@ -83,8 +83,7 @@ def check_start_footprints(world: World) -> None:
     starts.check_starts(world)
     fleet = gather_fleet(world.robots)
     solids = [*starts.named_solids(world), *_blockages_at_the_start(world)]
-    names = [name for name, polygon in solids for _ in polygon]
-    edges = rays.polygon_edges([polygon for _, polygon in solids])
+    standing = Solids([outline for _, outline in solids])
     placed = [
         transform(model.footprint, robot.pose)
         for robot, model in zip(world.robots, fleet.models, strict=True)
@@ -92,12 +91,11 @@ def check_start_footprints(world: World) -> None:
     for i, robot in enumerate(world.robots):
         x, y, yaw = robot.pose
         given = f"robots[{i}].pose of {robot.name} is ({x:g} m, {y:g} m, {yaw:g} rad)"
-        hit = gaps.first_edge_met(edges, placed[i], x, y, fleet.reach[i])
-        if hit >= 0:
-            raise WorldError(f"{given}; its body touches {names[hit]}")
-        for j in range(i):
-            if gaps.polygon_gap(placed[i], len(placed[i]), placed[j], len(placed[j]), 1.0) <= 0.0:
-                raise WorldError(f"{given}; its body touches robots[{j}] ({world.robots[j].name})")
+        touched = [solids[hit][0] for hit in standing.met_by(placed[i])]
+        others = Solids(placed[:i]).met_by(placed[i])
+        touched += [f"robots[{j}] ({world.robots[j].name})" for j in others]
+        if touched:
+            raise WorldError(f"{given}; its body touches {touched[0]}")
 
 
 def _blockages_at_the_start(world: World) -> list[tuple[str, Array]]:

@@ -353,14 +353,3 @@ def disc_clear(grid: EdgeGrid, extra: Array, x: float, y: float, radius: float) 
                 edge = grid.edges[grid.member[m]]
                 best = min(best, _point_segment(x, y, edge[0], edge[1], edge[2], edge[3]))
     return best
-
-
-@njit(cache=True)
-def first_edge_met(edges: Array, placed: Array, x: float, y: float, reach: float) -> int:
-    """Find the first edge ``(S, 4)`` that meets a footprint around (x, y), -1: none."""
-    for e in range(len(edges)):
-        if _point_segment(x, y, edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]) > reach:
-            continue
-        if polygon_edge_gap(placed, len(placed), edges[e], 0.0) <= 0.0:
-            return e
-    return -1

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scenic.core.scenarios import Scene
-from shapely.geometry import Point, Polygon
 
 from mrta_falsify.core.directives import StandStill
 from mrta_falsify.core.errors import WorldError
@@ -50,6 +49,7 @@ from simulator_interface.scenic_bridge.scene_values import (
     read_number,
     read_seed,
 )
+from simulator_interface.solids import Solids
 
 LATE_PEOPLE = 4  # places for people who appear, in a program with a compose block
 
@@ -212,8 +212,9 @@ def _check_blocked_starts(world: World) -> None:
     for event in world.events:
         if not isinstance(event, Blockage) or event.start > 0.0:
             continue
+        blockage = Solids([event.polygon])
         for robot in world.robots:
-            if Polygon(event.polygon).distance(Point(robot.pose[:2])) < robot.radius:
+            if blockage.met_by_disc(float(robot.pose[0]), float(robot.pose[1]), robot.radius):
                 raise SceneRejected(f"{event.name}: stands on {robot.name} at the start")
 
 
