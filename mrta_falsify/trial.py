@@ -29,7 +29,7 @@ from mrta_falsify.specs.library import (
     specifications_of_copies,
 )
 from mrta_falsify.specs.objectives import objectives
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 from simulator_interface.guard import Guard, current_guard
 from simulator_interface.simulate import Outcome, simulate
 
@@ -57,7 +57,9 @@ class Job:
     then: tuple[str, ...] = ()  #: specifications whose violation ends no run early, as a shut place
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
-    told: Told | None = None  #: what a stack in a process of its own has said; it is not asked
+    transcript: Transcript | None = (
+        None  #: what a stack in a process of its own has said; it is not asked
+    )
     reference: Costs | None = None  #: to compare with; None: of a run of the reference stack
     rules: int = RULES  #: in whose form its failures are compared, see :mod:`.campaigns.rules`
 
@@ -206,7 +208,7 @@ def _reference_costs(job: Job, changes: Sequence[str]) -> Costs:
     key = (job.world.digest(), config.digest())
     if key not in _references:
         meter = _Metering()
-        job = dataclasses.replace(job, config=config, told=None)
+        job = dataclasses.replace(job, config=config, transcript=None)
         _run_episode(job, (meter,), keep_trace=False)
         while len(_references) >= REFERENCES_KEPT:
             _references.pop(next(iter(_references)))
@@ -248,7 +250,7 @@ def _run_episode(
     stop: Callable[[Frame], str] | None = None,
 ) -> Outcome:
     """Run our own loop, or Scenic's over the same loop for a scripted world."""
-    episode = functools.partial(simulate, job.world, job.config, told=job.told)
+    episode = functools.partial(simulate, job.world, job.config, transcript=job.transcript)
     if _needs_scene(job):
         from simulator_interface.scenic_bridge.simulator import simulate_scene  # noqa: PLC0415 - Scenic
 

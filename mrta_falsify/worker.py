@@ -43,7 +43,7 @@ from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, of_copy, quick_stack
-from simulator_interface.external.told import TOLD_NAME, Told, write_told
+from simulator_interface.external.transcript import TRANSCRIPT_NAME, Transcript, write_transcript
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
 
@@ -320,8 +320,8 @@ class TrialFiles:
         folder = make_folder(trial_folder(self._path, number) / beside)
         write_world(world, folder / "world.json")
         write_trace(outcome.trace, folder / "trace.zip")
-        if outcome.told is not None:
-            write_told(outcome.told, folder / TOLD_NAME)
+        if outcome.transcript is not None:
+            write_transcript(outcome.transcript, folder / TRANSCRIPT_NAME)
         return str((folder / "trace.zip").relative_to(self._path))
 
 
@@ -397,7 +397,7 @@ def trial_job(settings: TrialSettings, world: World, config: StackConfig, scene:
 
 
 def rerun(
-    settings: TrialSettings, record: TrialRecord, world: World, told: Told | None = None
+    settings: TrialSettings, record: TrialRecord, world: World, transcript: Transcript | None = None
 ) -> Judged:
     """Run a recorded trial again, on the engine its verdicts come from.
 
@@ -405,13 +405,13 @@ def rerun(
         settings: of its campaign.
         record: of the trial.
         world: its world.
-        told: what a stack in a process of its own said then; None: it is asked again.
+        transcript: what a stack in a process of its own said then; None: it is asked again.
     """
     scene = None
     if world.scripted:
         scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
     job = trial_job(settings, world, stack_of(settings, record), scene)
-    return judge(dataclasses.replace(job, told=told))
+    return judge(dataclasses.replace(job, transcript=transcript))
 
 
 def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:

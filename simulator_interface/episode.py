@@ -28,7 +28,7 @@ from mrta_falsify.stack.timers import LONGEST_OF_PUSHING, longest_timer, looks_a
 from simulator_interface.asking_again import ask_again
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.external.stack import ProcessStack
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 from simulator_interface.observing import AllocatorMeter, WhatIsTold
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
@@ -93,10 +93,12 @@ class Episode:
     Args:
         world: what to simulate.
         config: the stack under test.
-        told: answers of an earlier run, for a stack in a process of its own; None: it is asked.
+        transcript: answers of an earlier run, for a stack in a process of its own; None: it is asked.
     """
 
-    def __init__(self, world: World, config: StackConfig, told: Told | None = None) -> None:
+    def __init__(
+        self, world: World, config: StackConfig, transcript: Transcript | None = None
+    ) -> None:
         self.world = world
         self.config = config
         self.dt = 1.0 / config.control_rate
@@ -108,7 +110,7 @@ class Episode:
         self.at_end = contextlib.ExitStack()  #: what is closed with the episode
         self._meter = AllocatorMeter()
         self._door = StackDoor(world, config) if config.stack is None else OpenDoor()
-        self._answers = told
+        self._answers = transcript
         self._engine: Engine = registry.build("engine", config.engine)
         self._unbuilt: StackFailed | None = None
         try:

@@ -30,8 +30,8 @@ from simulator_interface import forking
 from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
-from simulator_interface.external.conversation import ToldTalk
-from simulator_interface.external.told import QUESTIONS
+from simulator_interface.external.conversation import TranscriptSession
+from simulator_interface.external.transcript import QUESTIONS
 from simulator_interface.speculation import UNKNOWN, Speculation
 from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
 
@@ -211,7 +211,7 @@ class EpisodeForecast:
         return (not without or episode.can_remove) and (not nudge or episode.can_nudge)
 
 
-class ToldForecast:
+class RecordedForecast:
     """Tells again what an earlier run saw in its copies; its questions come in the same order.
 
     Args:
@@ -271,13 +271,13 @@ def offer_forecasts(
 
 def _forecast_of(
     episode: Episode, frames: Iterator[Frame], *, speculates: bool
-) -> EpisodeForecast | ToldForecast | None:
+) -> EpisodeForecast | RecordedForecast | None:
     outside = episode.outside
-    if outside is not None and isinstance(outside.talk, ToldTalk):
-        told = outside.talk.told()
+    if outside is not None and isinstance(outside.talk, TranscriptSession):
+        told = outside.talk.transcript()
         if told.questions != QUESTIONS:
             return None
-        return ToldForecast(told.forecasts, discs_of(episode.world))
+        return RecordedForecast(told.forecasts, discs_of(episode.world))
     has_window = episode.config.engine.options.get("gui", False)
     if has_window or not episode.can_copy or not forking.can_fork():
         return None

@@ -10,6 +10,7 @@ import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from mrta_falsify.core.renamed import renamed_keywords
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
@@ -26,7 +27,7 @@ from mrta_falsify.specs.contacts import ContactCounter
 from mrta_falsify.specs.stack_runs import StackRuns
 from simulator_interface.asking_again import repeats_of
 from simulator_interface.episode import Episode
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 from simulator_interface.forecast import offer_forecasts
 from simulator_interface.speculation import Speculation
 
@@ -61,7 +62,9 @@ class Outcome:
     ended: str  #: why the episode ended
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
-    told: Told | None = None  #: what a stack in a process of its own has said, if it is kept
+    transcript: Transcript | None = (
+        None  #: what a stack in a process of its own has said, if it is kept
+    )
     coupling: Coupling | None = None  #: of such a stack to simulated time
 
     def __repr__(self) -> str:
@@ -109,6 +112,7 @@ def _end_of(running: Episode, frame: Frame) -> str:
     return ""
 
 
+@renamed_keywords(told="transcript")
 def simulate(
     world: World,
     config: StackConfig,
@@ -117,7 +121,7 @@ def simulate(
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
     stop: Callable[[Frame], str] | None = None,
-    told: Told | None = None,
+    transcript: Transcript | None = None,
 ) -> Outcome:
     """Run one episode to its end.
 
@@ -128,7 +132,7 @@ def simulate(
         keep_trace: keep columns and tables; without, the trace has only its digest.
         on_progress: called about once per simulated second with the time [s].
         stop: ends the episode at the first frame for which it returns a reason.
-        told: what a stack in a process of its own has said; it is not asked again.
+        transcript: what a stack in a process of its own has said; it is not asked again.
 
     Returns:
         Trace, verdicts and counts.
@@ -144,7 +148,7 @@ def simulate(
         specifications=specifications,
         keep_trace=keep_trace,
         stop=stop,
-        told=told,
+        transcript=transcript,
         speculates=True,
     )
     per_second = config.control_rate
@@ -170,7 +174,7 @@ class EpisodeRun:
         specifications: folds that score the run; they are started here.
         keep_trace: keep columns and tables; without, the trace has only its digest.
         stop: ends the episode at the first frame for which it returns a reason.
-        told: what a stack in a process of its own has said; it is not asked again.
+        transcript: what a stack in a process of its own has said; it is not asked again.
         copies: False where nobody would command the robots in a copy of the run: no forecasts.
         speculates: whether a copy of this process may take its place (see :mod:`.speculation`);
             only if nobody changes the building, or the stack, from outside.
@@ -187,12 +191,12 @@ class EpisodeRun:
         specifications: Sequence[Specification] = (),
         keep_trace: bool = True,
         stop: Callable[[Frame], str] | None = None,
-        told: Told | None = None,
+        transcript: Transcript | None = None,
         copies: bool = True,
         speculates: bool = False,
     ) -> None:
         self._began = wall_clock.perf_counter()
-        self.episode = Episode(world, config, told)
+        self.episode = Episode(world, config, transcript)
         self._keeps_answers = keep_trace
         self.ended = ""  #: why the episode ended, empty: it goes on
         self.frame: Frame | None = None  #: of the last tick
@@ -314,13 +318,13 @@ class EpisodeRun:
             ended=self.ended,
             sim_time=self.frame.sensed.time if self.frame is not None else 0.0,
             wall_s=wall_clock.perf_counter() - self._began,
-            told=self._told(),
+            transcript=self._transcript(),
             coupling=None if outside is None else outside.talk.ready.coupling,
         )
 
-    def _told(self) -> Told | None:
+    def _transcript(self) -> Transcript | None:
         outside = self.episode.outside
-        return outside.talk.told() if outside is not None and self._keeps_answers else None
+        return outside.talk.transcript() if outside is not None and self._keeps_answers else None
 
     def _verdicts(self) -> tuple[Verdict, ...]:
         verdicts = tuple(specification.verdict() for specification in self._asked_for)

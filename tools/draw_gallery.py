@@ -103,7 +103,7 @@ class GalleryCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Told:
+class CaseText:
     """All that the page says of a case."""
 
     case: GalleryCase
@@ -154,7 +154,7 @@ def found_again(case: GalleryCase, directory: Path, workers: int) -> Campaign:
         return run_store(store, Limits(budget=case.trial + 1), executor).campaign
 
 
-def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
+def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> CaseText:
     """Gather everything about a case; what is kept beside the trial is not computed again."""
     folder = campaign.folder(record)
     verified = read_finding(folder, ReplayCheck)
@@ -165,7 +165,7 @@ def told(case: GalleryCase, campaign: Campaign, record: TrialRecord) -> Told:
     small = read_finding(folder, Minimisation) or minimize(campaign, record, max_runs=MAX_RUNS)
     explanation = read_finding(folder, Explanation) or explain(campaign, record)
     original, smallest = seen_in(folder, record.verdicts, small.verdicts)
-    return Told(
+    return CaseText(
         case=case,
         original=original,
         smallest=smallest,
@@ -188,7 +188,7 @@ def keep_files(campaign: Campaign, record: TrialRecord, folder: Path) -> None:
 # --- the page ------------------------------------------------------------------------------
 
 
-def row_of(found: Told) -> str:
+def row_of(found: CaseText) -> str:
     """Write the case's line in the table of contents."""
     case = found.case
     anchor = "".join(c for c in case.title.lower() if c.isalnum() or c in " -").replace(" ", "-")
@@ -215,7 +215,7 @@ def _spaced(text: str) -> str:
     return text.replace("_", " ")
 
 
-def section(found: Told) -> str:
+def section(found: CaseText) -> str:
     """Write the case's part of the page."""
     case = found.case
     parts = [
@@ -241,7 +241,7 @@ def what_happened(seen: Seen) -> list[str]:
     ]
 
 
-def _counts(found: Told) -> str:
+def _counts(found: CaseText) -> str:
     lines = ["| | as found | smallest |", "|---|---|---|"]
     for name in ("robots", "tasks", "humans", "furniture", "events"):
         before, after = found.minimised.counts[name]
@@ -258,7 +258,7 @@ def _counts(found: Told) -> str:
     return "\n".join(lines)
 
 
-def _layer(found: Told) -> str:
+def _layer(found: CaseText) -> str:
     explanation = found.explanation
     text = f"**Suspected layer: {_spaced(explanation.layer) or 'none'}.** "
     text += f"{explanation.reason[:1].upper()}{explanation.reason[1:]} "

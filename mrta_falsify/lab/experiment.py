@@ -15,7 +15,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.course import Course
 from mrta_falsify.specs.library import default_specifications
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 
 #: a run that could not be judged tells nothing; an *impossible* world cannot be run at all
 Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error"]
@@ -58,7 +58,7 @@ class Experiment:
     ends_late: bool = False  #: ends, too, once one of these is late, which decides it
     limits: StackLimits = StackLimits()
     perturbation: int = 0  #: number of the world's copy with small differences; 0: the world itself
-    transcript: Told | None = None  #: what a stack outside has said; it is not asked
+    transcript: Transcript | None = None  #: what a stack outside has said; it is not asked
     edits: tuple[Edit, ...] = ()  #: by time
     situation: Situation | None = None  #: the result says when it came about
     with_course: bool = False  #: whether the result tells the course of a run that fails

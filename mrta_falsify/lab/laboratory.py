@@ -246,7 +246,7 @@ def _job_of(experiment: Experiment, world: World) -> Job:
         early_stop=experiment.early_stop,
         then=experiment.then,
         limits=experiment.limits,
-        told=experiment.transcript,
+        transcript=experiment.transcript,
         rules=experiment.rules or RULES,
     )
 

@@ -21,7 +21,7 @@ from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.stored_trials import of_other_stack, stored_world
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_runs
 from mrta_falsify.worker import rerun, specifications_of
-from simulator_interface.external.told import TOLD_NAME, read_told
+from simulator_interface.external.transcript import TRANSCRIPT_NAME, read_transcript
 from simulator_interface.guard import guarded
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
@@ -159,13 +159,13 @@ def _has_answers(campaign: Campaign, record: TrialRecord) -> bool:
     """Whether a stack's answers were kept; who made the folder has not been asked yet."""
     own = trial_folder(campaign.directory, record.number)
     beside = Path(record.trace_file).parent.name == OTHER
-    return ((own / OTHER if beside else own) / TOLD_NAME).is_file()
+    return ((own / OTHER if beside else own) / TRANSCRIPT_NAME).is_file()
 
 
 def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -> ReplayRun:
     """Run a stored trial once and compare it with its trace, if that was kept."""
-    path = campaign.folder(record) / TOLD_NAME
-    told = read_told(path) if path.is_file() and not live else None
+    path = campaign.folder(record) / TRANSCRIPT_NAME
+    told = read_transcript(path) if path.is_file() and not live else None
     judged = rerun(campaign.settings.trials, record, world, told)
     trace = judged.outcome.trace
     stored: Path = campaign.folder(record) / "trace.zip"

@@ -30,7 +30,7 @@ from simulator_interface.external.second_answers import (
     told_again,
 )
 from simulator_interface.external.services import Services
-from simulator_interface.external.told import Told, ToldRecorder
+from simulator_interface.external.transcript import Transcript, TranscriptRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
@@ -63,7 +63,7 @@ class Talk(Protocol):
     def note_kept(self, size: int) -> None:
         """Count bytes that the harness keeps of the last answer as memory of the stack."""
 
-    def told(self) -> Told:
+    def transcript(self) -> Transcript:
         """Give all that the stack has said; nothing may be asked afterwards."""
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
@@ -121,7 +121,7 @@ class Conversation:
         self._wire: Wire = self._process.wire
         self.ready = self._process.ready
         self._exchanges = Exchanges(are_kept=self._may_replay())
-        self._recorder = ToldRecorder(self.ready)
+        self._recorder = TranscriptRecorder(self.ready)
         try:
             with self._process.starting():
                 heard = self._exchange(world, 0.0, options.start_limit)[0]
@@ -173,7 +173,7 @@ class Conversation:
         """See :class:`Talk`."""
         self._kept += size
 
-    def told(self) -> Told:
+    def transcript(self) -> Transcript:
         """See :class:`Talk`."""
         return self._recorder.finish()
 
@@ -338,25 +338,25 @@ class Conversation:
             process.close()
 
 
-class ToldTalk:
+class TranscriptSession:
     """Tells again what a stack has said; see :class:`Talk`.
 
     Args:
-        told: what it said.
+        transcript: what it said.
     """
 
     can_branch = False
 
-    def __init__(self, told: Told) -> None:
-        self.ready = told.ready
-        self._told = told
-        self._answers = told.answers()
-        self._again = iter(told.again)
+    def __init__(self, transcript: Transcript) -> None:
+        self.ready = transcript.ready
+        self._transcript = transcript
+        self._answers = transcript.answers()
+        self._again = iter(transcript.again)
 
     def ask(self, message: Message, tick: int, time: float) -> tuple[Message, bytes]:
         """See :class:`Talk`."""
         del message
-        failure = self._told.failure
+        failure = self._transcript.failure
         if failure is not None and tick >= failure.tick:
             raise StackFailed(failure)
         body = next(self._answers, None)
@@ -376,9 +376,9 @@ class ToldTalk:
     def note_kept(self, size: int) -> None:
         """See :class:`Talk`; it was counted when the stack said it."""
 
-    def told(self) -> Told:
+    def transcript(self) -> Transcript:
         """See :class:`Talk`."""
-        return self._told
+        return self._transcript
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
         """See :class:`Talk`; it is known."""

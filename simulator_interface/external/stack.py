@@ -32,7 +32,7 @@ from mrta_falsify.specs.books import STOP_KINDS, Books
 from mrta_falsify.stack.comms import LinkTimetable
 from mrta_falsify.stack.following import Following
 from simulator_interface.external.answers import Answer, Reader, Wrong
-from simulator_interface.external.conversation import Conversation, Talk, ToldTalk
+from simulator_interface.external.conversation import Conversation, Talk, TranscriptSession
 from simulator_interface.external.messages import (
     Message,
     task_message,
@@ -41,7 +41,7 @@ from simulator_interface.external.messages import (
 )
 from simulator_interface.external.orders import ROUNDING, StandingOrders, carry_out, no_orders, take
 from simulator_interface.external.services import Services
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 
 #: bytes that a point of a path costs: twice as numbers, once as text while a trace is written
 POINT = 256
@@ -73,7 +73,7 @@ class ProcessStack:
         config: with ``stack``; its planner and costmap answer the stack's questions.
         costmaps: of the building.
         books: of the episode; they say which claims count.
-        told: answers of an earlier run that take the stack's place; None: it is asked.
+        transcript: answers of an earlier run that take the stack's place; None: it is asked.
 
     Raises:
         ConfigError: the process cannot be started or does not shake hands.
@@ -85,7 +85,7 @@ class ProcessStack:
         config: StackConfig,
         costmaps: CostmapSource,
         books: Books,
-        told: Told | None = None,
+        transcript: Transcript | None = None,
     ) -> None:
         assert config.stack is not None
         self._world = world
@@ -98,7 +98,7 @@ class ProcessStack:
         self._following = Following(world, config, costmaps)
         self.signals: Mapping[str, float] = {}  #: of the last tick
         self.talk: Talk
-        if told is None:
+        if transcript is None:
             message = world_message(
                 world,
                 1.0 / config.control_rate,
@@ -108,7 +108,7 @@ class ProcessStack:
             )
             self.talk = Conversation(config.stack, message, Services(world, config, costmaps))
         else:
-            self.talk = ToldTalk(told)
+            self.talk = TranscriptSession(transcript)
         said = self.talk.ready.says
         self.tells = Tells(
             deliveries="deliveries" in said, goals="goals" in said, paths="paths" in said

@@ -34,7 +34,7 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.library import build_specifications
-from simulator_interface.external.told import Told
+from simulator_interface.external.transcript import Transcript
 from simulator_interface.scenic_bridge.parameters import read_parameters
 from simulator_interface.scenic_bridge.scene_contract import BEHAVIORS_FILE
 from simulator_interface.scenic_bridge.simulation import PyBulletSimulation
@@ -67,11 +67,11 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         specifications: Callable[[], Sequence[Specification]] | None = None,
         keep_trace: bool = True,
         stop: Callable[[Frame], str] | None = None,
-        told: Told | None = None,
+        transcript: Transcript | None = None,
     ) -> None:
         super().__init__()
         self._stop = stop
-        self._told = told
+        self._transcript = transcript
         self._realise = realise
         self._config = config
         self._specifications = specifications
@@ -102,7 +102,7 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
                 ),
                 keep_trace=self._keep_trace,
                 stop=self._stop,
-                told=self._told,
+                transcript=self._transcript,
             )
         except InputError as error:
             raise SimulationCreationError(str(error)) from error
@@ -124,7 +124,7 @@ def simulate_scene(
     keep_trace: bool = True,
     on_progress: Callable[[float], None] | None = None,
     stop: Callable[[Frame], str] | None = None,
-    told: Told | None = None,
+    transcript: Transcript | None = None,
 ) -> Outcome:
     """Run one scene through Scenic, as :func:`simulator_interface.simulate.simulate` a world.
 
@@ -144,7 +144,7 @@ def simulate_scene(
         specifications=lambda: specifications,
         keep_trace=keep_trace,
         stop=_watching(stop, on_progress, config.control_rate),
-        told=told,
+        transcript=transcript,
     )
     timeout = dynamics.stuckBehaviorWarningTimeout
     dynamics.stuckBehaviorWarningTimeout = (

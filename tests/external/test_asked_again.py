@@ -13,7 +13,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.repeatable import Repeatable
 from reports.sentences import violation_sentence
 from simulator_interface.external.second_answers import Exchange, other_answer
-from simulator_interface.external.told import read_told, write_told
+from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,8 +96,10 @@ def test_a_stack_that_may_not_be_copied_is_not_judged(hall, source):
 def test_stored_answers_give_the_verdict_again(hall, tmp_path):
     for source in ("seeded", "unseeded"):
         verdict, outcome = asked(hall, noisy(source))
-        write_told(outcome.told, tmp_path / "answers.zip")
-        again, _ = asked(hall, noisy("no such source"), told=read_told(tmp_path / "answers.zip"))
+        write_transcript(outcome.transcript, tmp_path / "answers.zip")
+        again, _ = asked(
+            hall, noisy("no such source"), transcript=read_transcript(tmp_path / "answers.zip")
+        )
         assert again == verdict
 
 

@@ -17,7 +17,7 @@ from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock
 from mrta_falsify.specs.library import build_specifications
 from scenic_worlds.writing import write_program
-from simulator_interface.external.told import read_told, write_told
+from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import Outcome, simulate
 from tests.external.lane_worlds import lane_world
 from tests.recorded.record import stored_cases, stored_world
@@ -100,12 +100,12 @@ def test_stored_answers_give_the_run_again_without_the_stack(tmp_path):
     world, config = case("costmap_blind_to_furniture", "kinematic")
     through = outside(world, config, tmp_path, "fork")
     first = run(world, through)
-    write_told(first.told, tmp_path / "answers.zip")
+    write_transcript(first.transcript, tmp_path / "answers.zip")
     stack = dataclasses.replace(through.stack, command=("there-is-no-such-program",))
     again = run(
         world,
         dataclasses.replace(through, stack=stack),
-        told=read_told(tmp_path / "answers.zip"),
+        transcript=read_transcript(tmp_path / "answers.zip"),
     )
     assert again.trace.digest == first.trace.digest
     assert again.verdicts == first.verdicts

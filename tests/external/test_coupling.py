@@ -14,7 +14,7 @@ from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
 from mrta_falsify.verbs.run import summarise_run
-from simulator_interface.external.told import read_told, write_told
+from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import simulate
 from tests.external.lane_worlds import HERE, ROOT, lane_world
 
@@ -36,9 +36,9 @@ def short(seconds: float):
 @pytest.mark.parametrize("coupling", ["stepped", "awaited"])
 def test_a_run_says_how_its_stack_was_coupled_also_when_it_is_told_again(coupling, tmp_path):
     first = simulate(short(0.5), loose(coupling))
-    write_told(first.told, tmp_path / "answers.zip")
-    told = read_told(tmp_path / "answers.zip")
-    again = simulate(short(0.5), loose(coupling), told=told)
+    write_transcript(first.transcript, tmp_path / "answers.zip")
+    told = read_transcript(tmp_path / "answers.zip")
+    again = simulate(short(0.5), loose(coupling), transcript=told)
     assert first.coupling == again.coupling == coupling
     assert summarise_run(again).coupling == coupling
 

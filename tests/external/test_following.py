@@ -44,7 +44,7 @@ def test_robots_are_driven_to_their_goals_past_each_other_and_furniture(ward):
     assert {change.robot for change in outcome.trace.paths} == {0, 1}  # told for the stack
     again = run(ward, "goals", SPECS, branch="replay")
     assert again.trace.digest == outcome.trace.digest
-    assert again.told.forecasts == outcome.told.forecasts
+    assert again.transcript.forecasts == outcome.transcript.forecasts
 
 
 def test_a_robot_keeps_to_the_path_that_it_was_given(ward):

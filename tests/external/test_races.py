@@ -40,7 +40,7 @@ def test_the_first_tick_that_a_race_changed_is_named():
     ]
     assert pairs, "no race was lost; the test shows nothing"
     one, other = pairs[0]
-    answers = zip(one.told.answers(), other.told.answers(), strict=True)
+    answers = zip(one.transcript.answers(), other.transcript.answers(), strict=True)
     first = next(tick for tick, (heard, again) in enumerate(answers) if heard != again)
     difference = first_difference(one.trace, other.trace)
     assert (difference.tick, difference.who) == (first, "robot1")

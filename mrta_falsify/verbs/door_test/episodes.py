@@ -58,10 +58,10 @@ def answers_the_same(config: StackConfig, world: World, can: tuple[str, ...]) ->
     """Run the stack twice; its answers must be equal byte for byte."""
     del can
     one, other = _run(config, world), _run(config, world)
-    assert one.told is not None
-    assert other.told is not None
+    assert one.transcript is not None
+    assert other.transcript is not None
     for tick, (first, again) in enumerate(
-        zip(one.told.answers(), other.told.answers(), strict=False)
+        zip(one.transcript.answers(), other.transcript.answers(), strict=False)
     ):
         if first != again:
             difference = first_difference(one.trace, other.trace)

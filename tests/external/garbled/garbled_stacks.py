@@ -20,7 +20,7 @@ from mrta_falsify.specs.library import build_specifications, default_specificati
 from simulator_interface.episode import Episode
 from simulator_interface.external.answers import FARTHEST, read_ready
 from simulator_interface.external.branching import CannotBranch
-from simulator_interface.external.told import Told, ToldRecorder
+from simulator_interface.external.transcript import Transcript, TranscriptRecorder
 from simulator_interface.simulate import simulate
 from simulator_interface.watched_copy import run_in_watched_copy
 from tests.external.garbled.garbling import Garbled, framed, garbled, packed
@@ -112,19 +112,22 @@ def extreme(message: Message, random: np.random.Generator) -> Message:
     return {**message, **changes[random.integers(len(changes))]}
 
 
-def told_of(answers: list[bytes], encoding: str) -> Told:
-    recorder = ToldRecorder(read_ready({**ready_message(), "encoding": encoding}))
+def told_of(answers: list[bytes], encoding: str) -> Transcript:
+    recorder = TranscriptRecorder(read_ready({**ready_message(), "encoding": encoding}))
     for body in answers:
         recorder.add(body)
     return recorder.finish()
 
 
-def judged(told: Told, engine: str) -> str:
+def judged(transcript: Transcript, engine: str) -> str:
     """Run and judge an episode; its verdicts must be writable."""
     stack = ExternalStack(command=("none",))
     config = dataclasses.replace(StackConfig(), engine=Choice(engine), stack=stack)
     outcome = simulate(
-        hall(), config, specifications=build_specifications(default_specifications()), told=told
+        hall(),
+        config,
+        specifications=build_specifications(default_specifications()),
+        transcript=transcript,
     )
     json.dumps(codec.encode(outcome.verdicts)).encode()
     failure = next((v.evidence["message"] for v in outcome.verdicts if v.spec == "stack_runs"

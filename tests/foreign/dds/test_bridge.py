@@ -144,7 +144,7 @@ def test_nodes_that_stop_acknowledging_are_a_failure_of_the_stack(tmp_path):
     both = [*nodes("awaited"), [sys.executable, "-m", "tests.foreign.dds.silent_node"]]
     outcome = run(bridge(tmp_path, commands=both, step_limit=0.5))
     assert outcome.ended == "stack-crashed"
-    said = outcome.told.failure
+    said = outcome.transcript.failure
     assert said.tick == 3
     assert "clock 0.150 s was not acknowledged on /clock_done within 0.5 s" in said.frames[-1]
 

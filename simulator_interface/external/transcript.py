@@ -25,7 +25,7 @@ from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
 from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
-TOLD_NAME = "answers.zip"
+TRANSCRIPT_NAME = "answers.zip"
 #: version of what specifications ask of copies of a run; answers to earlier questions answer no
 #: others, so that a run told again by them is judged without
 QUESTIONS = 2
@@ -37,7 +37,7 @@ _HEAD, _BODY = "told.json", "answers"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class Transcript:
     """What a stack has said."""
 
     ready: Ready
@@ -55,15 +55,15 @@ class Told:
             try:
                 more = unpacker.decompress(self.packed[at : at + (1 << 16)])
             except zlib.error as error:
-                raise FormatError(f"{TOLD_NAME}: the answers are damaged: {error}") from None
+                raise FormatError(f"{TRANSCRIPT_NAME}: the answers are damaged: {error}") from None
             rest, total, start = rest + more, total + len(more), 0
             if total > MOST_TOLD:
-                raise FormatError(f"{TOLD_NAME}: answers of over {MOST_TOLD / 2**30:.0f} GB")
+                raise FormatError(f"{TRANSCRIPT_NAME}: answers of over {MOST_TOLD / 2**30:.0f} GB")
             while len(rest) >= start + _LENGTH.size:
                 (length,) = _LENGTH.unpack_from(rest, start)
                 end = start + _LENGTH.size + length
                 if not 0 < length <= MOST_BYTES:
-                    raise FormatError(f"{TOLD_NAME}: an answer of {length} bytes")
+                    raise FormatError(f"{TRANSCRIPT_NAME}: an answer of {length} bytes")
                 if len(rest) < end:
                     break
                 yield rest[start + _LENGTH.size : end]
@@ -72,7 +72,7 @@ class Told:
 
 
 @dataclass(slots=True)
-class ToldRecorder:
+class TranscriptRecorder:
     """Collects what a stack says.
 
     Args:
@@ -106,11 +106,11 @@ class ToldRecorder:
         self._packed += len(self._parts[-1])
         self._fresh, self._size = [], 0
 
-    def finish(self) -> Told:
+    def finish(self) -> Transcript:
         """Give all; nothing may be added afterwards."""
         self._deflate()
         self._parts.append(self._packer.flush())
-        return Told(
+        return Transcript(
             ready=self.ready,
             packed=b"".join(self._parts),
             forecasts=tuple(self.forecasts),
@@ -130,23 +130,23 @@ class _Head:
     again: tuple[AskedAgain | None, ...] = ()
 
 
-def write_told(told: Told, path: Path) -> None:
+def write_transcript(transcript: Transcript, path: Path) -> None:
     """Write what a stack has said; the file is there whole or not at all."""
     head = {
-        "ready": codec.encode(told.ready),
-        "forecasts": list(told.forecasts),
-        "questions": told.questions,
-        "failure": codec.encode(told.failure),
-        "again": codec.encode(told.again),
+        "ready": codec.encode(transcript.ready),
+        "forecasts": list(transcript.forecasts),
+        "questions": transcript.questions,
+        "failure": codec.encode(transcript.failure),
+        "again": codec.encode(transcript.again),
     }
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w") as archive:
         archive.writestr(zipfile.ZipInfo(_HEAD), json.dumps(head))
-        archive.writestr(zipfile.ZipInfo(_BODY), told.packed)
+        archive.writestr(zipfile.ZipInfo(_BODY), transcript.packed)
     write_atomically(path, made.getvalue())
 
 
-def read_told(path: Path) -> Told:
+def read_transcript(path: Path) -> Transcript:
     """Read what a stack has said.
 
     Raises:
@@ -158,7 +158,7 @@ def read_told(path: Path) -> Told:
             packed = read_member(archive, _BODY, MOST_PACKED)
     except DAMAGE as error:
         raise FormatError(f"{path}: cannot be read: {error}") from None
-    return Told(
+    return Transcript(
         ready=head.ready,
         packed=packed,
         forecasts=head.forecasts,
